@@ -24,9 +24,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import occasion
+from hil_bench.abilities.commissioning.plan import load_plan
+from hil_bench.abilities.commissioning.session import Commissioning, commission
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.commissioning.plan import load_plan
-from hil_bench.machine.commissioning.session import Commissioning, commission
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 

@@ -23,13 +23,13 @@ from durand.object_dictionary import ObjectDictionary, Variable
 from durand.scheduler import VirtualScheduler, set_scheduler
 
 import occasion
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result, run_suite
+from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.device import DeviceUnderTest
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, Result, run_suite
-from hil_bench.machine.conformance.wire import Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from peers import CanopenNetwork, DurandNetwork, Sent
 

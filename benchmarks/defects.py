@@ -25,17 +25,17 @@ from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import hil_drivers
 import occasion
-from hil_bench.campaign.plan import own_case, space_of
-from hil_bench.campaign.pool import perform_here
-from hil_bench.campaign.search.falsify import SearchPlan, falsify
-from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
-from hil_bench.campaign.search.search import Searcher
-from hil_bench.campaign.search.writing import load_failure
-from hil_bench.scenario import controllers
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.records import Controller, Scenario
-from hil_bench.scenario.run import play, prepare
-from hil_bench.scenario.writing import to_toml
+from hil_bench.abilities.campaign.plan import own_case, space_of
+from hil_bench.abilities.campaign.pool import perform_here
+from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
+from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method
+from hil_bench.abilities.campaign.search.search import Searcher
+from hil_bench.abilities.campaign.search.writing import load_failure
+from hil_bench.abilities.scenario import controllers
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.records import Controller, Scenario
+from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.abilities.scenario.writing import to_toml
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks" / "defects"

@@ -27,18 +27,18 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import occasion
+from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
+from hil_bench.abilities.scenario.judgement import judge
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.nodes import Condition
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
+from hil_bench.abilities.scenario.sliding import Floats
+from hil_bench.abilities.scenario.values import Block
+from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.bench.configuration import load_config
-from hil_bench.scenario.build import AT_START, StreamBuilder
-from hil_bench.scenario.judgement import judge
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.monitor import Monitor
-from hil_bench.scenario.nodes import Condition
-from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.prepared import PreparedScenario
-from hil_bench.scenario.run import PlayOptions, play, prepare
-from hil_bench.scenario.sliding import Floats
-from hil_bench.scenario.values import Block
-from hil_bench.scenario.vocabulary import Vocabulary
 from hil_bench.session.virtual_bench import VirtualBench
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

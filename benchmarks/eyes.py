@@ -20,14 +20,14 @@ import can
 import cantools
 
 import occasion
+from hil_bench.abilities.eyes.dbc import write_dbc
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.explain.explain import explain
+from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
-from hil_bench.cli.sight_lines import SightLines
-from hil_bench.eyes.dbc import write_dbc
-from hil_bench.eyes.decoder import Decoder
-from hil_bench.eyes.explain.explain import explain
-from hil_bench.eyes.nodes import nodes_of
 from hil_bench.outside.recording.frames import message_of, open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener

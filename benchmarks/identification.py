@@ -28,11 +28,11 @@ import numpy.typing as npt
 from scipy.stats import binomtest
 
 import occasion
-from hil_bench.analysis.simulation import Setup, simulate
-from hil_bench.analysis.study import make_table
-from hil_bench.machine.identification.identify import identify
-from hil_bench.machine.identification.record import SIGNALS, AxisRecord
-from hil_bench.machine.identification.unknowns import KINDS
+from hil_bench.abilities.analysis.simulation import Setup, simulate
+from hil_bench.abilities.analysis.study import make_table
+from hil_bench.abilities.identification.identify import identify
+from hil_bench.abilities.identification.record import SIGNALS, AxisRecord
+from hil_bench.abilities.identification.unknowns import KINDS
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 import occasion
-from hil_bench.machine.identification.identify import Identification, identify
-from hil_bench.machine.identification.record import join_records
-from hil_bench.machine.identification.report import find_misses
+from hil_bench.abilities.identification.identify import Identification, identify
+from hil_bench.abilities.identification.record import join_records
+from hil_bench.abilities.identification.report import find_misses
 from hil_bench.plants.hydraulic_cylinder.model import (
     Cushion,
     EntrainedAir,

@@ -43,16 +43,24 @@ AREAS: Final = {
     "limits": [
         *_files("hil_bench/canopen_device", "object_dictionary"),
         *_files("hil_bench/devices", "measuring_range saturation"),
-        *_files("hil_bench/machine/commissioning", "guard rig"),
+        *_files("hil_bench/abilities/commissioning", "guard rig"),
         *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
     "verdict": [
-        *_files("hil_bench/scenario", "coverage judgement examination explain monitor recorded"),
-        *_files("hil_bench/scenario", "atoms bounds build calls column_checks dimensions nodes"),
-        *_files("hil_bench/scenario", "operands operators parse reach resolve results sliding"),
-        *_files("hil_bench/scenario", "streams syntax values vocabulary witness wording"),
-        *_files("hil_bench/campaign", "records"),
+        *_files(
+            "hil_bench/abilities/scenario",
+            "coverage judgement examination explain monitor recorded",
+        ),
+        *_files(
+            "hil_bench/abilities/scenario",
+            "atoms bounds build calls column_checks dimensions nodes",
+        ),
+        *_files(
+            "hil_bench/abilities/scenario", "operands operators parse reach resolve results sliding"
+        ),
+        *_files("hil_bench/abilities/scenario", "streams syntax values vocabulary witness wording"),
+        *_files("hil_bench/abilities/campaign", "records"),
         *_files("hil_bench/cli", "exit_codes verdicts"),
     ],
     "modbus": [
@@ -88,16 +96,22 @@ TESTS: Final = {
         *_REFEREE,
         *_tests("scenario", "coverage language recorded evaluation"),
     ],
-    "hil_bench/scenario/column_checks.py": [*_REFEREE, *_tests("recording", "column_units")],
-    "hil_bench/scenario/resolve.py": [*_REFEREE, *_tests("scenario", "files run recorded")],
-    "hil_bench/scenario/results.py": _tests("cli", "test scenario_run"),
-    "hil_bench/scenario/witness.py": [
+    "hil_bench/abilities/scenario/column_checks.py": [
+        *_REFEREE,
+        *_tests("recording", "column_units"),
+    ],
+    "hil_bench/abilities/scenario/resolve.py": [
+        *_REFEREE,
+        *_tests("scenario", "files run recorded"),
+    ],
+    "hil_bench/abilities/scenario/results.py": _tests("cli", "test scenario_run"),
+    "hil_bench/abilities/scenario/witness.py": [
         *_tests("scenario", "run coverage run_faults registers"),
         *_tests("cli", "machine_test"),
     ],
-    "hil_bench/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
+    "hil_bench/abilities/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
     "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
-    "hil_bench/cli/verdicts.py": _tests("cli", "test scenario_run"),
+    "hil_bench/abilities/scenario/verbs/verdicts.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),
@@ -113,8 +127,8 @@ TESTS: Final = {
     "hil_bench/devices/saturation.py": _tests(
         "devices", "valve_limits measuring_range encoder_406"
     ),
-    "hil_bench/machine/commissioning/guard.py": _tests("commissioning", "rig session"),
-    "hil_bench/machine/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
+    "hil_bench/abilities/commissioning/guard.py": _tests("commissioning", "rig session"),
+    "hil_bench/abilities/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
     "drivers/hil_drivers/valve.py": _tests(
         "drivers", "valve valve_setup_limits valve_without_setup device"
     ),

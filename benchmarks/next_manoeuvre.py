@@ -16,14 +16,14 @@ from dataclasses import replace
 import numpy as np
 
 import occasion
+from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.identification.design.bounds import Bounds
+from hil_bench.abilities.identification.design.choosing import Designer
+from hil_bench.abilities.identification.design.foresight import Foresight
+from hil_bench.abilities.identification.design.twin import Twin
+from hil_bench.abilities.identification.identify import identify
+from hil_bench.abilities.identification.unknowns import KINDS, Unknowns
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.commissioning.plan import Limits
-from hil_bench.machine.design.bounds import Bounds
-from hil_bench.machine.design.choosing import Designer
-from hil_bench.machine.design.foresight import Foresight
-from hil_bench.machine.design.twin import Twin
-from hil_bench.machine.identification.identify import identify
-from hil_bench.machine.identification.unknowns import KINDS, Unknowns
 from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 

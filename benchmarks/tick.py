@@ -13,11 +13,11 @@ import struct
 import time
 
 import occasion
+from hil_bench.abilities.demo.verbs.demo_session import DemoSession
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.demo_session import DemoSession
 from hil_bench.plants.hydraulic_cylinder.model import PlantInput
 
 TICK = 1_000_000  # [ns]

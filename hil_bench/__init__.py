@@ -8,7 +8,6 @@ first use; `__init__.pyi` has the names with their types.
 _MODULES = {
     "bench.assembly": ("embedded_bus",),
     "bench.configuration": ("BenchConfig", "load_config"),
-    "campaign.table": ("run_campaign",),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
     "devices.faults.faults": ("Faults",),
     "outside.recording.frames": ("read_frames",),
@@ -18,11 +17,19 @@ _MODULES = {
     "session.virtual_bench": ("VirtualBench",),
 }
 
-__all__ = [name for names in _MODULES.values() for name in names]
+
+def _modules() -> dict[str, str]:
+    """The modules of all exported names, those of abilities included."""
+    from hil_bench.ability import own_abilities  # noqa: PLC0415 - see above
+
+    own = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
+    return own | {
+        name: module for ability in own_abilities() for name, module in ability.exports.items()
+    }
 
 
 def __getattr__(name: str) -> object:
-    """Return a name of `__all__`, or `__version__`, looked up when it is asked for.
+    """Return an exported name, `__all__` or `__version__`, looked up when it is asked for.
 
     Raises:
         AttributeError: it is another name.
@@ -31,14 +38,15 @@ def __getattr__(name: str) -> object:
         from importlib.metadata import version  # noqa: PLC0415 - takes longer than all the rest
 
         return version("hil-bench")
-    for module, names in _MODULES.items():
-        if name in names:
-            from importlib import import_module  # noqa: PLC0415 - see above
+    if name == "__all__":
+        return [*_modules()]
+    if not name.startswith("_") and (module := _modules().get(name)):
+        from importlib import import_module  # noqa: PLC0415 - see above
 
-            return getattr(import_module(f"{__name__}.{module}"), name)
+        return getattr(import_module(module), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     """Return the public names."""
-    return [*__all__, "__version__"]
+    return [*_modules(), "__version__"]

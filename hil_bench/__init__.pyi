@@ -1,7 +1,7 @@
+from hil_bench.abilities.campaign.table import run_campaign as run_campaign
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
 from hil_bench.bench.configuration import BenchConfig as BenchConfig
 from hil_bench.bench.configuration import load_config as load_config
-from hil_bench.campaign.table import run_campaign as run_campaign
 from hil_bench.devices.faults.faults import Faults as Faults
 from hil_bench.errors import BusError as BusError
 from hil_bench.errors import ConfigError as ConfigError

@@ -1,6 +1,10 @@
-"""The look of every figure: palette and style, in one place."""
+"""The look of every figure, and how it is written: palette and style, in one place."""
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from hil_bench.errors import about_file, require_extra, whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +31,11 @@ STYLE: dict[Any, Any] = {
 }
 """Settings for `matplotlib.rc_context`."""
 
+_METADATA: Mapping[str, Mapping[str, None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+}
+
 
 def settle_layout(figure: "Figure") -> None:
     """Lay a figure out and round the places of its axes, so that its file has the same bytes.
@@ -39,3 +48,21 @@ def settle_layout(figure: "Figure") -> None:
     for axes in figure.axes:
         left, bottom, width, height = (round(each, 6) for each in axes.get_position().bounds)
         axes.set_position((left, bottom, width, height))
+
+
+def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
+    """Draw a figure in the house style and write it as `stem`.png and `stem`.svg."""
+    require_extra("matplotlib", "a figure")
+    import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
+
+    files = []
+    with mpl.rc_context(STYLE):
+        figure = draw()
+        settle_layout(figure)
+        for suffix, metadata in _METADATA.items():
+            path = stem.with_name(f"{stem.name}.{suffix}")
+            options: dict[str, Any] = {"dpi": 150, "metadata": dict(metadata)}
+            with about_file(path, right="give a directory of yours"), whole_file(path) as file:
+                figure.savefig(file, **options)
+            files.append(path)
+    return files

@@ -16,8 +16,10 @@ from support.ci_recipes import RECIPES
 from support.documents import ROOT, Command
 
 from hil_bench import cli
+from hil_bench.cli.verbs import own_verbs
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
+VERBS = own_verbs()
 COMMANDS = [*documents.commands("hil-bench"), *documents.remarks("hil-bench")]
 OFFLINE = [
     command
@@ -41,7 +43,7 @@ PYTHON_PROGRAMS = [
 
 def parser_of(*words: str) -> argparse.ArgumentParser:
     """Return the parser of what the first words name: all, a verb, an analysis of a verb."""
-    parser = cli.build_parser(words)
+    parser = cli.build_parser(words, VERBS)
     for word in words:
         for action in parser._actions:
             if isinstance(action, argparse._SubParsersAction) and word in action.choices:
@@ -52,10 +54,10 @@ def parser_of(*words: str) -> argparse.ArgumentParser:
 @pytest.mark.parametrize("command", COMMANDS, ids=str)
 def test_a_command_in_a_block_is_taken(command):
     words = command.words[1:]
-    cli.build_parser(words).parse_args(words)
+    cli.build_parser(words, VERBS).parse_args(words)
 
 
-@pytest.mark.parametrize("verb", ["", *cli.VERBS])
+@pytest.mark.parametrize("verb", ["", *VERBS])
 def test_the_examples_of_a_help_are_taken(verb):
     shown = parser_of(verb).epilog.partition("examples:\n")[2]
     examples = [
@@ -66,7 +68,7 @@ def test_the_examples_of_a_help_are_taken(verb):
     ]
     assert examples
     for words in examples:
-        cli.build_parser(words).parse_args(words)
+        cli.build_parser(words, VERBS).parse_args(words)
 
 
 @pytest.mark.parametrize(
@@ -77,14 +79,14 @@ def test_a_command_in_the_text_names_a_verb_and_its_options(place, code):
     verb, *words = code.removeprefix("hil-bench ").split()
     if verb == "VERB" or verb.startswith("--"):
         return
-    assert verb in cli.VERBS, place
+    assert verb in VERBS, place
     known = parser_of(verb, *words)._option_string_actions
     assert [word for word in words if word.startswith("-") and word not in known] == [], place
 
 
 def test_the_readme_names_every_verb():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert [verb for verb in cli.VERBS if f"hil-bench {verb}" not in text] == []
+    assert [verb for verb in VERBS if f"hil-bench {verb}" not in text] == []
 
 
 @pytest.fixture(scope="module")

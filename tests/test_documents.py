@@ -15,17 +15,17 @@ from support.documents import DOCUMENTS, ROOT, Block
 from support.feed_loop import FeedLoop
 
 import hil_drivers.modbus
+from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.fmu.export import export_axis
+from hil_bench.abilities.identification.columns import read_column_map
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
+from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.bench.configuration.register_maps import load_register_map
-from hil_bench.campaign.reading import read_campaign
-from hil_bench.machine.fmu_export.export import export_axis
-from hil_bench.machine.identification.columns import read_column_map
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.resolve import compile_expectations, parameter_values
-from hil_bench.scenario.vocabulary import Vocabulary
 from hil_bench.session import attached
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
@@ -109,7 +109,7 @@ def test_a_name_of_the_packages_is_there(place, code):
 @pytest.mark.parametrize(
     ("document", "package"),
     [
-        ("docs/analysis.md", "hil_bench.analysis"),
+        ("docs/analysis.md", "hil_bench.abilities.analysis"),
         ("docs/plant.md", "hil_bench.plants.hydraulic_cylinder.model"),
     ],
 )

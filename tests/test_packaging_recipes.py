@@ -11,7 +11,8 @@ import pytest
 import yaml
 from support.documents import ROOT
 
-from hil_bench.cli import VERBS, build_parser
+from hil_bench.cli import build_parser
+from hil_bench.cli.verbs import own_verbs
 
 ACTION = ROOT / "examples" / "ci" / "action" / "action.yml"
 TEMPLATE = ROOT / "examples" / "ci" / "gitlab-template.yml"
@@ -67,7 +68,7 @@ def test_action_and_template_do_the_same():
 def test_each_command_is_one_of_the_command_line(line):
     program, *arguments = shlex.split(line)
     assert program == "hil-bench"
-    build_parser(VERBS).parse_args(arguments)
+    build_parser(own_verbs(), own_verbs()).parse_args(arguments)
 
 
 def test_the_action_is_what_github_asks_of_a_composite_one():

@@ -1,8 +1,8 @@
 """The command line: one verb a file.
 
-A verb is a module of this package with ``add_parser(subparsers)``, which sets ``run`` as a
-default, and ``run(args) -> int``. It is imported only when it is called, so that ``--help`` and
-``--version`` stay quick whatever a verb needs.
+A verb is a module with ``add_parser(subparsers)``, which sets ``run`` as a default, and
+``run(args) -> int``; `verbs` has those of the core and of all abilities. It is imported only when
+it is called, so that ``--help`` and ``--version`` stay quick whatever a verb needs.
 """
 
 import argparse
@@ -10,69 +10,18 @@ import importlib
 import logging
 import platform
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any, cast
 
 import hil_bench
+from hil_bench.ability import GROUPS, Verb
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.exit_codes import ExitCode, report_error, worst
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
-
-GROUPS = {
-    "start": {
-        "demo": "watch a controller move the cylinder; needs no set-up",
-        "new": "write a bench.toml from data sheets, and print what the axis can do",
-        "check": "check a bench.toml, and print each value with its origin",
-        "devices": "print the device table: node-IDs, profiles, PDOs",
-        "plot": "draw a recording",
-    },
-    "run": {
-        "run": "run the bench in real time on a CAN bus",
-        "ctl": "read, set and break a running bench, from a shell",
-        "watch": "watch a running bench or any bus, in the terminal",
-        "panel": "watch, set and break a running bench, on a web page",
-        "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
-    },
-    "test": {
-        "test": "play scenarios, and judge their requirements",
-        "judge": "judge recordings by requirements: verdict, margin, deciding comparison",
-        "scenario": "check, list and convert scenario files",
-        "campaign": "run scenarios over parameters, benches and firmware, thousands of times",
-        "falsify": "search for parameters that make a requirement fail",
-        "evidence": "validate this installation, and write the evidence as a folder",
-    },
-    "bus": {
-        "monitor": "print the frames of a bus in words: nodes, objects, values, errors",
-        "decode": "print a log of frames in words, or write its values or a DBC file",
-        "explain": "find what went wrong in a log, in the order in which an expert looks",
-        "record": "record frames and decoded values of any bus",
-        "scan": "find the nodes of a bus, with identity and state",
-        "boot": "boot a network as its NMT master: check, configure and start its devices",
-        "program": "download a program into a device, or show the one that it has",
-        "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
-        "check-eds": "find errors in EDS files, with line numbers",
-        "bus-load": "compute load and response times of a bench on its buses",
-        "registers": "print the register maps of the Modbus units",
-    },
-    "machine": {
-        "commission": "take an axis into operation step by step, with report and recording",
-        "identify": "estimate the plant's parameters with confidence intervals from recordings",
-        "shadow": "run the plant beside a machine on its commands, and show the differences",
-    },
-    "more": {
-        "doctor": "measure what this machine can do in real time, and name what to change",
-        "analyse": "analyse valve and cylinder as the paper does: numbers, tables, figures",
-        "export-fmu": "write an axis as an FMU for co-simulation in other tools",
-        "completion": "print the script by which a shell completes verbs and options",
-    },
-}
-"""Verbs by what they are for; each names its module (with _ for -), and says what it does."""
-
-VERBS = {verb: line for group in GROUPS.values() for verb, line in group.items()}
-"""All verbs."""
+from hil_bench.cli.verbs import all_verbs, own_verbs
 
 _EXAMPLES = """\
 exit codes:
@@ -118,13 +67,24 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command line; where argparse has given the answer, nothing is left to be run."""
     try:
         called = next((word for word in arguments if not word.startswith("-")), None)
-        parser = build_parser(() if called is None else (called,))
+        parser = build_parser(() if called is None else (called,), _find_verbs(called))
         args = parser.parse_args(arguments, argparse.Namespace(given_words=arguments))
         del args.given_words  # only for --version
     except SystemExit as end:
         code = int(end.code or ExitCode.DONE)
         return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
     return args
+
+
+def _find_verbs(called: str | None) -> Mapping[str, Verb]:
+    """The verbs; without a look at other distributions, which is slow, where that is enough."""
+    own = own_verbs()
+    if called in own:
+        return own
+    verbs, problems = all_verbs()
+    for problem in problems:
+        print(f"hil-bench: warning: {problem}", file=sys.stderr)
+    return verbs
 
 
 class _ShowVersion(argparse.Action):
@@ -161,30 +121,40 @@ class _Heading(argparse.Action):
 
 
 class _Verbs(argparse._SubParsersAction):  # type: ignore[type-arg]  # noqa: SLF001 - no other way
-    """Lists each verb with its line of `VERBS`, whether it is there in full or by name."""
+    """Lists each verb with its line, whether it is there in full or by name."""
+
+    known: Mapping[str, Verb]
 
     @property
     def headings(self) -> list[_Heading]:
         """The groups of verbs, for the help."""
-        known = {action.dest: action for action in self._choices_actions}
+        actions = {action.dest: action for action in self._choices_actions}
         return [
-            _Heading(name, [known[verb] for verb in verbs if verb in known])
-            for name, verbs in GROUPS.items()
+            _Heading(
+                group,
+                [
+                    actions[name]
+                    for name, verb in self.known.items()
+                    if verb.group == group and name in actions
+                ],
+            )
+            for group in GROUPS
         ]
 
     def add_name(self, name: str) -> None:
         """Add a verb that nobody calls: parsers for all of them take 4 ms."""
-        self._choices_actions.append(self._ChoicesPseudoAction(name, (), VERBS[name]))
+        self._choices_actions.append(self._ChoicesPseudoAction(name, (), self.known[name].summary))
         self.choices[name] = None
 
     def add_parser(self, name: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - as argparse
         """Add a verb."""
-        parser: argparse.ArgumentParser = super().add_parser(name, help=VERBS[name], **options)
+        summary = self.known[name].summary
+        parser: argparse.ArgumentParser = super().add_parser(name, help=summary, **options)
         return parser
 
 
-def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
-    """Return the parser with every verb by name, and some of them in full."""
+def build_parser(called: Container[str], verbs: Mapping[str, Verb]) -> argparse.ArgumentParser:
+    """Return the parser with every verb by name, and those that are called in full."""
     parser = Parser(
         prog="hil-bench",
         description="A hydraulic axis behind CANopen devices, in software: a test bench.",
@@ -203,14 +173,13 @@ def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
             title="verbs", metavar="VERB", required=True, parser_class=Parser, action=_Verbs
         ),
     )
-    for verb in VERBS:
-        if verb in verbs:
-            importlib.import_module(f"hil_bench.cli.{verb.replace('-', '_')}").add_parser(
-                subparsers
-            )
-            add_verbosity_below(subparsers.choices[verb])
+    subparsers.known = verbs
+    for name, verb in verbs.items():
+        if name in called:
+            importlib.import_module(verb.module).add_parser(subparsers)
+            add_verbosity_below(subparsers.choices[name])
         else:
-            subparsers.add_name(verb)
+            subparsers.add_name(name)
     return parser
 
 

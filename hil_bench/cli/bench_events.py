@@ -7,7 +7,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.eyes.codes import emergency_text
+from hil_bench.canopen_device.words import emergency_text
 
 if TYPE_CHECKING:
     from hil_bench.devices.faults.schedule import FaultEvent

@@ -8,10 +8,10 @@ from itertools import groupby
 from hil_bench.bench.configuration import BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
-from hil_bench.cli.bus_check_arguments import add_bus_check_arguments, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.options import add_options, take_over
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.summary import fact_lines, facts_of, facts_of_supply, summary_lines
 from hil_bench.config.settings import Origin
@@ -46,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_bench_arguments(parser)
     add_fault_arguments(parser)
     add_json_argument(parser)
-    add_bus_check_arguments(parser)
+    add_options("check", parser)
     parser.set_defaults(run=run)
 
 
@@ -56,10 +56,9 @@ def run(args: argparse.Namespace) -> int:
     read_devices(config)
     if config.modbus is not None:
         _check_modbus(config)
-    if wants_bus(args):
-        from hil_bench.cli.bus_check import check_bus  # noqa: PLC0415 - all that talks to devices
-
-        return check_bus(args, config)
+    code = take_over("check", args)
+    if code is not None:
+        return code
     doubts = find_doubts(config)
     if args.json:
         print(_json_text(config, doubts))

@@ -6,6 +6,7 @@ import sys
 import shtab
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.verbs import all_verbs
 
 SHELLS = ("bash", "zsh", "tcsh")
 
@@ -29,7 +30,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    from hil_bench.cli import VERBS, build_parser  # noqa: PLC0415 - it imports this module
+    from hil_bench.cli import build_parser  # noqa: PLC0415 - it imports this module
 
-    sys.stdout.write(shtab.complete(build_parser(VERBS), args.shell))
+    verbs, _ = all_verbs()
+    sys.stdout.write(shtab.complete(build_parser(verbs, verbs), args.shell))
     return ExitCode.DONE

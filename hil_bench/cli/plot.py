@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
-from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES

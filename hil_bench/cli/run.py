@@ -14,12 +14,9 @@ from hil_bench.cli.bench_bus import HUB_CHANNEL
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
+from hil_bench.cli.options import add_options, take_over
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.scenario_arguments import (
-    add_scenario_arguments,
-    check_scenario_arguments,
-)
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -61,7 +58,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_bench_arguments(parser)
     _add_often(often)
     add_recording_arguments(parser, often)
-    add_scenario_arguments(often)
+    add_options("run", often)
     add_feed_arguments(parser, often)
     add_json_argument(often)
     add_lockstep_arguments(parser)
@@ -149,11 +146,10 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
-    # Each brings much that the others do not need: above all what plays and judges a scenario.
-    if args.scenario is not None:
-        from hil_bench.cli import scenario_run  # noqa: PLC0415
-
-        return scenario_run.run(args)
+    code = take_over("run", args)
+    if code is not None:
+        return code
+    # Each brings much that the other does not need.
     if args.lockstep:
         from hil_bench.cli import lockstep_run  # noqa: PLC0415
 
@@ -180,7 +176,6 @@ def check_arguments(args: argparse.Namespace) -> None:
             flag, where = f"--{option.replace('_', '-')}", "in lock-step"
             where = where if args.lockstep else "at --speed max"
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
-    check_scenario_arguments(args)
     check_recording_arguments(args)
     check_feed_arguments(args)
     if args.whole_bus and not args.record:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from hil_bench.cli.ctl import add_bench_argument, bench_errors
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import add_listening_arguments
-from hil_bench.cli.watch_bus import ONCE, is_for_bus, watch_bus
-from hil_bench.cli.watch_view import REFRESH, WatchView
+from hil_bench.cli.options import add_options, take_over
+from hil_bench.cli.watch_view import ONCE, REFRESH, WatchView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.client import FeedClient, connect
 
@@ -43,16 +42,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help=f"show one picture, and exit; listen to a bus for {ONCE:g} s",
     )
-    add_listening_arguments(parser, assumes=False)
+    add_options("watch", parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Show the bench or the bus; `ConfigError` where rich is missing."""
-    is_bus = is_for_bus(args)
+    code = take_over("watch", args)
+    if code is not None:
+        return code
     console = make_console()
-    if is_bus:
-        return watch_bus(args, console)
     with bench_errors(), connect(args.bench) as client:
         if args.once:
             shown = picture(client)

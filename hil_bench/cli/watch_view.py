@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from rich.console import Group, RenderableType
     from rich.table import Table
 
+ONCE = 2.0
+"""The time that a bus is listened to for one picture [s]."""
+
 REFRESH = 0.1
 """Time between two pictures [s]."""
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
@@ -129,13 +129,16 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
-    """Collect a file ``*.scenario.toml``: an item a requirement."""
-    if not file_path.name.endswith(".scenario.toml"):
-        return None
-    from hil_bench.pytest_plugin.scenarios import ScenarioFile
+    """Make tests of a file where an ability takes those of its name."""
+    from hil_bench.ability import load, own_abilities
 
-    collector: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
-    return collector
+    for ability in own_abilities():
+        for ending, place in ability.collectors.items():
+            if file_path.name.endswith(ending):
+                kind = cast("type[pytest.File]", load(place))
+                collector: pytest.Collector = kind.from_parent(parent, path=file_path)
+                return collector
+    return None
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:

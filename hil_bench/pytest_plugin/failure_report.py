@@ -1,12 +1,14 @@
 """What the report of a failed test says of its bench."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Protocol, cast
 
 import pytest
 
+from hil_bench.ability import load, own_abilities
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.machine.frame_text import FrameText
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.options import shown_path
@@ -18,20 +20,41 @@ SHOWN_FRAMES = 20
 """Frames that a failed test shows."""
 
 
+class FrameReader(Protocol):
+    """Frames in words; an ability has it."""
+
+    def name(self, frame: Frame) -> str:
+        """Return whose frame it is, and which."""
+
+    def meaning(self, frame: Frame) -> str:
+        """Return the content of a frame in words."""
+
+    def news(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
+        """Yield those that are not cyclic."""
+
+    def latest(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
+        """Yield the last one of each cyclic identifier."""
+
+
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
     """Return the sections of the report that have something to say: frames, values, faults."""
-    text, frames = FrameText(bench), list(bench.frames)
-    news = list(text.news(frames))[-SHOWN_FRAMES:]
-    sections = [
-        (f"last {SHOWN_FRAMES} frames that are not cyclic", _trace(text, news)),
-        ("last cyclic frames", _trace(text, list(text.latest(frames)))),
-        ("last values", _values(bench)),
-    ]
+    sections = [*_frames(bench), ("last values", _values(bench))]
     if bench.faults.events:
         sections.append(("faults", _fault_events(bench.faults)))
     if firmware is not None:
         sections.append(("firmware", firmware.report()))
     return [(title, text) for title, text in sections if text]
+
+
+def _frames(bench: VirtualBench) -> Iterator[tuple[str, str]]:
+    """Yield the sections about frames, where an ability reads them."""
+    for ability in own_abilities():
+        if ability.frame_reader:
+            text = cast("Callable[[VirtualBench], FrameReader]", load(ability.frame_reader))(bench)
+            frames = list(bench.frames)
+            news = list(text.news(frames))[-SHOWN_FRAMES:]
+            yield f"last {SHOWN_FRAMES} frames that are not cyclic", _trace(text, news)
+            yield "last cyclic frames", _trace(text, list(text.latest(frames)))
 
 
 def attach_files(
@@ -63,7 +86,7 @@ def _fault_events(faults: Faults) -> str:
     )
 
 
-def _trace(text: FrameText, frames: Sequence[LoggedFrame]) -> str:
+def _trace(text: FrameReader, frames: Sequence[LoggedFrame]) -> str:
     """Return frames as candump shows them, with what they say in words."""
     return "\n".join(
         f"({now * 1e-9:.6f}) {f'can{frame.bus} ' if frame.bus else ''}"

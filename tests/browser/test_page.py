@@ -6,7 +6,7 @@ import pytest
 from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 
-from hil_bench.scenario.load import load_scenario
+from hil_bench.abilities.scenario.load import load_scenario
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

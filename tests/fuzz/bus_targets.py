@@ -9,10 +9,10 @@ from typing import Any, cast
 import can
 from fuzz.script import Script
 
+from hil_bench.abilities.commissioning.discovery import Method, discover
+from hil_bench.abilities.commissioning.listening import listen
+from hil_bench.abilities.shadow.decoder import OverheardDrivers
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.commissioning.discovery import Method, discover
-from hil_bench.machine.commissioning.listening import listen
-from hil_bench.machine.shadow.decoder import OverheardDrivers
 from hil_bench.outside.transports.socketcand_hub import MAX_COMMAND, Hub, _Client
 from hil_drivers import Network, ProportionalValve
 from hil_drivers.errors import DriverError

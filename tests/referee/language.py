@@ -1,7 +1,7 @@
 """Requirements as trees, with their units, and the text of a tree in the language.
 
-It shares no line with ``hil_bench.scenario``: units and binding follow docs/expectations.md and the
-grammar file.
+It shares no line with ``hil_bench.abilities.scenario``: units and binding follow
+docs/expectations.md and the grammar file.
 """
 
 import math

@@ -26,7 +26,7 @@ def commission(start_bench, channel, tmp_path, monkeypatch):
     """Commission a machine; return the exit code."""
     # Pictures are tested elsewhere.
     monkeypatch.setattr(
-        "hil_bench.machine.commissioning.report.importlib.util.find_spec", lambda _: None
+        "hil_bench.abilities.commissioning.report.importlib.util.find_spec", lambda _: None
     )
 
     def commission_machine(machine, sheet, plan):

@@ -4,9 +4,9 @@ from support.bus_logs import CYCLE, played
 from support.log_cases import Broken, bench_nodes, started
 
 from device_profiles import PRESSURE_404
+from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.eyes.explain.finding import Cause
-from hil_bench.eyes.known_node import KnownNode
 
 BROKEN = Broken()
 

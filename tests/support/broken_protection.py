@@ -5,9 +5,9 @@ from dataclasses import replace
 from support.bus_logs import CYCLE, played
 from support.log_cases import Broken
 
+from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.bench.configuration import load_config
-from hil_bench.eyes.explain.finding import Cause
-from hil_bench.eyes.nodes import nodes_of
 
 BROKEN = Broken()
 

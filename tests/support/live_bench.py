@@ -7,14 +7,14 @@ import tempfile
 import threading
 from pathlib import Path
 
+from hil_bench.abilities.panel.guard import Secret
+from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.outside.feed.places import Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.panel.guard import Secret
-from hil_bench.panel.server import PanelPlan, _serve, open_port
 from hil_bench.session.feed import Feed
 from hil_bench.session.live_recording import LiveRecording
 from hil_bench.session.recording import RecordingWish, open_sink

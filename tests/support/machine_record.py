@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.analysis.simulation import Setup, simulate
-from hil_bench.analysis.study import make_table
+from hil_bench.abilities.analysis.simulation import Setup, simulate
+from hil_bench.abilities.analysis.study import make_table
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,

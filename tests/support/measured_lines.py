@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.machine.identification.polish import Polish
+from hil_bench.abilities.identification.polish import Polish
 
 Values = npt.NDArray[np.float64]
 

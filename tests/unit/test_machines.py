@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.summary import facts_of
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import PlayOptions, play, prepare
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 

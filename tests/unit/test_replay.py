@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
+from hil_bench.abilities.replay.drive import (
+    FrameDirection,
+    compare_recordings,
+    drive_plant,
+    play_frames,
+)
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.machine.replay import FrameDirection, compare_recordings, drive_plant, play_frames
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.channels import Channel, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from hil_bench.analysis.errors import NyquistError
-from hil_bench.analysis.frequency_response import (
+from hil_bench.abilities.analysis.errors import NyquistError
+from hil_bench.abilities.analysis.frequency_response import (
     Chirp,
     ResponseEstimate,
     decibel,
     estimate_response,
     measure_frequency_response,
 )
-from hil_bench.analysis.linearisation import linearise_with_valve
-from hil_bench.analysis.simulation import Setup, without_input_nonlinearities
+from hil_bench.abilities.analysis.linearisation import linearise_with_valve
+from hil_bench.abilities.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantParameters, Solver
 

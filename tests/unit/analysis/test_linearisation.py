@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.analysis.linearisation import (
+from hil_bench.abilities.analysis.linearisation import (
     CoefficientForm,
     SecondOrderSystem,
     linearise_orifice,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.analysis.paper import (
+from hil_bench.abilities.analysis.paper import (
     IMAGES,
     REPORT,
     check_paper,
@@ -14,13 +14,13 @@ from hil_bench.analysis.paper import (
     report_text,
     write_paper,
 )
-from hil_bench.analysis.paper_runs import (
+from hil_bench.abilities.analysis.paper_runs import (
     PaperRuns,
     as_double_rod,
     run_paper,
     with_constant_volumes,
 )
-from hil_bench.analysis.statement import Statement, Verdict
+from hil_bench.abilities.analysis.statement import Statement, Verdict
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
@@ -164,7 +164,9 @@ def test_the_report_shows_every_figure(runs: PaperRuns) -> None:
 def test_all_is_written_below_the_directory(
     runs: PaperRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.analysis.paper.paper_studies", lambda runs: full(runs)[1:2])
+    monkeypatch.setattr(
+        "hil_bench.abilities.analysis.paper.paper_studies", lambda runs: full(runs)[1:2]
+    )
     files = write_paper(tmp_path, runs)
 
     assert files[0] == tmp_path / REPORT

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.analysis.root_locus import root_locus
+from hil_bench.abilities.analysis.root_locus import root_locus
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 

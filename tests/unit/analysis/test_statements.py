@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.analysis.frequency_response import Chirp, ChirpRun, ResponseEstimate
-from hil_bench.analysis.simulation import CHANNELS, Setup
-from hil_bench.analysis.simulation_statements import (
+from hil_bench.abilities.analysis.frequency_response import Chirp, ChirpRun, ResponseEstimate
+from hil_bench.abilities.analysis.simulation import CHANNELS, Setup
+from hil_bench.abilities.analysis.simulation_statements import (
     dominant_frequency,
     eigenfrequency_at,
     phase_lead,

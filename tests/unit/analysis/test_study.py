@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.analysis import errors
-from hil_bench.analysis.errors import require_extra
-from hil_bench.analysis.linear_studies import (
+from hil_bench import errors
+from hil_bench.abilities.analysis.linear_studies import (
     linearisation_study,
     operating_points_study,
     root_locus_study,
 )
-from hil_bench.analysis.operating_point import find_operating_point
-from hil_bench.analysis.study import Fact, Study, make_table, write_study
-from hil_bench.errors import ConfigError
+from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.study import Fact, Study, make_table, write_study
+from hil_bench.errors import ConfigError, require_extra
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 

@@ -8,9 +8,9 @@ import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
-from hil_bench.campaign import pool
-from hil_bench.campaign.records import RunOutcome, RunResult
-from hil_bench.campaign.store import Store
+from hil_bench.abilities.campaign import pool
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult
+from hil_bench.abilities.campaign.store import Store
 from hil_bench.cli import progress
 from hil_bench.cli.progress import WorkLines
 from hil_bench.errors import ConfigError

@@ -12,17 +12,17 @@ from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
 import hil_bench
 from hil_bench import cli
-from hil_bench.campaign import identity
-from hil_bench.campaign.comparison import compare
-from hil_bench.campaign.executing import Shard, collect, execute
-from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import perform_here, run_pool
-from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.campaign.running import failed_run
-from hil_bench.campaign.store import Store
-from hil_bench.campaign.summary import summarise
-from hil_bench.campaign.table import to_table
+from hil_bench.abilities.campaign import identity
+from hil_bench.abilities.campaign.comparison import compare
+from hil_bench.abilities.campaign.executing import Shard, collect, execute
+from hil_bench.abilities.campaign.plan import Plan
+from hil_bench.abilities.campaign.pool import perform_here, run_pool
+from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.running import failed_run
+from hil_bench.abilities.campaign.store import Store
+from hil_bench.abilities.campaign.summary import summarise
+from hil_bench.abilities.campaign.table import to_table
 from hil_bench.errors import ConfigError
 
 RUNS = 8
@@ -166,7 +166,7 @@ def test_results_of_another_program_or_firmware_are_refused(plan, tmp_path, monk
     execute(plan, old, perform_here)
     with pytest.raises(ConfigError, match=r"another build of the firmware 'new' \(aaaaaaaa\)"):
         collect(plan, Store(tmp_path / "out", {"new": "b" * 32}))
-    monkeypatch.setattr("hil_bench.campaign.store.program_identity", lambda: "9.9+0")
+    monkeypatch.setattr("hil_bench.abilities.campaign.store.program_identity", lambda: "9.9+0")
     with pytest.raises(ConfigError, match=r"comes from hil-bench 0.*, and this is 9\.9"):
         collect(plan, old)
 
@@ -188,7 +188,7 @@ def test_a_full_disk_is_said_once_and_earlier_runs_are_kept(plan, tmp_path, monk
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("hil_bench.campaign.store.os.fsync", full)
+        patch.setattr("hil_bench.abilities.campaign.store.os.fsync", full)
         with pytest.raises(ConfigError, match="No space left on device; all earlier runs are kept"):
             execute(plan, store, perform_here)
     assert [path.suffix for path in (tmp_path / "out").iterdir()] == [".parquet"]

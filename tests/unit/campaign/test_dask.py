@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from support.campaigns import write_rest
 
-from hil_bench.campaign.executing import collect, execute
-from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import perform_here
-from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.store import Store
+from hil_bench.abilities.campaign.executing import collect, execute
+from hil_bench.abilities.campaign.plan import Plan
+from hil_bench.abilities.campaign.pool import perform_here
+from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.store import Store
 
 RUNS = 24
 
@@ -23,11 +23,11 @@ from dataclasses import replace
 from pathlib import Path
 import dask
 from distributed import LocalCluster
-from hil_bench.campaign.dask import DaskBackend
-from hil_bench.campaign.executing import collect, execute
-from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.store import Store
+from hil_bench.abilities.campaign.dask import DaskBackend
+from hil_bench.abilities.campaign.executing import collect, execute
+from hil_bench.abilities.campaign.plan import Plan
+from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.store import Store
 
 def main():
     path, folder, runs = sys.argv[1:]

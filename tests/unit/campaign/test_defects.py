@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from support.documents import ROOT
 
-from hil_bench.campaign.plan import space_of
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import prepare
+from hil_bench.abilities.campaign.plan import space_of
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import prepare
 
 FOLDER = ROOT / "benchmarks" / "defects"
 SOURCES = {"py": ROOT / "drivers" / "hil_drivers", "c": ROOT / "examples" / "firmware"}

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.campaign.confidence import failure_bound
-from hil_bench.campaign.distributions import (
+from hil_bench.abilities.campaign.confidence import failure_bound
+from hil_bench.abilities.campaign.distributions import (
     Choices,
     LogUniform,
     Normal,
@@ -14,7 +14,7 @@ from hil_bench.campaign.distributions import (
     Uniform,
     read_distribution,
 )
-from hil_bench.campaign.sampling import Sampler, sample, size_of_sample, unit_points
+from hil_bench.abilities.campaign.sampling import Sampler, sample, size_of_sample, unit_points
 from hil_bench.errors import ConfigError
 
 SALTELLI = Sampler.SALTELLI

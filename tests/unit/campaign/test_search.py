@@ -10,19 +10,19 @@ import pytest
 from support.campaigns import REST, rest_pressures, write_rest
 
 from hil_bench import cli
-from hil_bench.campaign.plan import make_spec, own_case
-from hil_bench.campaign.pool import perform_here
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.campaign.search.cost import CRASH, cost_of, turns
-from hil_bench.campaign.search.falsify import SearchPlan, falsify
-from hil_bench.campaign.search.kept_runs import KeptRuns
-from hil_bench.campaign.search.methods import Evolution, build_search
-from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method, Trial
-from hil_bench.campaign.search.shrink import Target, round_to, shrink
-from hil_bench.campaign.summary import tally_of
+from hil_bench.abilities.campaign.plan import make_spec, own_case
+from hil_bench.abilities.campaign.pool import perform_here
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.search.cost import CRASH, cost_of, turns
+from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
+from hil_bench.abilities.campaign.search.kept_runs import KeptRuns
+from hil_bench.abilities.campaign.search.methods import Evolution, build_search
+from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method, Trial
+from hil_bench.abilities.campaign.search.shrink import Target, round_to, shrink
+from hil_bench.abilities.campaign.summary import tally_of
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
 
 REST_SPACE = {"limit_bar": None, "load_n": None}
 
@@ -311,7 +311,8 @@ def test_a_failure_that_cannot_be_written_is_said_all_the_same(tmp_path, capsys)
 
 def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(
-        "hil_bench.cli.falsify.local_backend", lambda _: nullcontext(Interrupted(2))
+        "hil_bench.abilities.campaign.verbs.falsify.local_backend",
+        lambda _: nullcontext(Interrupted(2)),
     )
     path = write_rest(tmp_path, WIDE)
     words = ["falsify", str(path), "--runs=2", f"--output={tmp_path / 'out'}"]
@@ -319,7 +320,7 @@ def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr()
     assert "interrupted after 2 of 6 runs; the same command goes on from there" in said.err
     assert "R-1: fails at" in said.out
-    monkeypatch.setattr("hil_bench.campaign.search.kept_runs.Store.write", refuse)
+    monkeypatch.setattr("hil_bench.abilities.campaign.search.kept_runs.Store.write", refuse)
     assert cli.main([*words, "--seed=3"]) == 1
     said = capsys.readouterr()
     assert "interrupted after 2 of 6 runs; out: cannot be written: No space left" in said.err

@@ -8,11 +8,11 @@ import pytest
 from scipy.stats import sobol_indices as by_scipy
 from support.campaigns import write_rest
 
-from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.campaign.sampling import Sampler
-from hil_bench.campaign.sensitivity import sobol_indices
+from hil_bench.abilities.campaign.plan import Plan
+from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.sampling import Sampler
+from hil_bench.abilities.campaign.sensitivity import sobol_indices
 from hil_bench.errors import ConfigError
 
 ISHIGAMI = """\

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.analysis import errors
-from hil_bench.cli import analyse, main
+from hil_bench import errors
+from hil_bench.abilities.analysis.verbs import analyse
+from hil_bench.cli import main
 
 NAMES = (
     "linearisation",
@@ -132,7 +133,7 @@ def test_the_papers_report_is_written_and_its_verdicts_printed(
 ) -> None:
     run = analyse.run_paper
     monkeypatch.setattr(analyse, "run_paper", lambda: run(chirp_duration=5.0))
-    monkeypatch.setattr("hil_bench.analysis.paper.paper_studies", lambda _runs: [])
+    monkeypatch.setattr("hil_bench.abilities.analysis.paper.paper_studies", lambda _runs: [])
 
     assert main(["analyse", "paper", "--output", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()

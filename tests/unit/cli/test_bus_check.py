@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.cli import bus_check, main
-from hil_bench.cli.bus_check import _assignment
-from hil_bench.machine.commissioning.comparison import Difference, Mend
-from hil_bench.machine.commissioning.settlement import Write
+from hil_bench.abilities.commissioning.comparison import Difference, Mend
+from hil_bench.abilities.commissioning.settlement import Write
+from hil_bench.abilities.commissioning.verbs import bus_check
+from hil_bench.abilities.commissioning.verbs.bus_check import _assignment
+from hil_bench.cli import main
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -29,7 +29,7 @@ FAST = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "hil_bench.machine.commissioning.report.importlib.util.find_spec", lambda _: None
+        "hil_bench.abilities.commissioning.report.importlib.util.find_spec", lambda _: None
     )
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_text(PLAN)

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
-from hil_bench.machine.conformance.device import DeviceUnderTest
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
 
@@ -47,7 +47,10 @@ def test_the_published_report_is_what_its_command_writes(tmp_path, monkeypatch, 
 def test_a_report_of_the_virtual_bench_says_the_command_that_repeats_it(
     more, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("hil_bench.cli.conformance.run_suite", lambda _dut, _allowed: iter(()))
+    monkeypatch.setattr(
+        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        lambda _dut, _allowed: iter(()),
+    )
     monkeypatch.chdir(tmp_path)
     words = ["conformance", "--virtual", "--node-id", "1", *more, "--report", "r.md"]
     assert main(words) == 0
@@ -65,7 +68,7 @@ def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, caps
         if is_interrupted:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("hil_bench.cli.conformance.run_suite", run_suite)
+    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.conformance.run_suite", run_suite)
     written = ["conformance", "--virtual", "--node-id", "1", "--write"]
     assert main(written) == (130 if is_interrupted else 0)
     assert "node 1 was reset, to its power-on values\n" in capsys.readouterr().err

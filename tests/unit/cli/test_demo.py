@@ -6,9 +6,9 @@ import can
 import numpy as np
 import pytest
 
+from hil_bench.abilities.demo.verbs.demo_tuning import demo_profile, tuned_parameters
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.demo_tuning import demo_profile, tuned_parameters
 from hil_bench.cli.interruption import Interruption
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.outside.recording.files import read_recording
@@ -23,7 +23,9 @@ def demo(directory, *arguments):
 @pytest.fixture
 def no_plot(monkeypatch):
     """Leave matplotlib out, for speed."""
-    monkeypatch.setattr("hil_bench.cli.demo.importlib.util.find_spec", lambda _name: None)
+    monkeypatch.setattr(
+        "hil_bench.abilities.demo.verbs.demo.importlib.util.find_spec", lambda _name: None
+    )
 
 
 def test_the_controller_moves_the_cylinder(tmp_path, capsys):
@@ -45,7 +47,7 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
 
 @pytest.mark.parametrize("sensors", ["canopen", "modbus"])
 def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch, sensors):
-    monkeypatch.setattr("hil_bench.cli.demo.draw", lambda *_: (None, "none"))
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo.draw", lambda *_: (None, "none"))
     words = ["--duration", "3", "--sensors", sensors, str(MACHINES / "drum.toml")]
     assert demo(tmp_path, *words) == 0
     recording = read_recording(tmp_path / "demo.csv")
@@ -67,7 +69,7 @@ def no_extra(monkeypatch):
 
 
 def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.demo.draw", lambda *_: (None, "none"))
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo.draw", lambda *_: (None, "none"))
     assert demo(tmp_path, "--duration", "2", "--sensors", "modbus") == 0
     recording = read_recording(tmp_path / "demo.csv")
     error = np.abs(recording["axis1.position_setpoint"] - recording["axis1.position"])
@@ -214,7 +216,7 @@ def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
         clocks.append(speed)
         return ScaledClock(VirtualClock(), speed)  # as slow as asked, and nobody waits
 
-    monkeypatch.setattr("hil_bench.cli.demo_session.ScaledClock", clock_of)
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo_session.ScaledClock", clock_of)
     command = ["demo", "--speed", "0.25", "--duration", "0.2", "--output", str(tmp_path)]
     assert main(command) == 0
     assert clocks == [0.25]

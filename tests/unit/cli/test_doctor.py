@@ -3,10 +3,10 @@ import re
 
 import pytest
 
+from hil_bench.abilities.doctor.finding import Finding, Topic, Verdict
+from hil_bench.abilities.doctor.verbs.doctor import report_lines
 from hil_bench.cli import main
-from hil_bench.cli.doctor import report_lines
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.doctor.finding import Finding, Topic, Verdict
 
 TOPICS = [
     Topic("One", (Finding("a", Verdict.GOOD, "fine"), Finding("long", Verdict.HINT, "so", "more"))),
@@ -16,7 +16,7 @@ TOPICS = [
 
 @pytest.fixture(autouse=True)
 def _virtual_time(monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.doctor.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.doctor.MonotonicClock", VirtualClock)
 
 
 def test_each_finding_is_a_line_and_each_advice_one_below():
@@ -66,7 +66,7 @@ def test_without_a_test_nothing_is_measured(capsys):
 
 def test_other_systems_get_a_report_too(monkeypatch, capsys):
     for module in ("permissions", "machine", "buses"):
-        monkeypatch.setattr(f"hil_bench.session.doctor.{module}.IS_LINUX", False)
+        monkeypatch.setattr(f"hil_bench.abilities.doctor.{module}.IS_LINUX", False)
     assert main(["doctor", "--seconds", "0.01"]) == 0
     assert re.search(r"SCHED_FIFO +Linux only", capsys.readouterr().out)
 

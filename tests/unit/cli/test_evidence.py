@@ -7,16 +7,16 @@ from dataclasses import replace
 import pytest
 from support.documents import ROOT
 
-from hil_bench.analysis.validation import subject
-from hil_bench.analysis.validation.suite import validate
+from hil_bench.abilities.analysis.validation import subject
+from hil_bench.abilities.analysis.validation.suite import validate
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.evidence import determinism, devices
+from hil_bench.abilities.conformance.evidence.page import page_html
+from hil_bench.abilities.conformance.evidence.texts import classification
+from hil_bench.abilities.conformance.evidence.versions import examine_software
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.evidence import determinism, devices
-from hil_bench.machine.conformance.evidence.page import page_html
-from hil_bench.machine.conformance.evidence.texts import classification
-from hil_bench.machine.conformance.evidence.versions import examine_software
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -138,8 +138,12 @@ def test_the_inputs_are_in_the_pack(made):
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out what the test does not look at."""
-    monkeypatch.setattr("hil_bench.cli.evidence.examine_devices", lambda _config: [])
-    monkeypatch.setattr("hil_bench.cli.evidence.validate", lambda _axes, _dt: iter(()))
+    monkeypatch.setattr(
+        "hil_bench.abilities.evidence.verbs.evidence.examine_devices", lambda _config: []
+    )
+    monkeypatch.setattr(
+        "hil_bench.abilities.evidence.verbs.evidence.validate", lambda _axes, _dt: iter(())
+    )
     trace = determinism.Trace("0" * 64, 1, 1)
     monkeypatch.setattr(determinism, "run_once", lambda _path, _seed: trace)
     monkeypatch.setattr(determinism, "ProcessPoolExecutor", SameProcess)
@@ -168,7 +172,7 @@ class Done:
 
 @pytest.mark.usefixtures("quick")
 def test_a_wrong_plant_is_shown_as_failed(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("hil_bench.cli.evidence.validate", validate)
+    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.evidence.validate", validate)
 
     def wider(parameters, **rest):
         return FullOrderPlant(replace(parameters, C_d=0.66), **rest)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.cli import main
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
 
 # A coarse step, which makes this quick.
 BENCH = """

@@ -6,8 +6,8 @@ import sys
 import pytest
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.panel import server
 from hil_bench.cli import ctl, feed_side, main
-from hil_bench.panel import server
 from hil_bench.session.commands import Stop
 from hil_bench.session.session import Session
 
@@ -68,7 +68,7 @@ def test_a_panel_needs_its_extra(monkeypatch, capsys):
     monkeypatch.setattr(feed_side.importlib.util, "find_spec", lambda _name: None)
     assert main(["run", "-i", "virtual", "-c", "x", "--panel"]) == 2
     assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
-    monkeypatch.setitem(sys.modules, "hil_bench.panel.server", None)
+    monkeypatch.setitem(sys.modules, "hil_bench.abilities.panel.server", None)
     assert main(["panel"]) == 2
     assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
 
@@ -80,7 +80,7 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
         plans.append((plan, secret))
 
     monkeypatch.setattr(server, "_serve", serve)
-    monkeypatch.setattr("hil_bench.cli.panel.os.nice", lambda _by: 0)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
     assert main(["panel", "--port", "0", "--bench", "left"]) == 0
     word, address = capsys.readouterr().out.split()
     place, _, token = address.partition("/#")
@@ -99,7 +99,7 @@ def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys
         secrets.append(secret)
 
     monkeypatch.setattr(server, "_serve", serve)
-    monkeypatch.setattr("hil_bench.cli.panel.os.nice", lambda _by: 0)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
     path = tmp_path / "password"
     path.write_text("correct horse battery", encoding="utf-8")
     path.chmod(0o600)

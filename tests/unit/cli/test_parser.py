@@ -5,8 +5,12 @@ import re
 
 import pytest
 
-from hil_bench.cli import GROUPS, VERBS, build_parser, main
+from hil_bench.ability import GROUPS
+from hil_bench.cli import build_parser, main
 from hil_bench.cli.parser import Parser
+from hil_bench.cli.verbs import own_verbs
+
+VERBS = own_verbs()
 
 
 @pytest.fixture
@@ -41,7 +45,7 @@ def test_the_optional_one_may_be_left_out(parser):
 @pytest.mark.long  # imports every verb
 def test_no_help_is_wider_than_a_terminal_of_80_columns(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    parser = build_parser(VERBS)
+    parser = build_parser(VERBS, VERBS)
     verbs = parser._subparsers._group_actions[0].choices
     texts = [parser.format_help(), *(verb.format_help() for verb in verbs.values())]
     lines = [line for text in texts for line in text.splitlines()]
@@ -97,7 +101,7 @@ def parsers(parser):
 
 @pytest.mark.long  # imports every verb
 def test_a_short_option_means_the_same_in_every_verb():
-    for parser in parsers(build_parser(VERBS)):
+    for parser in parsers(build_parser(VERBS, VERBS)):
         for action in parser._actions:
             short, long = (
                 [each for each in action.option_strings if each.startswith("--") is is_long]
@@ -108,20 +112,27 @@ def test_a_short_option_means_the_same_in_every_verb():
 
 
 def test_the_help_names_the_short_options():
-    shown = build_parser(()).epilog.partition("short options")[2].partition("\n\n")[0]
+    shown = build_parser((), VERBS).epilog.partition("short options")[2].partition("\n\n")[0]
     named = dict(re.findall(r"(-\w)(?: (--\w+))?", shown))
     assert named == {short: long or "" for short, long in SHORT.items() if short != "-h"}
 
 
 def test_the_help_has_each_verb_once_below_the_heading_of_its_group():
-    shown = build_parser(()).format_help().partition("\nverbs:\n  VERB\n")[2].partition("\n\n")[0]
+    shown = (
+        build_parser((), VERBS)
+        .format_help()
+        .partition("\nverbs:\n  VERB\n")[2]
+        .partition("\n\n")[0]
+    )
     found, verbs = {}, []
     for indent, word in re.findall(r"^( {2,4})([a-z-]+)", shown, re.MULTILINE):
         if len(indent) == 2:
             verbs = found[word] = []
         else:
             verbs.append(word)
-    assert found == {name: [*verbs] for name, verbs in GROUPS.items()}
+    assert found == {
+        group: [name for name, verb in VERBS.items() if verb.group == group] for group in GROUPS
+    }
 
 
 def test_the_options_of_run_begin_with_those_that_are_used_most(capsys):

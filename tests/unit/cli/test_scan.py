@@ -2,9 +2,9 @@ import json
 
 import pytest
 
+from hil_bench.abilities.commissioning.listening import Traffic
+from hil_bench.abilities.commissioning.verbs.scan import _identifier_line
 from hil_bench.cli import main
-from hil_bench.cli.scan import _identifier_line
-from hil_bench.machine.commissioning.listening import Traffic
 
 UNCONFIGURED = """
 [plant.axis1]
@@ -84,7 +84,7 @@ def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
 
 def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
     """Two benches with the same node-IDs: each read has two answers."""
-    from hil_bench.machine.commissioning import survey  # noqa: PLC0415
+    from hil_bench.abilities.commissioning import survey  # noqa: PLC0415
 
     discover = survey.discover
     monkeypatch.setattr(

@@ -6,11 +6,12 @@ import math
 
 import pytest
 
-from hil_bench.cli import main, scenario_run
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import prepare
+from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.abilities.scenario.verbs import scenario_run
+from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import prepare
-from hil_bench.scenario.stage import Stage
 from hil_bench.session.session import open_session
 
 HEAD = 'title = "T"\nduration_s = 0.02\n'

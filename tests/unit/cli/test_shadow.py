@@ -7,7 +7,8 @@ import re
 
 import pytest
 
-from hil_bench.cli import main, shadow
+from hil_bench.abilities.shadow.verbs import shadow
+from hil_bench.cli import main
 from hil_bench.cli.work_side import WorkView
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.virtual_bench import VirtualBench
@@ -116,8 +117,10 @@ class SilentBus:
 @pytest.fixture
 def silent_bus(monkeypatch):
     bus = SilentBus()
-    monkeypatch.setattr("hil_bench.cli.shadow.open_can_bus", lambda *_: (bus, "silent"))
-    monkeypatch.setattr("hil_bench.cli.shadow.time.monotonic", lambda: bus.now)
+    monkeypatch.setattr(
+        "hil_bench.abilities.shadow.verbs.shadow.open_can_bus", lambda *_: (bus, "silent")
+    )
+    monkeypatch.setattr("hil_bench.abilities.shadow.verbs.shadow.time.monotonic", lambda: bus.now)
     return bus
 
 

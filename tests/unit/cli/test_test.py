@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.campaign.records import RunOutcome
+from hil_bench.abilities.campaign.records import RunOutcome
+from hil_bench.abilities.scenario.run import play
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.scenario.run import play
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 VARIANTS = {
@@ -156,7 +156,7 @@ def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, 
             raise KeyboardInterrupt
         return play(prepared, options)
 
-    monkeypatch.setattr("hil_bench.scenario.results.play", play_until_ctrl_c)
+    monkeypatch.setattr("hil_bench.abilities.scenario.results.play", play_until_ctrl_c)
     junit = tmp_path / "result.xml"
     assert main(["test", str(tmp_path), "--junit", str(junit)]) == ExitCode.INTERRUPTED
     out = capsys.readouterr().out
@@ -233,13 +233,13 @@ def test_results_come_in_the_order_of_the_files_whoever_is_done_first(
 ):
     folder = several(tmp_path)
     serial = faces(folder, tmp_path / "out", capsys)
-    monkeypatch.setattr("hil_bench.cli.test.Pool", Backwards)
+    monkeypatch.setattr("hil_bench.abilities.scenario.verbs.test.Pool", Backwards)
     assert faces(folder, tmp_path / "out", capsys, "--jobs", "2") == serial
     assert serial[0] == ExitCode.CHECK_FAILED
 
 
 def test_a_process_that_dies_is_a_result(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.test.Pool", Dying)
+    monkeypatch.setattr("hil_bench.abilities.scenario.verbs.test.Pool", Dying)
     words = ["-k", "R-a", "-k", "R-", "--jobs", "2"]
     assert main(["test", several(tmp_path), *words]) == ExitCode.CHECK_FAILED
     first, problem, second = capsys.readouterr().out.splitlines()[:3]
@@ -249,7 +249,7 @@ def test_a_process_that_dies_is_a_result(tmp_path, capsys, monkeypatch):
 
 
 def test_ctrl_c_ends_all_and_keeps_what_is_done(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.test.Pool", Interrupted)
+    monkeypatch.setattr("hil_bench.abilities.scenario.verbs.test.Pool", Interrupted)
     folder = several(tmp_path)
     (tmp_path / "c.scenario.toml").unlink()
     (tmp_path / "c.scenario.toml").write_text((tmp_path / "a.scenario.toml").read_text())

@@ -8,11 +8,12 @@ import can
 import pytest
 from rich.console import Console
 
+from hil_bench.abilities.eyes.bus_state import EXTENDED, BusState
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.verbs import listening, watch_bus
+from hil_bench.abilities.eyes.verbs.bus_view import BusView
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli import listening, main, watch_bus
-from hil_bench.cli.bus_view import BusView
-from hil_bench.eyes.bus_state import EXTENDED, BusState
-from hil_bench.eyes.decoder import Decoder
+from hil_bench.cli import main
 from hil_bench.frame import frame_bits
 from hil_bench.outside.recording.frames import message_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame

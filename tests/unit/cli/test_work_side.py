@@ -9,8 +9,10 @@ from support.campaigns import write_rest
 from support.live_bench import runtime_folder
 from support.patience import GUARD
 
-from hil_bench.cli import campaign, commission, main, work_side
-from hil_bench.cli import test as test_verb
+from hil_bench.abilities.campaign.verbs import campaign
+from hil_bench.abilities.commissioning.verbs import commission
+from hil_bench.abilities.scenario.verbs import test as test_verb
+from hil_bench.cli import main, work_side
 from hil_bench.cli.work_side import ShownRows, WorkView
 from hil_bench.outside.feed.client import connect
 from hil_bench.outside.feed.places import Place, find_names

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from device_profiles import PRESSURE_404, VALVE_408
+from hil_bench.abilities.commissioning.boot_file import load_boot_plan
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.boot_file import load_boot_plan
 from hil_drivers.boot_records import Loss, Slave, Start, Startup
 from hil_drivers.concise_dcf import ConciseEntry, pack_concise_dcf
 

@@ -3,9 +3,9 @@
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.commissioning.comparison import Mend, compare
+from hil_bench.abilities.commissioning.settlement import apply, concise_dcf, plan_writes
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.commissioning.comparison import Mend, compare
-from hil_bench.machine.commissioning.settlement import apply, concise_dcf, plan_writes
 
 MACHINE = """
 [plant.axis1]

@@ -2,8 +2,8 @@
 
 import pytest
 
+from hil_bench.abilities.commissioning.discovery import Method, Sighting, discover
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.discovery import Method, Sighting, discover
 from hil_drivers import NmtState
 
 READ_DEVICE_TYPE = "4000100000000000"

@@ -6,14 +6,14 @@ import canopen
 import pytest
 
 from device_profiles import PRESSURE_404
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.machine.commissioning.discovery import Sighting
-from hil_bench.machine.commissioning.identity import (
+from hil_bench.abilities.commissioning.discovery import Sighting
+from hil_bench.abilities.commissioning.identity import (
     LONGEST_READING,
     MOST_BYTES,
     NodeDescription,
     describe,
 )
+from hil_bench.canopen_device.frame import Frame
 
 ABORT = "8000100000000206"
 

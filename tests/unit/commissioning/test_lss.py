@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
+from hil_bench.abilities.commissioning.lss import LssAddress, LssScan, find_unconfigured
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.machine.commissioning.lss import LssAddress, LssScan, find_unconfigured
 
 UNCONFIGURED = """
 [plant.axis1]

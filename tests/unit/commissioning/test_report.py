@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from hil_bench.machine.commissioning.identity import NodeDescription
-from hil_bench.machine.commissioning.measures import (
+from hil_bench.abilities.commissioning.identity import NodeDescription
+from hil_bench.abilities.commissioning.measures import (
     SAMPLE_CHANNELS,
     Curve,
     Diagnosis,
@@ -15,8 +15,8 @@ from hil_bench.machine.commissioning.measures import (
     StepResult,
     Verdict,
 )
-from hil_bench.machine.commissioning.report import ReportHead, write_report
-from hil_bench.machine.commissioning.session import Commissioning
+from hil_bench.abilities.commissioning.report import ReportHead, write_report
+from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.outside.recording.channels import TIME, recording_dtype
 
 HEAD = ReportHead("Report of <axis 1>", {"date": "2026-01-02", "plan": "a|b.toml"})
@@ -47,7 +47,7 @@ def found():
 @pytest.fixture
 def no_plot(monkeypatch):
     monkeypatch.setattr(
-        "hil_bench.machine.commissioning.report.importlib.util.find_spec", lambda _: None
+        "hil_bench.abilities.commissioning.report.importlib.util.find_spec", lambda _: None
     )
 
 

@@ -5,14 +5,14 @@ import json
 import can
 import pytest
 
+from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.measures import Verdict
+from hil_bench.abilities.commissioning.plan import load_plan
+from hil_bench.abilities.commissioning.session import Console, commission
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.journal import SettingsJournal
-from hil_bench.machine.commissioning.measures import Verdict
-from hil_bench.machine.commissioning.plan import load_plan
-from hil_bench.machine.commissioning.session import Console, commission
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 

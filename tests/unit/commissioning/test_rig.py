@@ -7,11 +7,11 @@ from dataclasses import replace
 import can
 import pytest
 
+from hil_bench.abilities.commissioning.guard import LimitError, Sample, check_sample
+from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.members import find_members
-from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
-from hil_bench.machine.commissioning.plan import Limits
-from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import DriverError, Network, ValveState
 

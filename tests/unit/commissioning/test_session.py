@@ -14,12 +14,12 @@ from support.machines import (
     with_fault,
 )
 
+from hil_bench.abilities.commissioning.measures import Verdict
+from hil_bench.abilities.commissioning.plan import StepKind, load_plan
+from hil_bench.abilities.commissioning.session import Console, commission
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_state_machine import FAULT_STATES
-from hil_bench.machine.commissioning.measures import Verdict
-from hil_bench.machine.commissioning.plan import StepKind, load_plan
-from hil_bench.machine.commissioning.session import Console, commission
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
@@ -272,7 +272,7 @@ def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
 
 
 def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkeypatch):
-    monkeypatch.setattr("hil_bench.machine.commissioning.procedure.APPROACH_TIME", 0.2)
+    monkeypatch.setattr("hil_bench.abilities.commissioning.procedure.APPROACH_TIME", 0.2)
     tested = machine(plan=PLAN + "[dead_band]\nposition_mm = [-20, 120]\n")
     result = tested.commission().results[-1]
     assert result.verdict is Verdict.STOPPED

@@ -4,12 +4,12 @@ import contextlib
 
 import pytest
 
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, run_suite
+from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.device import DeviceUnderTest
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, run_suite
-from hil_bench.machine.conformance.wire import Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
 NODE_ID = 5

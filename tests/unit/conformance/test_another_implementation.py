@@ -7,12 +7,12 @@ not to do, or what its sources show, fails under its clause.
 import canopen
 import pytest
 
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, run_suite
+from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.device import DeviceUnderTest
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, run_suite
-from hil_bench.machine.conformance.wire import Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
 CHECKED = {"NMT", "Object dictionary", "SDO upload", "SDO download", "SDO block transfer"}

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome
 
 
 def failed(laboratory, *titles):

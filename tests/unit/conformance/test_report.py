@@ -1,9 +1,9 @@
 """Reports: what fails first, and every result in a table."""
 
-from hil_bench.machine.conformance import report
-from hil_bench.machine.conformance.check import Check, Impact
-from hil_bench.machine.conformance.eds_check import EdsFinding, Severity
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, Result
+from hil_bench.abilities.conformance import report
+from hil_bench.abilities.conformance.check import Check, Impact
+from hil_bench.abilities.conformance.eds_check import EdsFinding, Severity
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
 
 
 def result(outcome, detail="", chapter="SDO upload", clause="7.2.4.3.6"):

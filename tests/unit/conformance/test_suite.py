@@ -1,9 +1,9 @@
 """The suite on a sound device: it passes, and it is left as it was."""
 
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome
 
 # The heartbeat of device.eds is off, it has neither 0x1200 nor 0x1F80, and mappings of at most 4
 # entries.

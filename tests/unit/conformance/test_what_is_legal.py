@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.errors import SdoAbort
-from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.suite import CHAPTERS, Outcome
 
 TEXT = 0x2020
 

@@ -3,9 +3,9 @@
 import can
 import pytest
 
+from hil_bench.abilities.conformance.wire import BACKLOG, Wire
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.machine.conformance.wire import BACKLOG, Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
 

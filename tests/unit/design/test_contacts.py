@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pytest
 
+from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.identification.design.bounds import Bounds
+from hil_bench.abilities.identification.design.choosing import Designer
+from hil_bench.abilities.identification.design.foresight import Foresight
+from hil_bench.abilities.identification.design.manoeuvres import draw_contacts, measure_paces
+from hil_bench.abilities.identification.design.twin import Twin
+from hil_bench.abilities.identification.unknowns import Unknowns
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.commissioning.plan import Limits
-from hil_bench.machine.design.bounds import Bounds
-from hil_bench.machine.design.choosing import Designer
-from hil_bench.machine.design.foresight import Foresight
-from hil_bench.machine.design.manoeuvres import draw_contacts, measure_paces
-from hil_bench.machine.design.twin import Twin
-from hil_bench.machine.identification.unknowns import Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 if TYPE_CHECKING:

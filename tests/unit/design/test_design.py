@@ -7,17 +7,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.identification.design.bounds import Bounds
+from hil_bench.abilities.identification.design.choosing import Design, Designer
+from hil_bench.abilities.identification.design.course import shorten_course
+from hil_bench.abilities.identification.design.foresight import Foresight
+from hil_bench.abilities.identification.design.report import design_to_json, summarise_design
+from hil_bench.abilities.identification.design.twin import Twin
+from hil_bench.abilities.identification.identify import Identification, identify
+from hil_bench.abilities.identification.unknowns import Unknowns
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.plan import Limits
-from hil_bench.machine.design.bounds import Bounds
-from hil_bench.machine.design.choosing import Design, Designer
-from hil_bench.machine.design.course import shorten_course
-from hil_bench.machine.design.foresight import Foresight
-from hil_bench.machine.design.report import design_to_json, summarise_design
-from hil_bench.machine.design.twin import Twin
-from hil_bench.machine.identification.identify import Identification, identify
-from hil_bench.machine.identification.unknowns import Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 if TYPE_CHECKING:

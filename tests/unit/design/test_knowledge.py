@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil_bench.abilities.identification.design.knowledge import read_knowledge
 from hil_bench.errors import ConfigError
-from hil_bench.machine.design.knowledge import read_knowledge
 
 
 def entry(value: float, deviation: float, *, is_told: bool = True) -> dict[str, Any]:

@@ -8,8 +8,8 @@ import pytest
 from support.valves import ACTIVE, FAULT_HOLD, HOLD, activate, control, fit_valve, set_up, status
 
 from device_profiles import VALVE_408
+from hil_bench.abilities.eyes.scaling import scale_of
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.eyes.scaling import scale_of
 
 AXIS_POSITION, SPOOL = 9, 2
 VALUE, TOO_LOW, TOO_HIGH = 0x06090030, 0x06090032, 0x06090031

@@ -5,11 +5,11 @@ import json
 
 from support.distribution import declare
 
+from hil_bench.abilities.doctor.extensions import examine_extensions
+from hil_bench.abilities.doctor.finding import Verdict, absent, good
 from hil_bench.cli import main
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.registry import PLANTS
-from hil_bench.session.doctor.extensions import examine_extensions
-from hil_bench.session.doctor.finding import Verdict, absent, good
 
 SPRING = """
 from hil_bench.plants.hydraulic_cylinder.kind import HydraulicCylinder

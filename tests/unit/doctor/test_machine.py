@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.session.doctor.finding import Verdict
-from hil_bench.session.doctor.machine import examine_machine, preemption_model
+from hil_bench.abilities.doctor.finding import Verdict
+from hil_bench.abilities.doctor.machine import examine_machine, preemption_model
 
 
 def reader(**files):
@@ -47,7 +47,7 @@ def test_a_model_that_waits_is_a_hint():
 def test_an_isolated_processor_is_there_or_told_of(
     monkeypatch, isolated, tickless, verdict, advice
 ):
-    monkeypatch.setattr("hil_bench.session.doctor.machine.os.cpu_count", lambda: 4)
+    monkeypatch.setattr("hil_bench.abilities.doctor.machine.os.cpu_count", lambda: 4)
     item = finding("isolated processors", reader(isolated=isolated, nohz_full=tickless))
     assert item.verdict is verdict
     assert item.advice.endswith(advice)
@@ -100,5 +100,5 @@ def test_a_virtual_machine_is_named():
 
 
 def test_elsewhere_the_system_is_named(monkeypatch):
-    monkeypatch.setattr("hil_bench.session.doctor.machine.IS_LINUX", False)
+    monkeypatch.setattr("hil_bench.abilities.doctor.machine.IS_LINUX", False)
     assert [item.name for item in examine_machine(reader()).findings] == ["system"]

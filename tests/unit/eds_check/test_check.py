@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.canopen_device.eds_document import parse_document
 from hil_bench.errors import ConfigError
-from hil_bench.machine.conformance.eds_check import check_eds
 
 VALVE = VALVE_408.read_text()
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.errors import ConfigError
-from hil_bench.machine.conformance.evidence.pack import (
+from hil_bench.abilities.conformance.evidence.pack import (
     MANIFEST,
     check_folder,
     verify_pack,
     write_pack,
 )
+from hil_bench.errors import ConfigError
 
 FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from hil_bench.abilities.conformance.evidence.traceability import read_results, trace
 from hil_bench.errors import ConfigError
-from hil_bench.machine.conformance.evidence.traceability import read_results, trace
 
 JUNIT = """<?xml version="1.0"?>
 <testsuites><testsuite name="s">

@@ -14,11 +14,11 @@ from support.sdo_frames import MS, download, heard, upload
 from support.sound_logs import SOUND
 
 from device_profiles import PRESSURE_404
+from hil_bench.abilities.eyes.explain.explain import explain
+from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.eyes.explain.explain import explain
-from hil_bench.eyes.explain.finding import Cause
-from hil_bench.eyes.known_node import KnownNode
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 BITRATE = 1_000_000

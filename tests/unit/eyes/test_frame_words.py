@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.eyes.frame_words import meaning_of
-from hil_bench.eyes.identifiers import Function, function_of
+from hil_bench.abilities.eyes.frame_words import meaning_of
+from hil_bench.canopen_device.identifiers import Function, function_of
 
 
 @pytest.mark.parametrize(

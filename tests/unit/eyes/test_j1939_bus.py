@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from hil_bench import load_config
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.known_ecu import ecus_of
+from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.sight import Service
+from hil_bench.abilities.eyes.verbs.sight_lines import is_problem
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.sight_lines import is_problem
-from hil_bench.eyes.decoder import Decoder
-from hil_bench.eyes.known_ecu import ecus_of
-from hil_bench.eyes.nodes import nodes_of
-from hil_bench.eyes.sight import Service
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 CONFIG = load_config(Path(__file__).parents[3] / "examples" / "j1939.toml")

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.sdo_frames import MS, answer, heard, request
 
-from hil_bench.eyes.transfers import PATIENCE, SdoChannel, Way
+from hil_bench.abilities.eyes.transfers import PATIENCE, SdoChannel, Way
 
 TEXT = b"HIL bench valve"  # 15 bytes: segments of 7, 7 and 1
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.fmu.export import export_axis, validate
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.together import build_together
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.machine.fmu_export.export import export_axis, validate
-from hil_bench.machine.together import build_together
 
 ROOT = Path(__file__).parents[3]
 DRUM = ROOT / "examples" / "machines" / "drum.toml"

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from support.measured_lines import Lines, measure, polish_of
 
-from hil_bench.machine.identification.approach import Rival, find_rivals
-from hil_bench.machine.identification.fit import Fit
-from hil_bench.machine.identification.unknowns import Unknowns
+from hil_bench.abilities.identification.approach import Rival, find_rivals
+from hil_bench.abilities.identification.fit import Fit
+from hil_bench.abilities.identification.unknowns import Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 UNKNOWNS = Unknowns(paper_parameters(), ("E", "m"))  # and two offsets

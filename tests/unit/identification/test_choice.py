@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps
 
+from hil_bench.abilities.identification.choice import choose, find_sensors, with_hysteresis
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.unknowns import KINDS, PROMPT, Sensors, check_names
 from hil_bench.bench.configuration import load_config
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.choice import choose, find_sensors, with_hysteresis
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.unknowns import KINDS, PROMPT, Sensors, check_names
 
 SHEET = """
 [plant.axis1]

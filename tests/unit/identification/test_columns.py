@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.columns import (
+from hil_bench.abilities.identification.columns import (
     check_units,
     map_columns,
     read_column_map,
     take_sensors,
 )
+from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, recording_dtype
 
 RIG = """

@@ -14,10 +14,10 @@ from support.machine_record import (
     random_steps,
 )
 
+from hil_bench.abilities.identification.identify import Identification, find_vague, identify
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.unknowns import Guess, Unknowns
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.identify import Identification, find_vague, identify
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.unknowns import Guess, Unknowns
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.measured_lines import BASIS, PLACES, Lines, measure, polish_of
 
-from hil_bench.machine.identification.fit import Fit
-from hil_bench.machine.identification.intervals import REACH, find_end
+from hil_bench.abilities.identification.fit import Fit
+from hil_bench.abilities.identification.intervals import REACH, find_end
 
 PIECES = 8
 NOISE = 0.5  # small beside the knee: the loss is the square

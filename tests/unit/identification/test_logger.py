@@ -8,17 +8,17 @@ import pytest
 from scipy.signal import lfilter
 from support.machine_record import FULL_OPENING, POSITION_NOISE, Machine, random_steps
 
-from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.choice import with_filters
-from hil_bench.machine.identification.logger import (
+from hil_bench.abilities.identification.choice import with_filters
+from hil_bench.abilities.identification.logger import (
     find_clipped,
     find_filter,
     find_jumps,
     look_through,
 )
-from hil_bench.machine.identification.pieces import cut_pieces
-from hil_bench.machine.identification.record import FLOORS, SIGNALS, AxisRecord, join_records
-from hil_bench.machine.identification.unknowns import PROMPT
+from hil_bench.abilities.identification.pieces import cut_pieces
+from hil_bench.abilities.identification.record import FLOORS, SIGNALS, AxisRecord, join_records
+from hil_bench.abilities.identification.unknowns import PROMPT
+from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 
 TICK = 1e-3  # [s]

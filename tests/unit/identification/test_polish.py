@@ -9,12 +9,12 @@ from scipy.optimize import least_squares
 from support.machine_record import FULL_OPENING, Machine, random_steps
 from support.measured_lines import BASIS, PLACES, Lines, measure, polish_of
 
-from hil_bench.machine.identification.fit import Fitter
-from hil_bench.machine.identification.loss import KNEE, cost_of
-from hil_bench.machine.identification.polish import GAINED, REACHED, Optimum, Polish
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.stages import FINE
-from hil_bench.machine.identification.unknowns import Guess, Unknowns
+from hil_bench.abilities.identification.fit import Fitter
+from hil_bench.abilities.identification.loss import KNEE, cost_of
+from hil_bench.abilities.identification.polish import GAINED, REACHED, Optimum, Polish
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.stages import FINE
+from hil_bench.abilities.identification.unknowns import Guess, Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 STEP = 5e-5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil_bench.machine.identification.quadratic import Quadratic, find_deviations
+from hil_bench.abilities.identification.quadratic import Quadratic, find_deviations
 
 
 def one_start(*own: float) -> Quadratic:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING
 
-from hil_bench.analysis.study import make_table
+from hil_bench.abilities.analysis.study import make_table
+from hil_bench.abilities.identification.record import AxisRecord, estimate_noise
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.record import AxisRecord, estimate_noise
 from hil_bench.outside.recording.channels import Channel, Recording
 
 ROWS = 4000

@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.machine.identification.approach import Rival
-from hil_bench.machine.identification.identify import Estimate, Identification
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.report import (
+from hil_bench.abilities.identification.approach import Rival
+from hil_bench.abilities.identification.identify import Estimate, Identification
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.report import (
     find_misses,
     is_explained,
     summarise,
     to_json,
     to_toml,
 )
-from hil_bench.machine.identification.trial import Run, Trial
-from hil_bench.machine.identification.unknowns import PROMPT
+from hil_bench.abilities.identification.trial import Run, Trial
+from hil_bench.abilities.identification.unknowns import PROMPT
+from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 TABLE_1 = paper_parameters()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps
 
-from hil_bench.machine.identification.identify import Identification, identify
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.sensing import sense
-from hil_bench.machine.identification.unknowns import Sensors
+from hil_bench.abilities.identification.identify import Identification, identify
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.sensing import sense
+from hil_bench.abilities.identification.unknowns import Sensors
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 STEP = 1e-4

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps
 
+from hil_bench.abilities.identification.identify import Identification, identify
+from hil_bench.abilities.identification.record import AxisRecord, join_records
+from hil_bench.abilities.identification.report import summarise, to_json
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.identify import Identification, identify
-from hil_bench.machine.identification.record import AxisRecord, join_records
-from hil_bench.machine.identification.report import summarise, to_json
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 

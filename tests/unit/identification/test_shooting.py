@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.machine.identification.pieces import cut_pieces
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.shooting import Shooting
-from hil_bench.machine.identification.smoothing import smooth_states
-from hil_bench.machine.identification.unknowns import Guess
+from hil_bench.abilities.identification.pieces import cut_pieces
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.shooting import Shooting
+from hil_bench.abilities.identification.smoothing import smooth_states
+from hil_bench.abilities.identification.unknowns import Guess
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 STEP = 1e-4

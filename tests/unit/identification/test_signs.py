@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps
 
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.signs import settle_signs
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.signs import settle_signs
 from hil_bench.outside.recording.channels import Recording
 
 SIGNALS = ("position", "P_A", "P_B", "spool_setpoint")

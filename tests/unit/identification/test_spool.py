@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps, step_spool
 
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.spool import fit_spool, spool_states
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.spool import fit_spool, spool_states
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 

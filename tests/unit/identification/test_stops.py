@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
+from hil_bench.abilities.identification.identify import identify
+from hil_bench.abilities.identification.pieces import cut_pieces
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.report import find_misses
+from hil_bench.abilities.identification.stops import find_stops
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.identify import identify
-from hil_bench.machine.identification.pieces import cut_pieces
-from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.report import find_misses
-from hil_bench.machine.identification.stops import find_stops
 from hil_bench.plants.hydraulic_cylinder.model import (
     EndStop,
     PlantOptions,

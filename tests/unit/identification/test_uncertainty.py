@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hil_bench.machine.identification.uncertainty import (
+from hil_bench.abilities.identification.uncertainty import (
     Evidence,
     find_colour,
     find_covariance,
@@ -104,7 +104,7 @@ def test_the_loss_of_unit_noise_costs_no_more_than_it_says() -> None:
     # The optimum of the loss is not the mean; its true scatter must be what is stated.
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - an extra
 
-    from hil_bench.machine.identification.loss import cost_of  # noqa: PLC0415
+    from hil_bench.abilities.identification.loss import cost_of  # noqa: PLC0415
 
     source = np.random.default_rng(10)
     ends, stated = [], []

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.machine.identification.unknowns import KINDS, Guess, Sensors, Unknowns
+from hil_bench.abilities.identification.unknowns import KINDS, Guess, Sensors, Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 ALL = tuple(KINDS)

@@ -9,13 +9,13 @@ from support.feed_loop import FeedLoop
 
 import hil_bench
 from hil_bench import VirtualBench, load_config
+from hil_bench.abilities.panel.fault_table import fault_choices
+from hil_bench.abilities.scenario.from_journal import JournalSteps
+from hil_bench.abilities.scenario.records import SetStep
 from hil_bench.cli import ctl, main
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.cli.loop_summary import node_lines
 from hil_bench.errors import ConfigError
-from hil_bench.panel.fault_table import fault_choices
-from hil_bench.scenario.from_journal import JournalSteps
-from hil_bench.scenario.records import SetStep
 from hil_bench.session import attached
 
 BENCH = Path(__file__).parents[3] / "examples" / "j1939_lever.toml"

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BENCH = EXAMPLES / "j1939_lever.toml"

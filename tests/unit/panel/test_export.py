@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from support.live_bench import SECRET, panel, runtime_folder
 
+from hil_bench.abilities.panel import export
+from hil_bench.abilities.panel.export import make_mf4
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.panel import export
-from hil_bench.panel.export import make_mf4
 
 ROWS = struct.pack("<6d", 0.5, 1e5, -0.25, 0.501, float("nan"), 0.125)
 
@@ -89,7 +89,7 @@ def test_a_page_with_the_secret_gets_the_file(port):
 def test_others_get_nothing(port, monkeypatch):
     assert post(port, body([["a", "m"]]), "wrong")[0] == 401
     assert post(port, body([["a", "m"]]), "\xe4")[0] == 401
-    monkeypatch.setattr("hil_bench.panel.app.MOST_BYTES", 1 << 20)
+    monkeypatch.setattr("hil_bench.abilities.panel.app.MOST_BYTES", 1 << 20)
     status, words = post(port, b"x" * ((1 << 20) + 1))
     assert (status, words) == (400, b"mf4: more than 1 MiB; zoom in, or choose less")
     assert export.MOST_BYTES == 1 << 26

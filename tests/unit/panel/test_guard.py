@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from hil_bench.panel.guard import Guard, Secret
+from hil_bench.abilities.panel.guard import Guard, Secret
 
 PORT = 8408
 

@@ -4,11 +4,11 @@ import asyncio
 
 import pytest
 
+from hil_bench.abilities.panel import hub as hub_module
+from hil_bench.abilities.panel.bench_link import BenchLink
+from hil_bench.abilities.panel.hub import Hub
+from hil_bench.abilities.panel.viewer import Viewer
 from hil_bench.errors import BusError, WaitTimeoutError
-from hil_bench.panel import hub as hub_module
-from hil_bench.panel.bench_link import BenchLink
-from hil_bench.panel.hub import Hub
-from hil_bench.panel.viewer import Viewer
 
 
 async def send_nowhere(_lines):

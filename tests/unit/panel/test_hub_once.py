@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
+from hil_bench.abilities.panel import hub
 from hil_bench.errors import BusError
-from hil_bench.panel import hub
 
 
 class EnoughError(Exception):

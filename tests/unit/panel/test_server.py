@@ -13,15 +13,15 @@ from support.patience import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from hil_bench.abilities.panel import connections
+from hil_bench.abilities.panel.hub import MOST_VIEWERS
+from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
+from hil_bench.abilities.panel.server import open_port, read_password
+from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.panel import connections
-from hil_bench.panel.hub import MOST_VIEWERS
-from hil_bench.panel.record import RecordForm, make_scenario, write_test
-from hil_bench.panel.server import open_port, read_password
-from hil_bench.scenario.load import load_scenario
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ WRONG_SECRETS = [
 
 @pytest.mark.usefixtures("folder")
 def test_nothing_is_shown_or_done_without_the_secret(monkeypatch):
-    monkeypatch.setattr("hil_bench.panel.app._PENANCE", 0.0)
+    monkeypatch.setattr("hil_bench.abilities.panel.app._PENANCE", 0.0)
     with live_bench() as bench, panel() as port:
         for text in WRONG_SECRETS:
             address = f"ws://127.0.0.1:{port}/feed"
@@ -334,7 +334,7 @@ def test_a_port_in_use_is_told_and_the_usual_one_gives_way():
 def test_the_usual_port_gives_way(monkeypatch):
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
-        monkeypatch.setattr("hil_bench.panel.server.DEFAULT_PORT", port)
+        monkeypatch.setattr("hil_bench.abilities.panel.server.DEFAULT_PORT", port)
         with contextlib.closing(open_port("127.0.0.1", None)) as listener:
             assert listener.getsockname()[1] != port
 
@@ -418,7 +418,7 @@ def test_a_test_is_shown_before_it_is_written(tmp_path, monkeypatch):
     async def play(path):
         return {"verdict": f"of {path.name}"}
 
-    monkeypatch.setattr("hil_bench.panel.desk.play_test", play)
+    monkeypatch.setattr("hil_bench.abilities.panel.desk.play_test", play)
     with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:
         client.hear("hello")
         found = client.ask("preview", **FORM)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import saturation

@@ -4,9 +4,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from hil_bench.abilities.scenario.pytest_items import RequirementOutcome, played_once
+from hil_bench.abilities.scenario.results import ScenarioResult
 from hil_bench.errors import ControllerError
-from hil_bench.pytest_plugin.scenarios import RequirementOutcome, played_once
-from hil_bench.scenario.results import ScenarioResult
 
 pytest_plugins = ["pytester"]
 
@@ -44,7 +44,7 @@ def test_each_requirement_is_a_test(pytester):
 
 COUNTING = """
 import pathlib
-from hil_bench.scenario import results
+from hil_bench.abilities.scenario import results
 
 real = results.play
 

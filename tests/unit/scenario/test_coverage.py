@@ -9,19 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.expectations import TICK, VOCABULARY, margin, random_case, random_trace
 
+from hil_bench.abilities.scenario.examination import Examination
+from hil_bench.abilities.scenario.judgement import judge
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.recorded import lay_on_ticks
+from hil_bench.abilities.scenario.results import reason_of
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
+from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, recording_dtype
-from hil_bench.scenario.examination import Examination
-from hil_bench.scenario.judgement import judge
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.monitor import Monitor
-from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.recorded import lay_on_ticks
-from hil_bench.scenario.results import reason_of
-from hil_bench.scenario.run import PlayOptions, play, prepare
-from hil_bench.scenario.vocabulary import Vocabulary
 
 KNOWN = Vocabulary({"p": "-", "q": "-"}, has_frames=True)
 NAN = math.nan

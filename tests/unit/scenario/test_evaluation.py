@@ -17,12 +17,12 @@ from support.expectations import (
     rtamt_margins,
 )
 
-from hil_bench.scenario import nodes
-from hil_bench.scenario.build import AT_START, StreamBuilder
-from hil_bench.scenario.examination import Examination
-from hil_bench.scenario.monitor import Monitor
-from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.values import Block
+from hil_bench.abilities.scenario import nodes
+from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
+from hil_bench.abilities.scenario.examination import Examination
+from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.values import Block
 
 SPANS_THE_RUN = re.compile(r"(always|eventually|until) +\(")
 NO_MARGIN = 1e-323  # where RTAMT says 0, ours is the smallest number either side of it

@@ -6,11 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_bench.bench.configuration.records import FaultConfig
-from hil_bench.devices.faults.kinds import FaultKind
-from hil_bench.errors import ConfigError
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.records import (
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.records import (
     Controller,
     Expectation,
     FaultStep,
@@ -24,15 +21,18 @@ from hil_bench.scenario.records import (
     SetStep,
     SyncStep,
 )
-from hil_bench.scenario.resolve import (
+from hil_bench.abilities.scenario.resolve import (
     SetAction,
     compile_expectations,
     parameter_values,
     resolve_steps,
 )
-from hil_bench.scenario.usage import usage_problems
-from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.scenario.writing import to_csv, to_toml, write_scenario
+from hil_bench.abilities.scenario.usage import usage_problems
+from hil_bench.abilities.scenario.vocabulary import Vocabulary
+from hil_bench.abilities.scenario.writing import to_csv, to_toml, write_scenario
+from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
 
 MS = 1_000_000
 EXPECT = '[[expect]]\nid = "R1"\nthat = "always axis1.P_A < 250 bar"\n'

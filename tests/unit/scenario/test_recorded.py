@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from hil_bench.abilities.scenario.recorded import Trace, judge_trace, lay_on_ticks
+from hil_bench.abilities.scenario.records import Expectation
+from hil_bench.abilities.scenario.resolve import compile_texts
+from hil_bench.abilities.scenario.vocabulary import channel_vocabulary
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, recording_dtype
-from hil_bench.scenario.recorded import Trace, judge_trace, lay_on_ticks
-from hil_bench.scenario.records import Expectation
-from hil_bench.scenario.resolve import compile_texts
-from hil_bench.scenario.vocabulary import channel_vocabulary
 
 HEAD = "time,axis1.P_A\ns,Pa\n"
 PASSES = '[[expect]]\nid = "R1"\nthat = "always axis1.P_A < 250 bar"\n'

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.on_machine import prepare_for_machine
+from hil_bench.abilities.scenario.registers import name_registers
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.data_types import DATA_TYPES
 from hil_bench.outside.modbus.register_map import Register, Table
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.on_machine import prepare_for_machine
-from hil_bench.scenario.registers import name_registers
-from hil_bench.scenario.run import play, prepare
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_bench.units import BAR
 

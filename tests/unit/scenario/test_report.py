@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
+from hil_bench.abilities.scenario.examination import Examination
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.report import exhibits, picture
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.scenario.examination import Examination
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.report import exhibits, picture
-from hil_bench.scenario.run import PlayOptions, play, prepare
 from hil_bench.session.recording import RecordingWish
 
 HEAD = "duration_s = 0.03\n"
@@ -216,7 +216,7 @@ def test_a_report_that_cannot_be_is_refused_before_the_run(tmp_path, capsys, nam
 def test_a_report_needs_jinja(tmp_path, capsys, monkeypatch):
     real = importlib.util.find_spec
     monkeypatch.setattr(
-        "hil_bench.cli.scenario_report.find_spec",
+        "hil_bench.abilities.scenario.verbs.scenario_report.find_spec",
         lambda name: None if name == "jinja2" else real(name),
     )
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 1 bar"))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import PlayOptions, play, prepare
 
 HEAD = 'title = "T"\nduration_s = 0.2\n'
 EXAMPLE = '[controller]\nexample = "manual"\n'

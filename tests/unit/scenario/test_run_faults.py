@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import pytest
 from support.built_in_nodes import NODES
 
+from hil_bench.abilities.scenario import run
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.targets import Targets
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.scenario import run
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.targets import Targets
 from hil_bench.session.virtual_bench import VirtualBench
 
 KEYS = {

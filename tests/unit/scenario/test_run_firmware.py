@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
 
 PROGRAM = """
 import os, socket, sys

@@ -8,8 +8,10 @@ import pytest
 from support.built_in_nodes import NODES
 from support.machine_life import BY_EVENT, SYNCHRONOUS, commanded_blindly, motion, whole_life
 
+from hil_bench.abilities.shadow.axis_twin import Window
+from hil_bench.abilities.shadow.limits import fit_limits, widening
+from hil_bench.abilities.shadow.twin import Shadow
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.machine.shadow import Shadow, Window, fit_limits, widening
 
 BUILT_IN = load_config()
 HORIZON = 0.2

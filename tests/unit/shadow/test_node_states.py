@@ -3,10 +3,10 @@
 import can
 import pytest
 
+from hil_bench.abilities.shadow.node_states import NodeStates
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.machine.shadow.node_states import NodeStates
 
 
 @pytest.fixture

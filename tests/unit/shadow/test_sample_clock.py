@@ -3,8 +3,8 @@
 import can
 import pytest
 
-from hil_bench.machine.shadow.punctuality import PdoPunctuality
-from hil_bench.machine.shadow.sample_clock import SampleClock
+from hil_bench.abilities.shadow.punctuality import PdoPunctuality
+from hil_bench.abilities.shadow.sample_clock import SampleClock
 
 PDO = 0x184
 SYNC_PERIOD = 0.01

@@ -1,0 +1,209 @@
+"""A campaign as its file has it, a run to be done, and what came of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from hil_bench.abilities.campaign.distributions import Distribution
+from hil_bench.abilities.campaign.sampling import Point, Sampler
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.records import Scenario
+
+EACH = "each"
+"""In the place of seeds: every point has a seed of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """The description of a campaign.
+
+    Attributes:
+        path: its file; it names other files from there.
+        title: in words.
+        scenarios: files of scenarios.
+        sampler: how points are chosen.
+        runs: points of each scenario; a grid has as many as it has.
+        levels: of a grid, values a parameter.
+        seed: of the sampler.
+        seeds: of the bench: each point is run with every one of them; empty for the bench's own.
+        seed_each: whether each point has a seed of its own in their place.
+        benches: files of benches in the place of the scenarios' own; empty for these.
+        firmware: command lines in the place of the scenarios' own, by name.
+        parameters: what values the scenarios' parameters take; others have the `range` of the file.
+        tolerances: what values keys of the bench take, by their place as in
+            ``plant.axis1.mass_kg``.
+        timeout: how long a run may take, on the machine's clock [s].
+        given: values of the scenarios' parameters, which then do not vary.
+    """
+
+    path: Path
+    scenarios: tuple[Path, ...]
+    title: str = ""
+    sampler: Sampler = Sampler.SOBOL
+    runs: int = 64
+    levels: int = 5
+    seed: int = 0
+    seeds: tuple[int, ...] = ()
+    seed_each: bool = False
+    benches: tuple[Path, ...] = ()
+    firmware: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parameters: Mapping[str, Distribution] = field(default_factory=dict)
+    tolerances: Mapping[str, Distribution] = field(default_factory=dict)
+    timeout: float = 60.0
+    given: Point = field(default_factory=dict)
+
+    def changed(
+        self,
+        *,
+        runs: int | None,
+        sampler: str | None,
+        seed: int | None,
+        given: Mapping[str, float] | None = None,
+    ) -> Self:
+        """Return the campaign with other values in the place of the file's; None changes nothing.
+
+        Args:
+            runs: points of each scenario.
+            sampler: the name of one.
+            seed: of the sampler.
+            given: values of parameters.
+        """
+        changes: dict[str, Any] = {"runs": runs, "seed": seed, "given": given}
+        changes["sampler"] = None if sampler is None else Sampler(sampler)
+        return replace(self, **{k: value for k, value in changes.items() if value is not None})
+
+
+class Case(NamedTuple):
+    """A scenario on a bench with a controller: what all runs of a group have in common.
+
+    Attributes:
+        name: of the scenario, as the campaign names it.
+        bench: of the bench, likewise; empty for the scenario's own.
+        firmware: of the firmware, likewise.
+        scenario: with that bench, by its absolute path, and that firmware.
+        digest: of all that decides what its runs find, but parameters and seed.
+    """
+
+    name: str
+    bench: str
+    firmware: str
+    scenario: Scenario
+    digest: str
+
+
+class RunSpec(NamedTuple):
+    """A run to be done.
+
+    Attributes:
+        key: the digest of all below.
+        case: what is run.
+        parameters: of the scenario, each in its own unit.
+        tolerances: keys of the bench with their values.
+        seed: of the bench; None for the bench's own.
+        timeout: how long it may take [s].
+    """
+
+    key: str
+    case: Case
+    parameters: Point
+    tolerances: Point
+    seed: int | None
+    timeout: float
+
+    @property
+    def values(self) -> Point:
+        """All that was varied."""
+        return {**self.parameters, **self.tolerances}
+
+
+class RunOutcome(StrEnum):
+    """The outcome of a run: the worst of its requirements, where it came to its end."""
+
+    PASSED = "passed"
+    NOT_EXERCISED = "not exercised"
+    INCONCLUSIVE = "inconclusive"
+    FAILED = "failed"
+    TIMED_OUT = "timed out"
+    CRASHED = "crashed"
+
+    @property
+    def is_failure(self) -> bool:
+        """True if the outcome shows that something is wrong."""
+        return self is RunOutcome.FAILED or self.is_cut_off
+
+    @property
+    def is_cut_off(self) -> bool:
+        """True if the run did not come to its end."""
+        return self in {RunOutcome.TIMED_OUT, RunOutcome.CRASHED}
+
+
+class Verdict(NamedTuple):
+    """The verdict of a run on a requirement.
+
+    Attributes:
+        id: of the requirement.
+        outcome: as `RequirementOutcome` has it.
+        margin: as a share of the tolerance; None where it is unknown or has no size.
+        reason: why, in a line.
+        seen: how much of its time the run showed, 0 to 1; None in results of versions before.
+    """
+
+    id: str
+    outcome: str
+    margin: float | None
+    reason: str
+    seen: float | None = None
+
+    @property
+    def is_failed(self) -> bool:
+        """True if the run failed the requirement."""
+        return self.outcome == RequirementOutcome.FAILED
+
+    @property
+    def is_decided(self) -> bool:
+        """True if the run passed or failed the requirement."""
+        return self.is_failed or self.outcome == RequirementOutcome.PASSED
+
+    @property
+    def decided_margin(self) -> float | None:
+        """The margin of a decided requirement; None where it has no size."""
+        return self.margin if self.is_decided else None
+
+
+class RunResult(NamedTuple):
+    """The result of a run.
+
+    Attributes:
+        key: of the run.
+        scenario: the name of the scenario.
+        bench: of the bench; empty for the scenario's own.
+        firmware: likewise.
+        seed: of the bench; None for the bench's own.
+        values: what was varied, in the units of the names.
+        outcome: of the run.
+        problem: why it did not come to its end; empty where it did.
+        duration: of the run, in bench time [s].
+        verdicts: on each requirement; empty where it did not come to its end.
+    """
+
+    key: str
+    scenario: str
+    bench: str
+    firmware: str
+    seed: int | None
+    values: Point
+    outcome: RunOutcome
+    problem: str = ""
+    duration: float = 0.0
+    verdicts: tuple[Verdict, ...] = ()
+
+    def verdict_on(self, requirement: str) -> Verdict | None:
+        """Return the verdict on a requirement; None without one."""
+        return next((each for each in self.verdicts if each.id == requirement), None)
+
+    def outcome_of(self, requirement: str) -> str:
+        """Return the outcome of a requirement; of the run, where it did not come to its end."""
+        found = self.verdict_on(requirement)
+        return self.outcome.value if found is None else found.outcome

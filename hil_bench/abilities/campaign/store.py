@@ -1,0 +1,224 @@
+"""The results of a campaign in a folder: Parquet files, each written whole or not at all."""
+
+import hashlib
+import os
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil_bench.abilities.campaign.identity import program_identity
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.errors import ConfigError, about_file, printable
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_PROGRAM = b"hil-bench"
+_FIRMWARE = b"firmware:"
+_GIVEN = b"set"
+
+
+class Store:
+    """The results of a campaign.
+
+    Args:
+        folder: where they are; made where it is missing.
+        firmware: the digest of each firmware by its name.
+        given: values of parameters that the campaign was given with --set.
+
+    Raises:
+        ConfigError: the folder cannot be made.
+    """
+
+    def __init__(
+        self, folder: Path, firmware: Mapping[str, str], given: Mapping[str, float] | None = None
+    ) -> None:
+        self.folder = folder
+        self._firmware = dict(firmware)
+        self._given = set_words(given or {})
+        with about_file(folder, what="cannot be made"):
+            folder.mkdir(parents=True, exist_ok=True)
+        self._remove_halves()
+
+    def write(self, results: Sequence[RunResult]) -> None:
+        """Write results to a file of their own.
+
+        A `ConfigError` says why it cannot be written; those written before are there.
+        """
+        import pyarrow.parquet as pq  # noqa: PLC0415 - an extra, and slow to import
+
+        if not results:
+            return
+        rows = sorted(results)
+        name = hashlib.sha256("".join(row.key for row in rows).encode()).hexdigest()[:16]
+        path, half = self.folder / f"{name}.parquet", self.folder / f".{name}.{os.getpid()}.half"
+        meta = {_PROGRAM: program_identity().encode()}
+        meta[_GIVEN] = shlex.join(self._given).encode()
+        meta |= {_FIRMWARE + k.encode(): v.encode() for k, v in self._firmware.items()}
+        table = _to_table(rows).replace_schema_metadata(meta)
+        kept = "all earlier runs are kept, and the same command goes on from there"
+        with about_file(self.folder, right=kept):
+            try:
+                with half.open("wb") as file:
+                    pq.write_table(table, file, compression="zstd")
+                    file.flush()
+                    os.fsync(file.fileno())
+                half.replace(path)
+            finally:
+                with suppress(OSError):
+                    half.unlink(missing_ok=True)
+
+    def keys(self) -> set[str]:
+        """Return the keys of all runs that are done."""
+        found = set[str]()
+        for path in self._files():
+            table = self._read(path, ["key"])
+            with _about_rows(path):
+                found.update(table["key"].to_pylist())
+        return found
+
+    def results(self, *, is_foreign: bool = False) -> Iterator[RunResult]:
+        """Yield all results, file by file; one that is there twice comes twice.
+
+        Args:
+            is_foreign: whether another version of hil-bench may have made them.
+        """
+        for path in self._files():
+            table = self._read(path, is_foreign=is_foreign)
+            with _about_rows(path):
+                results = [_from_row(row) for row in table.to_pylist()]
+            yield from results
+
+    def _files(self) -> list[Path]:
+        return sorted(self.folder.rglob("*.parquet"))
+
+    def _read(
+        self, path: Path, columns: list[str] | None = None, *, is_foreign: bool = False
+    ) -> "pa.Table":
+        import pyarrow as pa  # noqa: PLC0415 - an extra, and slow to import
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        try:
+            # Arrow's own file: a thread of Arrow that releases what it has read of one of Python's
+            # needs the interpreter, which may have ended by then, and aborts the process.
+            with pa.OSFile(str(path)) as file:
+                parquet = pq.ParquetFile(file)
+                meta = parquet.schema_arrow.metadata or {}
+                if not is_foreign:
+                    self._check_origin(path, meta)
+                return parquet.read(columns)
+        except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+            right = "remove it, and its runs are done again"
+            first = str(error).splitlines()[0]
+            raise ConfigError(f"{path}: cannot be read: {first}; {right}") from None
+
+    def _check_origin(self, path: Path, meta: Mapping[bytes, bytes]) -> None:
+        program = meta.get(_PROGRAM, b"").decode(errors="replace")
+        if not program:
+            raise ConfigError(f"{path}: is no result of a campaign; take it out of the folder")
+        if program != program_identity():
+            wrong = f"comes from hil-bench {program}, and this is {program_identity()}"
+            right = "use one version for all, or another --output"
+            raise ConfigError(f"{path}: {wrong}; {right}")
+        given, here = meta.get(_GIVEN, b"").decode(errors="replace"), shlex.join(self._given)
+        if given != here:
+            wrong = f"comes from a campaign with {given or 'no --set'}, and this has"
+            right = "give the same, or another --output"
+            raise ConfigError(f"{path}: {wrong} {here or 'none'}; {right}")
+        for name, digest in self._firmware.items():
+            other = meta.get(_FIRMWARE + name.encode())
+            if other is not None and other.decode(errors="replace") != digest:
+                wrong = f"comes from another build of the firmware {name!r} ({other.decode()[:8]})"
+                right = f"here it is {digest[:8]}; take one build to all machines, or another"
+                raise ConfigError(f"{path}: {wrong}; {right} --output")
+
+    def _remove_halves(self) -> None:
+        """Remove what a process that was killed has left."""
+        for path in self.folder.glob(".*.half"):
+            with suppress(OSError, ValueError):
+                if not _runs(int(path.suffixes[-2][1:])):
+                    path.unlink()
+
+
+@contextmanager
+def _about_rows(path: Path) -> Iterator[None]:
+    """Name the file where a row of it is no result.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ConfigError: it is so.
+    """
+    try:
+        yield
+    except (KeyError, TypeError, ValueError) as error:
+        wrong = f"has a row that is no result of a campaign ({printable(str(error))})"
+        raise ConfigError(f"{path}: {wrong}; remove it, and its runs are done again") from None
+
+
+def same_finding(one: RunResult, other: RunResult) -> bool:
+    """Return True if two results of a run agree; the last words of firmware name ports."""
+    return one._replace(problem="") == other._replace(problem="")
+
+
+def set_words(given: Mapping[str, float]) -> list[str]:
+    """Return values of parameters as words of a command line."""
+    return [f"--set={name}={value!r}" for name, value in sorted(given.items())]
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _to_table(results: Sequence[RunResult]) -> "pa.Table":
+    import pyarrow as pa  # noqa: PLC0415 - an extra, and slow to import
+
+    verdict = pa.struct(
+        [
+            ("id", pa.string()),
+            ("outcome", pa.string()),
+            ("margin", pa.float64()),
+            ("reason", pa.string()),
+            ("seen", pa.float64()),
+        ]
+    )
+    schema = pa.schema(
+        [
+            ("key", pa.string()),
+            ("scenario", pa.string()),
+            ("bench", pa.string()),
+            ("firmware", pa.string()),
+            ("seed", pa.int64()),
+            ("values", pa.map_(pa.string(), pa.float64())),
+            ("outcome", pa.string()),
+            ("problem", pa.string()),
+            ("duration", pa.float64()),
+            ("verdicts", pa.list_(verdict)),
+        ]
+    )
+    rows = [
+        {
+            **each._asdict(),
+            "outcome": each.outcome.value,
+            "values": sorted(each.values.items()),
+            "verdicts": [one._asdict() for one in each.verdicts],
+        }
+        for each in results
+    ]
+    return pa.Table.from_pylist(rows, schema=schema)
+
+
+def _from_row(row: dict[str, Any]) -> RunResult:
+    values = dict(row.pop("values"))
+    verdicts = tuple(Verdict(**each) for each in row.pop("verdicts"))
+    outcome = RunOutcome(str(row.pop("outcome")))
+    return RunResult(**row, values=values, outcome=outcome, verdicts=verdicts)

@@ -1,0 +1,216 @@
+"""The network that a master is to boot, from a file or from a bench."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from hil_bench.abilities.commissioning.boot_keys import (
+    IDENTITY_KEYS,
+    MASTER_KEYS,
+    SLAVE_KEYS,
+    days_and_milliseconds,
+)
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.config.document import (
+    Document,
+    Sort,
+    check_tables,
+    read_document,
+    read_named_sections,
+    read_section,
+)
+from hil_bench.config.objects import name_object, override_defaults, parse_object
+from hil_bench.config.settings import Problems, convert, read_table
+from hil_bench.errors import ConfigError
+from hil_drivers.boot_records import Loss, Slave, Start, Startup
+from hil_drivers.concise_dcf import (
+    ConciseEntry,
+    convert_dcf,
+    order_writes,
+    read_concise_dcf,
+)
+from hil_drivers.eds import load_eds as load_loosely
+from hil_drivers.errors import DriverError
+from hil_drivers.network import CONTROLLER_ID
+
+BOOT_TIME: Final = 10.0
+"""Longest time until the nodes of a bench are booted [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BootPlan:
+    """A network and its master.
+
+    Attributes:
+        node_id: of the master.
+        heartbeat: time between two heartbeats of the master [s]; 0 for none.
+        startup: how the master boots.
+        slaves: the network list, in the order of the file.
+    """
+
+    node_id: int
+    heartbeat: float
+    startup: Startup
+    slaves: tuple[Slave, ...]
+
+
+def plan_of_bench(config: BenchConfig) -> BootPlan:
+    """Return how to boot the nodes of a bench: all mandatory, identity by EDS, not configured."""
+    slaves = []
+    for node in config.nodes:
+        device_type, identity = _identity_of(node.eds, node.node_id)
+        if node.serial_number:
+            identity = (*identity[:3], node.serial_number)
+        slaves.append(Slave(node.node_id, node.name, device_type=device_type, identity=identity))
+    return BootPlan(CONTROLLER_ID, 0.0, Startup(boot_time=BOOT_TIME), tuple(slaves))
+
+
+def load_boot_plan(path: Path) -> BootPlan:
+    """Return the network of a file; every problem of its keys is told at once, a line each."""
+    document = read_document(path, Sort.NETWORK)
+    problems = Problems(str(path))
+    check_tables(document, ("master", "slaves"), problems)
+    master = read_table("master", read_section(document, "master", problems), MASTER_KEYS, problems)
+    tables = {
+        name: read_table(f"slaves.{name}", given, SLAVE_KEYS, problems)
+        for name, given in read_named_sections(document, "slaves", problems).items()
+    }
+    if not tables:
+        problems.add(problems.source, "has no slaves; give tables such as [slaves.valve]")
+    problems.raise_any()
+    values = convert(master, MASTER_KEYS)
+    slaves: dict[int, Slave] = {}
+    for name, table in tables.items():
+        place = problems.place(f"slaves.{name}")
+        try:
+            slave = _slave(path, name, convert(table, SLAVE_KEYS), place)
+        except ConfigError as error:
+            problems.add(place, str(error).removeprefix(f"{place}: "))
+        except DriverError as error:
+            problems.add(place, error)
+        else:
+            _check_node_id(slave, values["node_id"], slaves, problems, place)
+            slaves[slave.node_id] = slave
+    problems.raise_any()
+    return BootPlan(
+        values["node_id"],
+        values["heartbeat"],
+        Startup(Start(values["start"]), Loss(values["on_loss"]), values["boot_time"]),
+        tuple(slaves.values()),
+    )
+
+
+def _check_node_id(
+    slave: Slave, master: int, known: Mapping[int, Slave], problems: Problems, place: str
+) -> None:
+    if slave.node_id == master:
+        problems.add(f"{place}.node_id", f"{master} is the master's; give another one")
+    elif slave.node_id in known:
+        other = known[slave.node_id].name
+        problems.add(f"{place}.node_id", f"{slave.node_id} is that of {other}; give another one")
+
+
+def _slave(path: Path, name: str, values: dict[str, Any], place: str) -> Slave:
+    """Return a slave.
+
+    Raises:
+        ConfigError: what it gives does not fit together.
+    """
+    node_id = values["node_id"]
+    files = {key: None if values[key] is None else path.parent / values[key] for key in _FILES}
+    described = files["eds"] or files["dcf"]
+    device_type, identity = (0, (0, 0, 0, 0))
+    if described is not None:
+        device_type, identity = _identity_of(described, node_id)
+    given = (values[key] for key in IDENTITY_KEYS)
+    vendor, product, revision, serial = (
+        known if own is None else own for own, known in zip(given, identity, strict=True)
+    )
+    configuration = _configuration(files, values["objects"], node_id, place)
+    time = values["configured"]
+    if time is not None and not configuration:
+        raise ConfigError("configured: there is no configuration; give dcf, concise_dcf or objects")
+    date, milliseconds = (0, 0) if time is None else days_and_milliseconds(time)
+    return Slave(
+        node_id,
+        name,
+        mandatory=values["mandatory"],
+        boots=values["boots"],
+        keep_alive=values["keep_alive"],
+        device_type=device_type if values["device_type"] is None else values["device_type"],
+        identity=(vendor, product, revision, serial),
+        configuration=configuration,
+        date=date,
+        time=milliseconds,
+        store=values["store"],
+        restore=values["restore"],
+        heartbeat_time=values["heartbeat_time"],
+    )
+
+
+_FILES: Final = ("eds", "dcf", "concise_dcf")
+
+
+def _configuration(
+    files: Mapping[str, Path | None], objects: Document, node_id: int, place: str
+) -> tuple[ConciseEntry, ...]:
+    """Return what is written to a slave: first what a file says, then single objects.
+
+    Raises:
+        ConfigError: two files, or objects of a device of which no EDS tells the types.
+    """
+    dcf, concise = files["dcf"], files["concise_dcf"]
+    if dcf is not None and concise is not None:
+        raise ConfigError("dcf and concise_dcf are both given; give one")
+    entries: tuple[ConciseEntry, ...] = ()
+    if dcf is not None:
+        entries = convert_dcf(dcf, node_id)
+    elif concise is not None:
+        entries = read_concise_dcf(concise)
+    if not objects:
+        return entries
+    described = files["eds"] or dcf
+    if described is None:
+        raise ConfigError("objects need the types of an EDS; give eds")
+    return entries + _writes(described, objects, node_id, f"{place}.objects")
+
+
+def _writes(eds: Path, objects: Document, node_id: int, place: str) -> tuple[ConciseEntry, ...]:
+    """Return single objects as writes.
+
+    Raises:
+        ConfigError: an object is not there, cannot be written or cannot have its value.
+    """
+    dictionary = load_eds(eds, node_id)
+    defaults = {
+        (variable.index, variable.subindex): variable.default
+        for variable in dictionary
+        if isinstance(variable.default, int)
+    }
+    given = {parse_object(name): value for name, value in objects.items()}
+    bound = next((name for name, value in objects.items() if isinstance(value, dict)), None)
+    if bound is not None:
+        raise ConfigError(f"{place}.{bound}: is a table; give a value")
+    override_defaults(dictionary, given, place=place, node_id=node_id)  # type: ignore[arg-type]
+    values = {}
+    for key in given:
+        variable = dictionary.variable(*key)
+        if not variable.access.writable:
+            raise ConfigError(f"{place}.{name_object(*key)}: is read-only; leave it out")
+        values[key] = variable.data_type.encode(variable.value)
+    return order_writes(values, defaults)
+
+
+def _identity_of(eds: Path, node_id: int) -> tuple[int, tuple[int, int, int, int]]:
+    """Return device type and identity by an EDS, 0 where it gives none."""
+    dictionary = load_loosely(eds, node_id)
+
+    def number(index: int, subindex: int) -> int:
+        variable = dictionary.get_variable(index, subindex)
+        value = None if variable is None or variable.subindex != subindex else variable.default
+        return value if isinstance(value, int) else 0
+
+    vendor, product, revision, serial = (number(0x1018, sub) for sub in (1, 2, 3, 4))
+    return number(0x1000, 0), (vendor, product, revision, serial)

@@ -1,0 +1,154 @@
+"""Steps and sweeps in frequency: how fast valve and piston answer."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.commissioning import estimation
+from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
+from hil_bench.abilities.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
+from hil_bench.abilities.commissioning.procedure import REST, Procedure
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+
+
+def steps(procedure: Procedure, step: Step) -> StepResult:
+    """Open the valve by a step each way: how soon the spool is there, how fast the piston goes."""
+    result = StepResult(step.kind)
+    u, duration = step.values["opening"], step.values["duration"]
+    parameters = procedure.parameters
+    low, high = step.limits.position
+    procedure.rig.enable()
+    procedure.go_to(0.5 * (low + high) - 0.5 * expected_travel(step, parameters))
+
+    def command(time: float) -> float:
+        if time < REST:
+            return 0.0
+        if time < REST + duration:
+            return u
+        return -u if 2 * REST + duration <= time < 2 * REST + 2 * duration else 0.0
+
+    trace = result.trace = procedure.rig.move(command, 3 * REST + 2 * duration)
+    time = trace["time"]
+    sheet, share = expected_speed(u, parameters), step.values["speed_tolerance"]
+    for name, sign, start in (
+        ("extending", 1.0, REST),
+        ("retracting", -1.0, 2 * REST + duration),
+    ):
+        part = (time > start + 0.5 * duration) & (time <= start + duration)
+        speed = sign * estimation.slope(time[part], trace["position"][part])
+        result.measures.append(
+            Measure(f"speed, {name}", speed, "m/s", (1 - share) * sheet, (1 + share) * sheet)
+        )
+    first = time < REST + duration
+    rise = estimation.rise_time(
+        time[first], trace["spool_setpoint"][first], trace["spool_position"][first]
+    )
+    result.measures += [
+        Measure("spool: time to 63 %", rise, "s", high=step.values["rise_time"]),
+        Measure("highest pressure", float(max(trace[P_A].max(), trace[P_B].max())), "Pa"),
+        Measure("lowest pressure", float(min(trace[P_A].min(), trace[P_B].min())), "Pa"),
+    ]
+    return result
+
+
+def chirp(procedure: Procedure, step: Step) -> StepResult:
+    """Sweep a small sine on top of slow motion: the hydraulic mode's frequency and damping."""
+    result = StepResult(step.kind)
+    values, rig = step.values, procedure.rig
+    u, duration, amplitude = values["opening"], values["duration"], values["amplitude"]
+    start, end = values["start"], values["end"]
+    low, high = step.limits.position
+    rig.enable()
+    procedure.go_to(0.5 * (low + high) - 0.5 * expected_travel(step, procedure.parameters))
+
+    def command(time: float) -> float:
+        since = time - SETTLING
+        if since < 0.0:
+            return u
+        phase = 2.0 * math.pi * (start + 0.5 * (end - start) * since / duration) * since
+        return u + amplitude * math.sin(phase)
+
+    trace = result.trace = rig.move(command, SETTLING + duration)
+    rig.move(lambda _time: 0.0, REST)
+    swept = trace[trace["time"] >= SETTLING]
+    band = (start, min(end, 0.4 / rig.period))
+    # By the position: the sensor's own speed may be the mean of some time.
+    spool, positions = (
+        estimation.resample(swept["time"], swept[name], rig.period)
+        for name in ("spool_position", "position")
+    )
+    grid = rig.period * np.arange(len(positions), dtype=np.float64)
+    speed = estimation.derivative(positions, grid)
+    measured = estimation.undo_derivative(
+        estimation.frequency_response(spool, speed, rig.period, band), rig.period
+    )
+    mode = estimation.fit_mode(measured)
+    position = float(swept["position"].mean())
+    sheet = hydraulic_frequency(procedure.parameters, position)
+    modulus = procedure.parameters.E * (mode.frequency / sheet) ** 2
+    share = values["frequency_tolerance"]
+    result.measures += [
+        Measure("eigenfrequency", mode.frequency, "Hz", (1 - share) * sheet, (1 + share) * sheet),
+        Measure("damping ratio", mode.damping, "", low=values["smallest_damping"]),
+        Measure("effective bulk modulus", modulus * 1e-6, "MPa"),
+        Measure("coherence, mean", float(measured.coherence.mean()), "", low=0.5),
+    ]
+    if mode.frequency < (1 - share) * sheet:
+        result.findings.append(_soft_oil(mode.frequency, sheet, modulus, procedure.parameters.E))
+    result.curves += _bode(measured, mode)
+    return result
+
+
+def hydraulic_frequency(parameters: PlantParameters, position: float) -> float:
+    """Return the frequency of the piston's mass on the oil of both chambers [Hz].
+
+    ω₀² = E (A_A² / V_A + A_B² / V_B) / m, with the volumes at a position [m] from mid-stroke.
+    """
+    volume_a = parameters.V_A0 + parameters.A_A * position
+    volume_b = parameters.V_B0 - parameters.A_B * position
+    stiffness = parameters.E * (parameters.A_A**2 / volume_a + parameters.A_B**2 / volume_b)
+    return math.sqrt(stiffness / parameters.m) / (2.0 * math.pi)
+
+
+def _soft_oil(frequency: float, sheet: float, modulus: float, expected: float) -> Diagnosis:
+    return Diagnosis(
+        "air in the oil",
+        f"eigenfrequency {frequency:.1f} Hz where the data sheet gives {sheet:.1f} Hz: the oil is "
+        f"as soft as {modulus * 1e-6:.0f} MPa, not {expected * 1e-6:.0f} MPa",
+        "bleed the cylinder; soft hoses or a greater mass than the data sheet's look the same",
+    )
+
+
+def _bode(measured: estimation.FrequencyResponse, mode: estimation.Mode) -> list[Curve]:
+    frequency, response = measured.frequency, measured.response
+    model = mode.response(frequency)
+    phase: npt.NDArray[np.float64] = np.degrees(np.unwrap(np.angle(response)))
+    return [
+        Curve(
+            "Speed per spool: gain",
+            "Frequency [Hz]",
+            "Gain [dB of mm/s per %]",
+            frequency,
+            _decibels(response),
+            frequency,
+            _decibels(model),
+            is_frequency=True,
+        ),
+        Curve(
+            "Speed per spool: phase",
+            "Frequency [Hz]",
+            "Phase [deg]",
+            frequency,
+            phase,
+            frequency,
+            np.degrees(np.unwrap(np.angle(model))),
+            is_frequency=True,
+        ),
+    ]
+
+
+def _decibels(response: npt.NDArray[np.complex128]) -> npt.NDArray[np.float64]:
+    """Return m/s per fraction of full opening as dB of mm/s per percent."""
+    return np.asarray(20.0 * np.log10(np.maximum(np.abs(response) * 10.0, 1e-9)))

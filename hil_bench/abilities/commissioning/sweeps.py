@@ -1,0 +1,124 @@
+"""Slow sweeps of the spool: dead band, speed against spool, friction against speed."""
+
+import math
+
+import numpy as np
+
+from hil_bench.abilities.commissioning import estimation
+from hil_bench.abilities.commissioning.measures import Curve, Measure, StepResult
+from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
+from hil_bench.abilities.commissioning.procedure import REST, Procedure
+from hil_bench.outside.recording.channels import Recording
+
+
+class Triangle:
+    """A set-point that goes to a peak and back, then to the other peak and back.
+
+    Args:
+        amplitude: peak [-].
+        duration: of the whole [s].
+    """
+
+    def __init__(self, amplitude: float, duration: float) -> None:
+        self._amplitude = amplitude
+        self._duration = duration
+
+    def __call__(self, time: float) -> float:
+        """Return the set-point at a time [s]; 0 after the whole."""
+        if not 0.0 <= time < self._duration:
+            return 0.0
+        phase = time / self._duration
+        sign = 1.0 if phase < 0.5 else -1.0
+        part = 2.0 * (phase % 0.5)
+        return sign * self._amplitude * (1.0 - abs(2.0 * part - 1.0))
+
+
+def _sweep(procedure: Procedure, step: Step) -> Recording:
+    """Sweep the spool slowly both ways about the middle of the limits, and return the samples."""
+    low, high = step.limits.position
+    u, duration = step.values["opening"], step.values["duration"]
+    rig = procedure.rig
+    rig.enable()
+    procedure.go_to(0.5 * (low + high) - 0.5 * expected_travel(step, procedure.parameters))
+    return rig.move(Triangle(u, duration), duration + REST)
+
+
+def dead_band(procedure: Procedure, step: Step) -> StepResult:
+    """Sweep the spool slowly through zero: where the piston begins to move each way."""
+    result = StepResult(step.kind)
+    trace = result.trace = _sweep(procedure, step)
+    spool, speed = trace["spool_position"], trace["speed"]
+    band = estimation.dead_band(spool, speed)
+    sheet = 2.0 * procedure.parameters.beta / procedure.parameters.full_opening
+    share = step.values["dead_band_tolerance"]
+    zero = step.values["zero"]
+    result.measures += [
+        Measure("valve zero", band.zero, "-", -zero, zero),
+        Measure("dead band", band.width, "-", (1 - share) * sheet, (1 + share) * sheet),
+        Measure("edge for extending", band.positive, "-"),
+        Measure("edge for retracting", band.negative, "-"),
+    ]
+    if 0.0 < band.width < 1.8:
+        procedure.dead_zone = 0.5 * band.width
+    edges = np.array([band.negative, band.positive]) * 100.0
+    result.curves.append(
+        Curve(
+            "Speed against spool position",
+            "Spool [%]",
+            "Speed [mm/s]",
+            spool * 100.0,
+            speed * 1e3,
+            edges,
+            np.zeros(2),
+        )
+    )
+    return result
+
+
+def ramp(procedure: Procedure, step: Step) -> StepResult:
+    """Ramp the spool slowly both ways: speed against spool, friction against speed."""
+    result = StepResult(step.kind)
+    trace = result.trace = _sweep(procedure, step)
+    parameters, values = procedure.parameters, step.values
+    spool, speed = trace["spool_position"], trace["speed"]
+    # What the oil's oscillation takes to move the mass is no friction.
+    inertia = parameters.m * estimation.derivative(speed, trace["time"])
+    force = procedure.force(trace) - inertia
+    band = estimation.dead_band(spool, speed)
+    sheet = expected_speed(1.0, parameters) / (1.0 - parameters.beta / parameters.full_opening)
+    share = values["gain_tolerance"]
+    limits = ((1 - share) * sheet * 0.01, (1 + share) * sheet * 0.01)
+    mean = 0.5 * (band.gain_positive + band.gain_negative)
+    asymmetry = (band.gain_positive - band.gain_negative) / mean
+    slowest = max(3.0 * parameters.chi, 0.15 * float(np.abs(speed).max()))
+    found = estimation.friction(speed, force, slowest=min(slowest, 0.5 * np.abs(speed).max()))
+    spread = values["friction_tolerance"]
+    result.measures += [
+        Measure("speed per percent, extending", 0.01 * band.gain_positive, "m/s", *limits),
+        Measure("speed per percent, retracting", 0.01 * band.gain_negative, "m/s", *limits),
+        Measure("asymmetry", asymmetry, "-", -values["asymmetry"], values["asymmetry"]),
+        Measure(
+            "Coulomb friction",
+            found.coulomb,
+            "N",
+            (1 - spread) * parameters.F_c,
+            (1 + spread) * parameters.F_c,
+        ),
+        Measure(
+            "viscous friction",
+            found.viscous,
+            "N s/m",
+            (1 - spread) * parameters.sigma,
+            (1 + spread) * parameters.sigma,
+        ),
+        Measure("load force", found.load, "N"),
+    ]
+    line = np.array([speed.min(), -slowest, math.nan, slowest, speed.max()])
+    fit = found.load + np.sign(line) * found.coulomb + found.viscous * line
+    result.curves += [
+        Curve(
+            "Speed against spool position", "Spool [%]", "Speed [mm/s]", spool * 100, speed * 1e3
+        ),
+        Curve("Friction", "Speed [mm/s]", "Force [N]", speed * 1e3, force, line * 1e3, fit),
+    ]
+    return result

@@ -1,0 +1,66 @@
+"""What a check is, and how one ends.
+
+Clauses are those of CiA 301 version 4.2.0. CiA 305 is cited by the name of the service.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+
+
+class Impact(IntEnum):
+    """What a check does to the device."""
+
+    READ = 0
+    """Reads and listens; sends nothing that asks for a change."""
+    WRITE = 1
+    """Writes objects and restores them, resets, starts and stops the node, sends it PDOs."""
+    STORE = 2
+    """Overwrites the parameters that the device has stored."""
+
+
+Judge = Callable[[DeviceUnderTest], str | None]
+"""Does the check. Returns what else is worth telling; raises `Deviation` or `NotApplicable`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that a clause asks for.
+
+    Attributes:
+        clause: where it stands.
+        text: what is right, in a line.
+        impact: what the check does to the device.
+        judge: does it.
+    """
+
+    clause: str
+    text: str
+    impact: Impact
+    judge: Judge
+
+
+class Chapter:
+    """The checks of one subject, in the order in which they are done.
+
+    Attributes:
+        title: the subject.
+        checks: its checks.
+    """
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.checks: list[Check] = []
+
+    def check(
+        self, clause: str, text: str, impact: Impact = Impact.READ
+    ) -> Callable[[Judge], Judge]:
+        """Return a decorator that adds a function as a check."""
+
+        def add(judge: Judge) -> Judge:
+            self.checks.append(Check(clause, text, impact, judge))
+            return judge
+
+        return add

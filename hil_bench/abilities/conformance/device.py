@@ -1,0 +1,264 @@
+"""The device under test: its EDS, its bus, and what the checks do with it again and again."""
+
+import contextlib
+import struct
+from collections.abc import Iterator
+from functools import cached_property
+
+from hil_bench.abilities.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.abilities.conformance.wire import Wire
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NmtCommand, NmtState
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+
+BOOT_PATIENCE = 5.0
+"""Longest wait for the boot-up message [s]; a device may take its time to start."""
+
+HEARTBEAT_MS = 50
+"""Heartbeat by which the NMT state is watched [ms]."""
+
+HEARTBEAT_TIME = (0x1017, 0)
+
+_ERROR_CONTROL, _EMERGENCY = 0x700, 0x080
+_TOGGLE = 0x80
+_NODE_IDS = range(1, 128)
+
+
+class DeviceUnderTest:
+    """One device.
+
+    Attributes:
+        wire: the bus it is on.
+        node_id: its node-ID.
+        objects: what its EDS says of it.
+        patience: longest wait for an answer, and how long silence is waited for [s].
+        settling: time that the device is given to act on a frame that it does not answer [s].
+        sdo: its default SDO channel.
+    """
+
+    def __init__(
+        self, wire: Wire, node_id: int, objects: ObjectDictionary, patience: float = 0.5
+    ) -> None:
+        self.wire = wire
+        self.node_id = node_id
+        self.objects = objects
+        self.patience = patience
+        self.settling = patience / 25
+        self.sdo = SdoClient(wire, REQUEST + node_id, ANSWER + node_id, patience)
+        self._sends_boot_up = True
+
+    def command(self, command: NmtCommand, node_id: int | None = None) -> None:
+        """Send an NMT command, to this device unless told otherwise."""
+        target = self.node_id if node_id is None else node_id
+        self.wire.send(Frame(0x000, bytes([command, target])))
+
+    def boot(self, command: NmtCommand = NmtCommand.RESET_COMMUNICATION) -> None:
+        """Reset the device and have it in PRE-OPERATIONAL, with or without a boot-up message.
+
+        A device may start by itself (1F80h). `Deviation` where it does not answer again.
+        """
+        self.reset(command)
+        self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        self.wire.wait(self.settling)
+
+    def reset(self, command: NmtCommand, *, insists: bool = False) -> bool:
+        """Reset the device, wait until it is there again; return whether it sent its boot-up.
+
+        Args:
+            command: which reset.
+            insists: wait for the boot-up even where it stayed out before; without that the device
+                is there as soon as it answers an SDO request, `Deviation` where it never does.
+        """
+        self.wire.forget()
+        self.command(command)
+        boot_up = None
+        if self._sends_boot_up or insists:
+            boot_up = self.wire.take(
+                lambda frame: self.is_error_control(frame) and frame.data == b"\0", BOOT_PATIENCE
+            )
+            self._sends_boot_up = boot_up is not None
+        if boot_up is None:
+            self._wait_for_answer(command)
+        self.wire.wait(self.settling)  # for a device that answers before it can
+        return boot_up is not None
+
+    def _wait_for_answer(self, command: NmtCommand) -> None:
+        """Read 1000h until an answer comes.
+
+        Raises:
+            Deviation: none came.
+        """
+        self.wire.wait(self.patience)  # what still answers now may reset a moment later
+        deadline = self.wire.now() + BOOT_PATIENCE
+        while self.wire.now() < deadline:
+            self.sdo.send(upload_request(0x1000))
+            if self.sdo.answer() is not None:
+                return
+        raise Deviation(f"no boot-up message and no answer after NMT {command.name}")
+
+    def number(self, index: int, subindex: int = 0) -> int:
+        """Return an unsigned number that the device holds."""
+        return int.from_bytes(self.sdo.upload(index, subindex), "little")
+
+    def write(self, index: int, subindex: int, value: int) -> None:
+        """Write an unsigned number, as long as the EDS says."""
+        size = self.variable(index, subindex).data_type.size
+        self.sdo.download(index, subindex, value.to_bytes(size, "little"))
+
+    @contextlib.contextmanager
+    def setting(self, index: int, subindex: int, value: int) -> Iterator[None]:
+        """Write a number, and restore what was there at the end."""
+        before = self.number(index, subindex)
+        self.write(index, subindex, value)
+        try:
+            yield
+        finally:
+            self.write(index, subindex, before)
+
+    def variable(self, index: int, subindex: int = 0) -> Variable:
+        """Return what the EDS says of an object.
+
+        Raises:
+            NotApplicable: it does not have it.
+        """
+        variable = self.objects.find(index, subindex)
+        if variable is None:
+            raise NotApplicable(f"the EDS has no {place(index, subindex)}")
+        return variable
+
+    def writable(self, index: int, subindex: int = 0) -> Variable:
+        """Return what the EDS says of an object that can be written.
+
+        Raises:
+            NotApplicable: it cannot.
+        """
+        variable = self.variable(index, subindex)
+        if not variable.access.writable:
+            raise NotApplicable(f"{place(index, subindex)} is {variable.access.value} in the EDS")
+        return variable
+
+    @contextlib.contextmanager
+    def operational(self) -> Iterator[None]:
+        """Start the node, and take it back to PRE-OPERATIONAL at the end."""
+        self.wire.forget()
+        self.command(NmtCommand.START)
+        self.wire.wait(self.settling)
+        try:
+            yield
+        finally:
+            self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+            self.wire.wait(self.settling)
+            self.wire.forget()
+
+    @contextlib.contextmanager
+    def watched(self) -> Iterator[None]:
+        """Have the device tell its NMT state by a heartbeat; where it has none, by guarding.
+
+        Raises:
+            NotApplicable: it has neither, and the EDS promises neither.
+        """
+        variable = self.objects.find(*HEARTBEAT_TIME)
+        if variable is None and 0x100C not in self.objects and self.guard() is None:
+            raise NotApplicable("the device tells its NMT state neither by heartbeat nor guarding")
+        if variable is None or not variable.access.writable:
+            yield
+            return
+        with self.setting(*HEARTBEAT_TIME, HEARTBEAT_MS):
+            try:
+                yield
+            finally:
+                self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+                self.wire.wait(self.settling)
+
+    def state(self) -> NmtState:
+        """Return the NMT state that the device tells now, within `watched`.
+
+        Raises:
+            Deviation: it tells none, or an impossible one.
+        """
+        self.wire.wait(self.settling)  # for a command that was sent just now
+        self.wire.forget()
+        arrival = self.wire.take(self.is_error_control, max(self.patience, 4 * HEARTBEAT_MS / 1000))
+        data = self.guard() if arrival is None else arrival.frame.data
+        if data is None:
+            raise Deviation("neither a heartbeat nor an answer to node guarding")
+        try:
+            (state,) = data
+            return NmtState(state & ~_TOGGLE)
+        except ValueError:
+            raise Deviation(f"error control {data.hex()} is no NMT state") from None
+
+    def expect_state(self, right: NmtState, after: str) -> None:
+        """Judge the NMT state.
+
+        Raises:
+            Deviation: it is another one.
+        """
+        state = self.state()
+        if state is not right:
+            raise Deviation(f"{state.name} after {after}; {right.name} is right")
+
+    def guard(self) -> bytes | None:
+        """Ask for the NMT state by a remote frame; None where no answer comes."""
+        self.wire.forget()
+        self.wire.send(Frame(_ERROR_CONTROL + self.node_id, is_remote=True))
+        arrival = self.wire.take(self.is_error_control, self.patience)
+        return None if arrival is None else arrival.frame.data
+
+    def emergency(self, code: int, cause: str) -> bytes:
+        """Return the next emergency message with a code.
+
+        Raises:
+            Deviation: none came.
+        """
+        arrival = self.wire.take(
+            lambda frame: self.is_emergency(frame) and frame.data[:2] == struct.pack("<H", code),
+            self.patience,
+        )
+        if arrival is None:
+            raise Deviation(f"no EMCY {code:04X}h within {self.patience:g} s after {cause}")
+        return arrival.frame.data
+
+    def is_error_control(self, frame: Frame) -> bool:
+        """Return True if a frame is the device's heartbeat, boot-up or answer to node guarding."""
+        return is_data(frame, _ERROR_CONTROL + self.node_id)
+
+    def is_emergency(self, frame: Frame) -> bool:
+        """Return True if a frame is the device's EMCY, by the predefined connection set."""
+        return is_data(frame, _EMERGENCY + self.node_id)
+
+    @cached_property
+    def others(self) -> frozenset[int]:
+        """Node-IDs of the other nodes on the bus: those that answer an SDO request."""
+        self.wire.forget()
+        for node_id in _NODE_IDS:
+            if node_id != self.node_id:
+                self.wire.send(Frame(REQUEST + node_id, upload_request(0x1000)))
+                self.wire.wait(0.001)
+        answers = self.wire.take_all(
+            lambda frame: frame.can_id & 0x780 == ANSWER and not frame.is_extended, self.patience
+        )
+        return frozenset(answer.frame.can_id & 0x7F for answer in answers) - {self.node_id}
+
+    @property
+    def free_node_id(self) -> int:
+        """The highest node-ID that nobody has.
+
+        Raises:
+            NotApplicable: somebody has each.
+        """
+        free = set(_NODE_IDS) - self.others - {self.node_id}
+        if not free:
+            raise NotApplicable("no node-ID is free")
+        return max(free)
+
+
+def is_data(frame: Frame, can_id: int) -> bool:
+    """Return True if a frame is a data frame with this 11-bit identifier."""
+    return frame.can_id == can_id and not frame.is_extended and not frame.is_remote
+
+
+def place(index: int, subindex: int = 0) -> str:
+    """Return an object's name as in 0x1018.01."""
+    return f"0x{index:04X}.{subindex:02X}"

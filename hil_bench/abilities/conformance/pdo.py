@@ -1,0 +1,143 @@
+"""One PDO of the device under test: its parameters as they are, and how to change them.
+
+A PDO is disabled, changed and enabled again (CiA 301, 7.5.2.35 to 7.5.2.38).
+"""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from hil_bench.abilities.conformance.device import DeviceUnderTest, is_data
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.canopen_device.frame import Frame
+
+RPDOS, TPDOS = range(0x1400, 0x1600), range(0x1800, 0x1A00)
+TO_MAPPING = 0x200
+INVALID, NO_REMOTE = 1 << 31, 1 << 30
+COB_ID, TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+
+_CAN_ID = 0x7FF
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One mapped object.
+
+    Attributes:
+        index: of the object.
+        subindex: of the object.
+        bits: its length.
+    """
+
+    index: int
+    subindex: int
+    bits: int
+
+
+class Pdo:
+    """One PDO.
+
+    Attributes:
+        index: of its communication parameters.
+        mapping: index of its mapping.
+        cob_id: its COB-ID as it was found.
+        can_id: its identifier.
+        entries: what it carries.
+    """
+
+    def __init__(self, dut: DeviceUnderTest, index: int) -> None:
+        self.index = index
+        self.mapping = index + TO_MAPPING
+        self._dut = dut
+        self.cob_id = dut.number(index, COB_ID)
+        self.can_id = self.cob_id & _CAN_ID
+        count = dut.number(self.mapping)
+        self.entries = [
+            Entry(raw >> 16, raw >> 8 & 0xFF, raw & 0xFF)
+            for raw in (dut.number(self.mapping, sub) for sub in range(1, min(count, 64) + 1))
+        ]
+
+    @property
+    def length(self) -> int:
+        """Bytes that it has."""
+        return (sum(entry.bits for entry in self.entries) + 7) // 8
+
+    def matches(self, frame: Frame) -> bool:
+        """Return True if a frame is this PDO."""
+        return is_data(frame, self.can_id)
+
+    @contextlib.contextmanager
+    def disabled(self) -> Iterator[None]:
+        """Disable the PDO, and restore its COB-ID."""
+        self._dut.write(self.index, COB_ID, self.cob_id | INVALID)
+        try:
+            yield
+        finally:
+            self._dut.write(self.index, COB_ID, self.cob_id | INVALID)
+            self._dut.write(self.index, COB_ID, self.cob_id)
+
+    @contextlib.contextmanager
+    def configured(
+        self, values: Mapping[int, int], *, clear: int = INVALID, set_bits: int = 0
+    ) -> Iterator[None]:
+        """Give the communication parameters other values, enable the PDO; restore all.
+
+        Args:
+            values: by sub-index.
+            clear: bits of the COB-ID to clear.
+            set_bits: bits of the COB-ID to set.
+        """
+        before = {subindex: self._dut.number(self.index, subindex) for subindex in values}
+        with self.disabled():
+            try:
+                self._write(values)
+                self._dut.write(self.index, COB_ID, self.cob_id & ~clear | set_bits)
+                yield
+            finally:
+                self._dut.write(self.index, COB_ID, self.cob_id | INVALID)
+                self._write(before)
+
+    def values(self) -> bytes:
+        """Return what the mapped objects hold, as the PDO carries it.
+
+        Raises:
+            NotApplicable: an object cannot be read, or has no whole bytes.
+        """
+        data = b""
+        for entry in self.entries:
+            variable = self._dut.objects.find(entry.index, entry.subindex)
+            if entry.bits % 8 or variable is None or not variable.access.readable:
+                raise NotApplicable(f"what PDO {self.index:04X}h carries cannot all be read")
+            data += self._dut.sdo.upload(entry.index, entry.subindex)
+        return data
+
+    def _write(self, values: Mapping[int, int]) -> None:
+        for subindex, value in values.items():
+            self._dut.write(self.index, subindex, value)
+
+
+def first_pdo(dut: DeviceUnderTest, among: range, *subindices: int) -> Pdo:
+    """Return the first PDO that carries something and has these parameters to be changed.
+
+    Raises:
+        NotApplicable: there is none.
+    """
+    for index in dut.objects.indices(among):
+        variables = [dut.objects.find(index, sub) for sub in (COB_ID, *subindices)]
+        if all(variable is not None and variable.access.writable for variable in variables):
+            pdo = Pdo(dut, index)
+            if pdo.entries:
+                return pdo
+    what = "RPDO" if among is RPDOS else "TPDO"
+    needed = ", ".join(f"{sub:02X}" for sub in (COB_ID, *subindices))
+    raise NotApplicable(f"no {what} with a mapping lets sub-indices {needed} be written")
+
+
+def expect_length(pdo: Pdo, data: bytes) -> None:
+    """Judge the length of a PDO.
+
+    Raises:
+        Deviation: it is not that of the mapping.
+    """
+    if len(data) != pdo.length:
+        raise Deviation(f"PDO of {len(data)} bytes; {pdo.length} by its mapping")

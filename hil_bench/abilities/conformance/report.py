@@ -1,0 +1,166 @@
+"""What a run of the suite found, for people and for programs."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.eds_check import EdsFinding
+from hil_bench.abilities.conformance.suite import Outcome, Result
+from hil_bench.outside.markdown import cell, plain
+
+_MARKS = {Outcome.PASSED: "ok", Outcome.FAILED: "**FAILED**", Outcome.NOT_APPLICABLE: "–"}
+
+_SECTIONS = {
+    "SDO and PDO": (
+        "SDO upload",
+        "SDO download",
+        "SDO block transfer",
+        "TPDO",
+        "RPDO",
+        "PDO parameters",
+        "PDO mapping",
+    ),
+    "Object dictionary": ("Object dictionary",),
+    "SYNC, emergency and error control": ("SYNC and TIME", "EMCY", "Error control"),
+    "NMT state machine": ("NMT",),
+    "Store and restore": ("Store and restore",),
+    "Node-ID and bit rate": ("LSS",),
+}
+"""Chapters in the order in which CiA lists the major tests of its conformance test tool [1]_.
+
+The EDS comes before these. The last one stands there as an advice, not as a test.
+
+.. [1] https://can-cia.org/services/canopen-device-conformance-testing
+"""
+
+_NO_CERTIFICATE = (
+    "In the order of CiA's conformance test, to prepare a device for it. This is no certificate: "
+    "the checks are this project's reading of the standards."
+)
+
+_ALLOWED = {
+    Impact.READ: "reading only",
+    Impact.WRITE: "reading and writing",
+    Impact.STORE: "reading, writing and storing",
+}
+
+
+def line(result: Result) -> str:
+    """Return one result as a line of text."""
+    detail = f": {result.detail}" if result.detail else ""
+    return f"{result.outcome.value:14}  {result.check.clause:11}  {result.check.text}{detail}"
+
+
+def summary(results: Sequence[Result]) -> str:
+    """Return how many checks came out how."""
+    counts = Counter(result.outcome for result in results)
+    return ", ".join(f"{counts[outcome]} {outcome.value}" for outcome in Outcome)
+
+
+def failures(results: Sequence[Result]) -> list[Result]:
+    """Return what the device does not do as it should."""
+    return [result for result in results if result.outcome is Outcome.FAILED]
+
+
+def markdown(
+    results: Sequence[Result],
+    *,
+    device: str,
+    allowed: Impact,
+    eds: Sequence[EdsFinding] = (),
+    command: str | None = None,
+) -> str:
+    """Return a report.
+
+    Args:
+        results: of one run.
+        device: what was tested, in a line.
+        allowed: the most that a check was allowed to do to it.
+        eds: what is wrong in the device's EDS file.
+        command: what makes this report again, where it is worth telling.
+    """
+    return "\n".join(_report(results, device, allowed, eds, command)) + "\n"
+
+
+def as_json(results: Sequence[Result]) -> list[dict[str, str]]:
+    """Return the results as what `json` can write."""
+    return [
+        {
+            "chapter": result.chapter,
+            "clause": result.check.clause,
+            "check": result.check.text,
+            "impact": result.check.impact.name.lower(),
+            "outcome": result.outcome.value,
+            "detail": result.detail,
+        }
+        for result in results
+    ]
+
+
+def _report(
+    results: Sequence[Result],
+    device: str,
+    allowed: Impact,
+    eds: Sequence[EdsFinding],
+    command: str | None,
+) -> Iterator[str]:
+    yield "# CANopen conformance report"
+    yield ""
+    tested = f"{plain(device)}; {_ALLOWED[allowed]}"
+    yield f"{tested}. Clauses without a document are those of CiA 301 (4.2.0)."
+    yield _NO_CERTIFICATE
+    yield ""
+    yield f"**{summary(results)}; {_count_findings(eds)}**"
+    if command:
+        yield from ("", "```sh", command, "```")
+    failed = failures(_sorted(results))
+    if failed:
+        yield from ("", "## What fails", "")
+        yield from (f"- {r.check.clause}: {r.check.text}. {cell(r.detail)}" for r in failed)
+    yield from ("", "## 1. Electronic data sheet", "")
+    yield from _findings(eds)
+    chapters = [(title, list(group)) for title, group in groupby(_sorted(results), _chapter)]
+    for number, (title, members) in enumerate(_SECTIONS.items(), start=2):
+        present = [(chapter, some) for chapter, some in chapters if chapter in members]
+        if present:
+            yield from ("", f"## {number}. {title}")
+        for chapter, some in present:
+            if members != (chapter,):
+                yield from ("", f"### {chapter}")
+            yield from _table(some)
+
+
+def _table(results: Sequence[Result]) -> Iterator[str]:
+    yield from ("", "| clause | what is right | | found |", "|---|---|---|---|")
+    for result in results:
+        cells = result.check.clause, result.check.text, _MARKS[result.outcome], result.detail
+        yield f"| {' | '.join(map(cell, cells))} |"
+
+
+def _findings(eds: Sequence[EdsFinding]) -> Iterator[str]:
+    if not eds:
+        yield "`hil-bench check-eds` finds nothing."
+        return
+    yield from ("| line | | section | found |", "|---|---|---|---|")
+    for finding in eds:
+        cells = str(finding.line), finding.severity.value, finding.section, finding.text
+        yield f"| {' | '.join(map(cell, cells))} |"
+
+
+def _count_findings(eds: Sequence[EdsFinding]) -> str:
+    counts = Counter(finding.severity.value for finding in eds)
+    found = ", ".join(
+        f"{count} {severity}{'s' * (count > 1)}" for severity, count in sorted(counts.items())
+    )
+    return f"EDS: {found or 'no findings'}"
+
+
+def _sorted(results: Sequence[Result]) -> list[Result]:
+    """Return results in the order of the report; those of a chapter as they were done."""
+    order = [chapter for members in _SECTIONS.values() for chapter in members]
+    return sorted(results, key=lambda result: order.index(result.chapter))
+
+
+def _chapter(result: Result) -> str:
+    return result.chapter

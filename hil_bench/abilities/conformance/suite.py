@@ -1,0 +1,116 @@
+"""Runs the checks, one after the other, and keeps what each found."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hil_bench.abilities.conformance import (
+    emcy_checks,
+    error_control_checks,
+    lss_checks,
+    nmt_checks,
+    object_dictionary_checks,
+    pdo_mapping_checks,
+    pdo_parameter_checks,
+    rpdo_checks,
+    sdo_block_checks,
+    sdo_download_checks,
+    sdo_upload_checks,
+    storage_checks,
+    sync_checks,
+    tpdo_checks,
+)
+from hil_bench.abilities.conformance.check import Chapter, Check, Impact
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.canopen_device.nmt import NmtCommand
+
+CHAPTERS = tuple(
+    module.CHAPTER
+    for module in (
+        nmt_checks,
+        object_dictionary_checks,
+        sdo_upload_checks,
+        sdo_download_checks,
+        sdo_block_checks,
+        error_control_checks,
+        tpdo_checks,
+        rpdo_checks,
+        pdo_parameter_checks,
+        pdo_mapping_checks,
+        sync_checks,
+        emcy_checks,
+        storage_checks,
+        lss_checks,
+    )
+)
+"""All checks, by subject. NMT comes first: the reset sets the values that the others restore."""
+
+
+class Outcome(StrEnum):
+    """What a check found."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_APPLICABLE = "not applicable"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One check and what it found.
+
+    Attributes:
+        chapter: the subject.
+        check: the check.
+        outcome: whether the device does what is right.
+        detail: what was wrong, why the check could not be done, or what else is worth telling.
+    """
+
+    chapter: str
+    check: Check
+    outcome: Outcome
+    detail: str
+
+
+def run_suite(
+    dut: DeviceUnderTest,
+    allowed: Impact = Impact.READ,
+    chapters: Iterable[Chapter] = CHAPTERS,
+) -> Iterator[Result]:
+    """Run the checks.
+
+    Args:
+        dut: the device.
+        allowed: the most that a check may do to it.
+        chapters: the subjects, in this order.
+
+    Yields:
+        What each found, as soon as it did; `BusError` where the bus is lost.
+    """
+    for chapter in chapters:
+        for check in chapter.checks:
+            if check.impact <= allowed:
+                # What the check before has caused may still be on its way.
+                dut.wire.wait(dut.settling)
+                dut.wire.forget()
+                yield _result(dut, chapter.title, check, allowed)
+
+
+def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -> Result:
+    try:
+        detail = check.judge(dut)
+    except NotApplicable as reason:
+        result = Result(chapter, check, Outcome.NOT_APPLICABLE, str(reason))
+    except Deviation as deviation:
+        result = Result(chapter, check, Outcome.FAILED, str(deviation))
+    else:
+        return Result(chapter, check, Outcome.PASSED, detail or "")
+    _settle(dut, allowed)
+    return result
+
+
+def _settle(dut: DeviceUnderTest, allowed: Impact) -> None:
+    """Leave nothing of a check that did not come to its end."""
+    if allowed >= Impact.WRITE:
+        dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    dut.sdo.abort()

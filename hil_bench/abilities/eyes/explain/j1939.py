@@ -1,0 +1,343 @@
+"""Faults on J1939: addresses, transfers, requests, missing messages, trouble codes."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Final
+
+from hil_bench.abilities.eyes.explain.finding import EVIDENCE, Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.j1939 import group_name, trouble_codes
+from hil_bench.abilities.eyes.sight import J1939Message, Sight
+from hil_bench.devices.j1939.identifier import (
+    ACKNOWLEDGEMENT,
+    ADDRESS_CLAIMED,
+    DM1,
+    GLOBAL,
+    NULL,
+    REQUEST,
+)
+from hil_bench.devices.j1939.name import NAME_BYTES
+
+_MS: Final = 1_000_000
+_ANSWER: Final = 1250 * _MS
+"""Longest time from a request to its answer, T3 of J1939-21 [ns]."""
+
+_DM1_PERIOD: Final = 1000 * _MS
+_LATE: Final = 3.0
+"""Periods after which a message stays out."""
+
+_FEWEST: Final = 6
+_REGULAR: Final = 0.3
+"""How far intervals may be off their median for a period, of it."""
+
+_MOST: Final = 4096
+_VIOLATION_SPN: Final = 2000
+_VIOLATION_FMI: Final = 31
+_REFUSALS: Final = {1: "refused", 2: "access denied", 3: "cannot respond"}
+
+Who = tuple[int, int]
+"""Bus and address."""
+
+
+class Addresses:
+    """Watches who claims which address, and who has none."""
+
+    def __init__(self) -> None:
+        self._owners: dict[Who, tuple[bytes, Sight]] = {}
+        self._without: dict[tuple[int, bytes], Sight] = {}
+        self._contended: dict[tuple[int, bytes], tuple[Sight, Sight]] = {}
+        self._violations: dict[Who, list[Sight]] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is None or message.data is None:
+            return
+        bus = sight.frame.bus
+        if message.group == ADDRESS_CLAIMED and len(message.data) == NAME_BYTES:
+            self._hear_claim(bus, message.source, message.data, sight)
+        elif message.group == DM1:
+            for spn, fmi in trouble_codes(message.data):
+                if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
+                    self._violations.setdefault((bus, message.source), []).append(sight)
+
+    def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
+        if address == NULL:
+            self._without.setdefault((bus, name), sight)
+            self._contended.pop((bus, name), None)
+            return
+        self._without.pop((bus, name), None)
+        self._contended.pop((bus, name), None)
+        owner = self._owners.get((bus, address))
+        if owner is not None and owner[0] != name:
+            loser = max(owner[0], name, key=lambda each: int.from_bytes(each, "little"))
+            self._contended[bus, loser] = owner[1], sight
+        if len(self._owners) < _MOST:
+            self._owners[bus, address] = name, sight
+
+    def findings(self, end: int) -> Iterator[Finding]:
+        """Yield the devices without an address, and the addresses of two.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        for (_, name), sight in self._without.items():
+            text = (
+                f"the device of NAME {_name(name)} cannot claim an address, at {seconds(sight.now)}"
+            )
+            text += ": another one of a smaller NAME has it"
+            yield Finding(Cause.ADDRESS_CLASH, sight.node, sight.now, text, (sight,))
+        for (_, name), (first, second) in self._contended.items():
+            if end - second.now > _ANSWER:
+                text = f"{second.node} is claimed by two, at {seconds(second.now)}; NAME"
+                text += f" {_name(name)} has to yield, and claims no other address"
+                sights = (first, second)
+                yield Finding(Cause.ADDRESS_CLASH, second.node, second.now, text, sights)
+        for (_, address), said in self._violations.items():
+            first = said[0]
+            text = f"{first.node} says that another device sends from its address {address}"
+            text += f", SPN {_VIOLATION_SPN + address} FMI {_VIOLATION_FMI} at {seconds(first.now)}"
+            yield Finding(Cause.ADDRESS_CLASH, first.node, first.now, text, tuple(said))
+
+
+class LongTransfers:
+    """Keeps the long messages that did not arrive."""
+
+    def __init__(self) -> None:
+        self._failed: dict[tuple[str, int, int], list[Sight]] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is not None and sight.problem and len(self._failed) < _MOST:
+            key = sight.node, message.group, message.destination
+            self._failed.setdefault(key, []).append(sight)
+
+    def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
+        """Yield them, a sender and a group at a time.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        for (node, group, _), sights in self._failed.items():
+            first = sights[0]
+            text = f"{node}: {_group(group)}: {first.problem}, first at {seconds(first.now)}"
+            text += f"; {len(sights)} such" if len(sights) > 1 else ""
+            yield Finding(Cause.J1939_TRANSFER, node, first.now, text, tuple(sights))
+
+
+class Requests:
+    """Watches requests that are sent to one device."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[int, int, int], Sight] = {}
+        self._failed: list[tuple[Sight, str]] = []
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is None:
+            return
+        bus, data = sight.frame.bus, message.data or b""
+        if message.group == REQUEST and message.destination != GLOBAL and len(data) >= 3:
+            if len(self._open) < _MOST:
+                group = int.from_bytes(data[:3], "little")
+                self._open.setdefault((bus, message.destination, group), sight)
+        elif message.group == ACKNOWLEDGEMENT and len(data) == 8:
+            key = bus, message.source, int.from_bytes(data[5:], "little")
+            asked = self._open.pop(key, None)
+            if asked is not None and data[0] in _REFUSALS:
+                self._fail(asked, _REFUSALS[data[0]])
+        else:
+            asked = self._open.pop((bus, message.source, message.group), None)
+            if asked is not None and message.begin - asked.now > _ANSWER:
+                late = milliseconds(message.begin - asked.now)
+                self._fail(asked, f"answered after {late}, {milliseconds(_ANSWER)} are right")
+
+    def findings(self, end: int) -> Iterator[Finding]:
+        """Yield the requests that failed.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        silent = [(s, "not answered") for s in self._open.values() if end - s.now > _ANSWER]
+        for sight, what in [*self._failed, *silent]:
+            text = f"{sight.node}: {sight.words}: {what}, at {seconds(sight.now)}"
+            yield Finding(Cause.J1939_REQUEST, sight.node, sight.now, text, (sight,))
+
+    def _fail(self, sight: Sight, why: str) -> None:
+        if len(self._failed) < _MOST:
+            self._failed.append((sight, why))
+
+
+@dataclass(slots=True)
+class _Cycle:
+    """A message that comes again and again.
+
+    Attributes:
+        last: the last one.
+        intervals: the last ones [ns].
+        gap: the first time that it stayed out: the messages before and behind.
+        gaps: how often it stayed out.
+        is_new: whether its sender has claimed its address since, and so may have paused.
+    """
+
+    last: Sight
+    intervals: deque[int] = field(default_factory=lambda: deque(maxlen=32))
+    gap: tuple[Sight, Sight] | None = None
+    gaps: int = 0
+    is_new: bool = False
+
+    @property
+    def period(self) -> float:
+        """Its period [ns]; 0 where it has none."""
+        if len(self.intervals) < _FEWEST:
+            return 0.0
+        middle = median(self.intervals)
+        off = max(abs(each - middle) for each in self.intervals)
+        return middle if off <= _REGULAR * middle else 0.0
+
+
+class Cycles:
+    """Watches messages that come with a period, and DM1 while a code is active."""
+
+    def __init__(self) -> None:
+        self._cycles: dict[tuple[int, int, int], _Cycle] = {}
+        self._heard: dict[Who, Sight] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is None or message.source == NULL:
+            return
+        bus = sight.frame.bus
+        self._heard[bus, message.source] = sight
+        if message.data is None or message.destination != GLOBAL:
+            return
+        if message.group == ADDRESS_CLAIMED:
+            for place, each in self._cycles.items():
+                each.is_new = each.is_new or place[:2] == (bus, message.source)
+            return
+        key = bus, message.source, message.group
+        cycle = self._cycles.get(key)
+        if cycle is None:
+            if len(self._cycles) < _MOST:
+                self._cycles[key] = _Cycle(sight)
+            return
+        if cycle.is_new:
+            cycle.last, cycle.is_new = sight, False
+            return
+        interval, period = sight.now - cycle.last.now, _period(cycle)
+        if period and interval > _LATE * period:
+            cycle.gap = cycle.gap or (cycle.last, sight)
+            cycle.gaps += 1
+        elif message.group != DM1 or _has_codes(cycle.last.message):
+            cycle.intervals.append(interval)
+        cycle.last = sight
+
+    def findings(self, end: int) -> Iterator[Finding]:
+        """Yield the devices and the messages that stay out.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        silent = set()
+        for who, cycles in self._by_sender().items():
+            periods = [period for each in cycles if (period := _period(each))]
+            last = self._heard[who]
+            if periods and end - last.now > max(_LATE * max(periods), _DM1_PERIOD):
+                silent.add(who)
+                text = f"{last.node} sends nothing after {seconds(last.now)}"
+                text += f" ({_group(_group_of(cycles[0]))} every {milliseconds(periods[0])} before)"
+                yield Finding(Cause.J1939_SILENT, last.node, last.now, text, (last,))
+        for (bus, source, group), cycle in self._cycles.items():
+            period = _period(cycle)
+            if not period or (bus, source) in silent:
+                continue
+            before, after = cycle.gap or (cycle.last, None)
+            lasts = (end if after is None else after.now) - before.now
+            if lasts <= _LATE * period:
+                continue
+            text = f"{before.node}: no {_group(group)} after {seconds(before.now)}"
+            text += f" for {milliseconds(lasts)} (every {milliseconds(period)} before)"
+            if group == DM1:
+                text += ", while a trouble code is active"
+            text += f"; {cycle.gaps} such gaps" if cycle.gaps > 1 else ""
+            sights = (before,) if after is None else (before, after)
+            yield Finding(Cause.J1939_MISSING, before.node, before.now, text, sights)
+
+    def _by_sender(self) -> dict[Who, list[_Cycle]]:
+        found: dict[Who, list[_Cycle]] = {}
+        for (bus, source, _), cycle in self._cycles.items():
+            found.setdefault((bus, source), []).append(cycle)
+        return found
+
+
+class TroubleCodes:
+    """Keeps what devices report by DM1."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, int, int], list[Sight]] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is None or message.group != DM1 or message.data is None:
+            return
+        for spn, fmi in trouble_codes(message.data):
+            if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
+                continue
+            if len(self._found) < _MOST:
+                self._found.setdefault((sight.node, spn, fmi), []).append(sight)
+
+    def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
+        """Yield each code.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        for (node, spn, fmi), sights in self._found.items():
+            first = sights[0]
+            text = f"{node} reports SPN {spn} FMI {fmi}, from {seconds(first.now)} on"
+            shown = tuple(sights[:EVIDENCE])
+            yield Finding(Cause.TROUBLE_CODE, node, first.now, text, shown)
+
+
+def _period(cycle: _Cycle) -> float:
+    """Return the period of a message [ns]; of DM1 with an active code that of the standard."""
+    if _group_of(cycle) != DM1:
+        return cycle.period
+    return float(_DM1_PERIOD) if _has_codes(cycle.last.message) else 0.0
+
+
+def _group_of(cycle: _Cycle) -> int:
+    return cycle.last.message.group if cycle.last.message is not None else 0
+
+
+def _has_codes(message: J1939Message | None) -> bool:
+    return message is not None and bool(trouble_codes(message.data or b""))
+
+
+def _group(group: int) -> str:
+    name = group_name(group)
+    return f"PGN {group}" + (f" {name}" if name else "")
+
+
+def _name(name: bytes) -> str:
+    return f"0x{int.from_bytes(name, 'little'):016X}"

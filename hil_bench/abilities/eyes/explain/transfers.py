@@ -1,0 +1,91 @@
+"""SDO transfers that failed, and devices that say something else than their EDS."""
+
+from collections.abc import Iterator
+
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding, seconds
+from hil_bench.abilities.eyes.frame_sights import transfer_title
+from hil_bench.abilities.eyes.sight import Sight
+from hil_bench.abilities.eyes.transfers import Transfer, Way
+
+_IDENTITY = frozenset({(0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3)})
+_CUT_OFF = 500_000_000
+"""A request within this time before the end of the log may still be answered [ns]."""
+
+_Group = tuple[str, int, int, int | None]
+
+
+class Transfers:
+    """Watches how SDO transfers end.
+
+    Args:
+        decoder: that gives the sights.
+    """
+
+    def __init__(self, decoder: Decoder) -> None:
+        self._decoder = decoder
+        self._aborted: dict[_Group, list[Sight]] = {}
+        self._silent: dict[str, list[Sight]] = {}
+        self._differing: dict[tuple[str, int, int], tuple[Sight, str]] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        transfer = sight.transfer
+        if transfer is None:
+            return
+        if transfer.abort is not None:
+            group = sight.node, transfer.index, transfer.subindex, transfer.abort
+            self._aborted.setdefault(group, []).append(sight)
+        elif not transfer.is_done:
+            self._silent.setdefault(sight.node, []).append(sight)
+        elif difference := self._difference(sight, transfer):
+            place = sight.node, transfer.index, transfer.subindex
+            self._differing.setdefault(place, (sight, difference))
+
+    def findings(self, end: int) -> Iterator[Finding]:
+        """Yield what failed, an object at a time.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        for (node, *_), (sight, difference) in self._differing.items():
+            text = f"{node}: {difference}"
+            yield Finding(Cause.OTHER_DEVICE, node, sight.now, text, (sight,))
+        for (node, *_), sights in self._aborted.items():
+            first = sights[0]
+            again = f", {len(sights)} times" if len(sights) > 1 else ""
+            title = self._title(first)
+            text = f"{node}: {title} {first.problem}{again}, first at {seconds(first.now)}"
+            yield Finding(Cause.SDO_ABORT, node, first.now, text, tuple(sights))
+        for node, sights in self._silent.items():
+            late = [s for s in sights if s.transfer and end - s.transfer.end > _CUT_OFF]
+            if late:
+                transfer = late[0].transfer
+                begin = transfer.begin if transfer else late[0].now
+                text = f"{node}: {late[0].words} is {late[0].problem}, at {seconds(begin)}"
+                text += f"; so are {len(late) - 1} more" if len(late) > 1 else ""
+                yield Finding(Cause.SDO_NO_ANSWER, node, begin, text, tuple(late))
+
+    def _title(self, sight: Sight) -> str:
+        node = self._decoder.nodes[sight.frame.bus, sight.node_id or 0]
+        return "" if sight.transfer is None else transfer_title(node, sight.transfer)
+
+    def _difference(self, sight: Sight, transfer: Transfer) -> str:
+        """Return the difference of an answer from the EDS; empty where they agree."""
+        node = self._decoder.nodes.get((sight.frame.bus, sight.node_id or 0))
+        if node is None or not node.has_eds or transfer.way is not Way.UPLOAD:
+            return ""
+        if sight.problem:
+            return f"{transfer.place} {sight.problem}"
+        variable = node.objects.find(transfer.index, transfer.subindex)
+        if variable is None:
+            return f"has {transfer.place}, which its EDS does not have"
+        is_identity = (transfer.index, transfer.subindex) in _IDENTITY
+        told, right = int.from_bytes(transfer.data, "little"), variable.default
+        if not is_identity or not right or told == right:
+            return ""
+        says = f"{transfer.place} {variable.name} is 0x{told:X}, 0x{right:X} in its EDS"
+        return f"{says}: another device or revision"

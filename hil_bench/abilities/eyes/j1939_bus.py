@@ -1,0 +1,164 @@
+"""Reads the frames of buses on which J1939 is spoken: who sends what, long messages as one."""
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from hil_bench.abilities.eyes.j1939 import content_of, group_name
+from hil_bench.abilities.eyes.j1939_transfers import LongMessage, LongMessages
+from hil_bench.abilities.eyes.known_ecu import KnownEcu
+from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.j1939.identifier import (
+    ADDRESS_CLAIMED,
+    GLOBAL,
+    NULL,
+    TRANSPORT_CONNECTION,
+    TRANSPORT_DATA,
+    split,
+)
+from hil_bench.devices.j1939.name import NAME_BYTES
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+
+_MS: Final = 1e-6
+
+Place = tuple[int, int]
+"""Bus and address."""
+
+
+class J1939Reader:
+    """Follows who has which address, and which long messages are under way.
+
+    A bus speaks J1939 if known devices are on it, or an address claim or the announcement of a long
+    message was heard; a lone 29-bit frame proves nothing.
+
+    Args:
+        known: the devices that ought to be there.
+    """
+
+    def __init__(self, known: Iterable[KnownEcu] = ()) -> None:
+        known = tuple(known)
+        self._by_identity = {(each.bus, each.identity): each for each in known}
+        self._at: dict[Place, KnownEcu] = {(each.bus, each.address): each for each in known}
+        self._buses = {each.bus for each in known}
+        self._long = LongMessages()
+        self._last: dict[tuple[int, int, int], Frame] = {}
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the known devices."""
+        return [each.name for each in self._by_identity.values()]
+
+    def take(self, logged: LoggedFrame) -> list[Sight] | None:
+        """Decode a frame; return nothing in the middle of a transfer, None if it is no J1939."""
+        frame = logged.frame
+        _, group, source, destination = split(frame.can_id)
+        way, bus, now = (source, destination), frame.bus, logged.now
+        if frame.is_remote:
+            return None
+        is_part, ended = False, list[LongMessage]()
+        if group == TRANSPORT_CONNECTION:
+            is_part, ended = self._long.take_control(bus, way, frame.data, now)
+        elif group == TRANSPORT_DATA:
+            is_part, ended = self._long.take_packet(bus, way, frame.data, now)
+        elif group == ADDRESS_CLAIMED and len(frame.data) == NAME_BYTES:
+            self._buses.add(bus)
+            self._move(bus, source, frame.data)
+        if is_part:
+            self._buses.add(bus)
+        if bus not in self._buses:
+            return None
+        for each in ended:
+            self._last[each.key] = frame
+        sights = [self._of_long(each, now) for each in ended]
+        if is_part:
+            self._last[bus, source, destination] = frame
+            self._last[bus, destination, source] = frame
+            return sights
+        return [*sights, self._of_frame(logged, group, way)]
+
+    def expire(self, now: int) -> list[Sight]:
+        """Return the long messages that nobody continues."""
+        return [self._of_long(each, now) for each in self._long.expire(now)]
+
+    def finish(self) -> list[Sight]:
+        """Return the long messages that the end has interrupted."""
+        return [self._of_long(each, each.last) for each in self._long.finish()]
+
+    def label(self, bus: int, address: int) -> str:
+        """Return the name of the device at an address; "address 5" where it is unknown."""
+        found = self._at.get((bus, address))
+        if found is not None:
+            return found.name
+        return "no address" if address == NULL else f"address {address}"
+
+    def _move(self, bus: int, address: int, data: bytes) -> None:
+        """Follow a device to the address that it claims."""
+        ecu = self._by_identity.get((bus, int.from_bytes(data, "little")))
+        if ecu is None:
+            return
+        for place in [place for place, each in self._at.items() if each is ecu]:
+            del self._at[place]
+        if address != NULL:
+            self._at[bus, address] = ecu
+
+    def _of_frame(self, logged: LoggedFrame, group: int, way: tuple[int, int]) -> Sight:
+        frame, (source, destination) = logged.frame, way
+        receiver = self._receiver(frame.bus, destination)
+        message = J1939Message(group, source, destination, frame.data, logged.now, receiver)
+        words = f"{_head(message)}{self._content(frame.bus, message)}"
+        return self._sight(logged.now, frame, message, words)
+
+    def _of_long(self, found: LongMessage, now: int) -> Sight:
+        bus, source, destination = found.key
+        data = None if found.problem or not found.is_whole else found.data
+        receiver = self._receiver(bus, destination)
+        message = J1939Message(found.group, source, destination, data, found.begin, receiver)
+        by = "BAM" if found.is_to_all else "RTS and CTS"
+        lasted = (found.last - found.begin) * _MS
+        words = f"{_head(message)}, {found.size} bytes by {by}"
+        if data is not None:
+            words = f"{words} in {lasted:.4g} ms{self._content(bus, message)}"
+        frame = self._last.pop(found.key)
+        return self._sight(now, frame, message, words, found.problem)
+
+    def _sight(
+        self, now: int, frame: Frame, message: J1939Message, words: str, problem: str = ""
+    ) -> Sight:
+        return Sight(
+            now,
+            frame,
+            Service.J1939,
+            f"PGN {message.group}",
+            self._sender(frame.bus, message),
+            words=words,
+            problem=problem,
+            message=message,
+        )
+
+    def _sender(self, bus: int, message: J1939Message) -> str:
+        """Return the name of the sender; a device that claims says who it is."""
+        if message.group == ADDRESS_CLAIMED and message.data is not None:
+            known = self._by_identity.get((bus, int.from_bytes(message.data, "little")))
+            if known is not None:
+                return known.name
+        return self.label(bus, message.source)
+
+    def _receiver(self, bus: int, destination: int) -> str:
+        return "" if destination == GLOBAL else self.label(bus, destination)
+
+    def _content(self, bus: int, message: J1939Message) -> str:
+        text = ", ".join(self._values(bus, message)) or content_of(
+            message.group, message.data or b""
+        )
+        return f": {text}" if text else f" [{(message.data or b'').hex(' ').upper()}]"
+
+    def _values(self, bus: int, message: J1939Message) -> Iterator[str]:
+        ecu = self._at.get((bus, message.source))
+        if ecu is not None:
+            for signal in ecu.signals.get(message.group, ()):
+                yield signal.text(message.data or b"")
+
+
+def _head(message: J1939Message) -> str:
+    to = f"to {message.receiver}" if message.receiver else ""
+    return " ".join(part for part in (group_name(message.group), to) if part)

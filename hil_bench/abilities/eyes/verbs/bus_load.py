@@ -1,0 +1,216 @@
+"""`hil-bench bus-load`: will it fit? Load and worst-case response times of a bench's buses."""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.response_times import response_times, utilisation
+from hil_bench.abilities.eyes.traffic import SDO_BLOCKING, Assumptions, Stream, find_streams
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.errors import ConfigError
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
+from hil_bench.session.measured_traffic import MeasuredTraffic, measure_traffic
+
+_NS_PER_S = 1_000_000_000
+_NS_PER_MS = 1_000_000
+_NS_PER_US = 1_000
+
+_EXAMPLES = """\
+examples:
+  hil-bench bus-load bench.toml
+  hil-bench bus-load bench.toml -b 125000 --cycle-ms 10 --max-load 60
+  hil-bench bus-load bench.toml --simulate 0 --json
+
+Response times by Davis, Burns, Bril and Lukkien (2007), with the most stuff bits, and an SDO frame
+that may be on the bus already. Deadline of a frame is its next one.
+
+exit code 1 where the load is above --max-load, or a frame may come later than its next one
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One message on one bus; times in seconds, None where there is no bound or no frame."""
+
+    bus: str
+    name: str
+    can_id: int
+    length: int
+    period: float
+    why: str
+    response: float | None
+    simulated: float | None
+    frames: int
+    fits: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Bus:
+    """One bus; loads as a share of its time."""
+
+    name: str
+    bitrate: int
+    load: float
+    simulated_load: float | None
+    fits: bool
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "bus-load",
+        description="Compute the load of a bench's buses and the longest time that each PDO,\n"
+        "SYNC and heartbeat may take, beside what a simulation shows.",
+        epilog=_EXAMPLES,
+    )
+    add_bench_arguments(parser)
+    parser.add_argument(
+        "--cycle-ms",
+        type=float,
+        default=10.0,
+        metavar="MS",
+        help="cycle of the controller's SYNC and RPDOs, and of a TPDO without inhibit time and "
+        "event timer, in ms (default: 10)",
+    )
+    parser.add_argument(
+        "--jitter-us",
+        type=float,
+        default=0.0,
+        metavar="US",
+        help="how late a device or the controller may queue a frame, in us (default: 0)",
+    )
+    parser.add_argument(
+        "--max-load",
+        type=float,
+        default=80.0,
+        metavar="%",
+        help="highest load allowed, in percent (default: 80)",
+    )
+    parser.add_argument(
+        "--simulate",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="simulate S seconds of bench time (default: 60); 0 for not at all",
+    )
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compute, simulate and compare."""
+    _check_arguments(args)
+    config = load_bench_config(args)
+    buses, rows = [], []
+    for name in config.buses:
+        bus, of_bus = _judge(args, config.seen_from(name), name)
+        buses.append(bus)
+        rows += of_bus
+    content = {"buses": buses, "messages": rows}
+    print_results(args, _lines(buses, rows), content)
+    is_right = all(bus.fits for bus in buses) and all(row.fits for row in rows)
+    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+def _check_arguments(args: argparse.Namespace) -> None:
+    """Refuse numbers that make no sense.
+
+    Raises:
+        ConfigError: it says which, and what would be right.
+    """
+    bounds: Mapping[str, tuple[float, float]] = {
+        "cycle_ms": (0.1, 10_000.0),
+        "jitter_us": (0.0, 1e6),
+        "max_load": (1.0, 100.0),
+        "simulate": (0.0, 3600.0),
+    }
+    for name, (low, high) in bounds.items():
+        value = getattr(args, name)
+        if not low <= value <= high:
+            flag = name.replace("_", "-")
+            raise ConfigError(f"--{flag} {value:g}: give {low:g} to {high:g}")
+
+
+def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_Bus, list[_Row]]:
+    """Compute the load of one bus and its streams.
+
+    Raises:
+        ConfigError: nothing cyclic is on it.
+    """
+    bitrate = config.bus.bitrate or USUAL_BITRATE
+    given = Assumptions(
+        bitrate, round(args.cycle_ms * _NS_PER_MS), round(args.jitter_us * _NS_PER_US)
+    )
+    streams = find_streams(nodes_of(config), given)
+    if not streams:
+        raise ConfigError(f"{config.path or 'bench'}: no node of {name} has a PDO or a heartbeat")
+    messages = [stream.message for stream in streams]
+    bit_time = _NS_PER_S // bitrate
+    bounds = response_times(messages, bit_time=bit_time, blocking=SDO_BLOCKING * bit_time)
+    load = utilisation(messages)
+    found, simulated = None, None
+    if args.simulate:
+        duration = round(args.simulate * _NS_PER_S)
+        commands = list(_commands(streams))
+        found = measure_traffic(
+            config, commands, cycle=given.cycle, bitrate=bitrate, duration=duration
+        )
+        simulated = found.busy / duration
+    rows = [_row(name, stream, bounds[stream.message.name], found) for stream in streams]
+    return _Bus(name, bitrate, load, simulated, load <= args.max_load / 100.0), rows
+
+
+def _commands(streams: Sequence[Stream]) -> Iterator[Frame]:
+    """Yield what the controller sends in each cycle: zeros, which have the most stuff bits."""
+    for stream in streams:
+        if stream.why == "cycle":
+            yield Frame(stream.can_id, bytes(stream.length))
+
+
+def _row(bus: str, stream: Stream, bound: int | None, found: MeasuredTraffic | None) -> _Row:
+    worst = None if found is None else found.worst.get(stream.can_id)
+    return _Row(
+        bus,
+        stream.message.name,
+        stream.can_id,
+        stream.length,
+        stream.message.period / _NS_PER_S,
+        stream.why,
+        None if bound is None else bound / _NS_PER_S,
+        None if worst is None else worst / _NS_PER_S,
+        0 if found is None else found.counts.get(stream.can_id, 0),
+        bound is not None and bound <= stream.message.period,
+    )
+
+
+def _lines(buses: Sequence[_Bus], rows: Sequence[_Row]) -> Iterator[str]:
+    for bus in buses:
+        name = f"{bus.name}: " if len(buses) > 1 else ""
+        simulated = "" if bus.simulated_load is None else f", simulated {bus.simulated_load:.1%}"
+        verdict = "" if bus.fits else "  TOO MUCH"
+        yield f"{name}load {bus.load:.1%} of {bitrate_text(bus.bitrate)}{simulated}{verdict}"
+        yield ""
+        yield (
+            f"{'id':5}  {'message':24} {'bytes':>5} {'period':>10}  {'by':12} "
+            f"{'longest':>10} {'simulated':>10}"
+        )
+        for row in rows:
+            if row.bus == bus.name:
+                yield _line(row)
+
+
+def _line(row: _Row) -> str:
+    verdict = "" if row.fits else "  LATE"
+    return (
+        f"0x{row.can_id:03X}  {row.name:24} {row.length:5} {_time(row.period):>10}  {row.why:12} "
+        f"{_time(row.response):>10} {_time(row.simulated):>10}{verdict}"
+    )
+
+
+def _time(time: float | None) -> str:
+    return "-" if time is None else f"{time * 1e3:.3f} ms"

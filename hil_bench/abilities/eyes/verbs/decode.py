@@ -1,0 +1,193 @@
+"""`hil-bench decode`: a log of frames in words, as channels, as a DBC."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil_bench.abilities.eyes.channels import BusChannels
+from hil_bench.abilities.eyes.dbc_words import DbcWords
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.verbs.eyes_arguments import (
+    add_filter_arguments,
+    add_log_arguments,
+    check_nodes,
+    known_ecus,
+    known_nodes,
+    print_losses,
+    say_assumed,
+)
+from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.exit_codes import Ending
+from hil_bench.cli.recording_arguments import recording_code
+from hil_bench.cli.results import add_json_argument
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.outside.recording.frames import LeftOut, read_frames
+from hil_bench.outside.recording.inline_recorder import InlineRecorder
+from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.report import RecordingReport
+
+if TYPE_CHECKING:
+    from hil_bench.abilities.eyes.known_node import PdoOwner
+
+_EXAMPLES = """\
+examples:
+  hil-bench decode trace.log bench.toml
+  hil-bench decode trace.asc --eds 5=vendor.eds --node 5 --changes
+  hil-bench decode trace.blf bench.toml --problems
+  hil-bench decode trace.log bench.toml -o decoded.mf4     values as channels, in SI
+  hil-bench decode trace.log bench.toml --write-dbc bus.dbc     for SavvyCAN, asammdf
+  hil-bench decode trace.trc --dbc vendor.dbc      messages that no node explains
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "decode",
+        description="Print the frames of a log in words, as 'hil-bench monitor' does of a bus; or\n"
+        "write the values of its PDOs and J1939 signals as channels of a recording, or the\n"
+        "mapping of its PDOs as a DBC file.",
+        epilog=_EXAMPLES,
+    )
+    add_log_arguments(parser, assumes=True)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="RECORDING",
+        help="print nothing: write the values as channels, in SI; .mf4 (with the frames) or .csv",
+    )
+    parser.add_argument(
+        "--dbc",
+        type=Path,
+        metavar="FILE.dbc",
+        help="read a DBC file: frames of no known node are shown by its messages and signals "
+        "(pip install 'hil-bench[dbc]')",
+    )
+    parser.add_argument(
+        "--write-dbc",
+        type=Path,
+        metavar="FILE.dbc",
+        help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end, and "
+        "of the J1939 messages of known devices (pip install 'hil-bench[dbc]')",
+    )
+    add_filter_arguments(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Decode a log.
+
+    Raises:
+        ConfigError: the log has no frames, or an output cannot be meant.
+    """
+    _check_outputs(args)
+    left_out, ending = LeftOut(), Ending(args)
+    decoder = _decoder(args)
+    check_nodes(args.node, decoder)
+    frames = from_first(read_frames(args.log, left_out, errors=True))
+    if _is_writing(args):
+        count = _write(args, decoder, list(frames), ending)
+    else:
+        count = _print(args, decoder, frames)
+    if not count:
+        raise ConfigError(f"{args.log}: has no frames to decode")
+    print_losses(args, left_out)
+    if not _is_writing(args):
+        say_assumed(args, load_bench_config(args))
+    return ending.code
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse outputs that cannot be meant.
+
+    Raises:
+        ConfigError: it says what would be right.
+    """
+    if args.output is not None and args.output.suffix.lower() not in SIGNAL_SUFFIXES:
+        raise ConfigError(f"-o {args.output}: give a file name that ends in .mf4 or .csv")
+    if args.write_dbc is not None and args.write_dbc.suffix.lower() != ".dbc":
+        raise ConfigError(f"--write-dbc {args.write_dbc}: give a file name that ends in .dbc")
+    if args.dbc is not None and not (args.output is None and args.write_dbc is None):
+        raise ConfigError("--dbc is for lines; leave -o and --write-dbc out")
+
+
+def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
+    """Print all lines, and return how many frames there were."""
+    lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
+    named = None if args.dbc is None else DbcWords(args.dbc)
+    for logged in frames:
+        count += 1
+        sights = decoder.take(logged)
+        lines.show(sights if named is None else map(named.explain, sights))
+    lines.show(decoder.finish())
+    return count
+
+
+def _write(
+    args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame], ending: Ending
+) -> int:
+    """Write what is asked for, and return how many frames there were.
+
+    Raises:
+        ConfigError: no node or device is known whose messages have values.
+    """
+    owners: dict[int, PdoOwner] = {}
+    groups: set[tuple[int, int]] = set()
+    for logged in frames:
+        for sight in decoder.take(logged):
+            if sight.message is not None:
+                groups.add((sight.frame.bus, sight.message.group))
+        for owner in decoder.owners(logged.frame):
+            owners.setdefault(id(owner.pdo), owner)
+    ecus = known_ecus(args, load_bench_config(args))
+    written = []
+    if args.write_dbc is not None:
+        from hil_bench.abilities.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
+
+        written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
+    if args.output is not None:
+        channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus))
+        if not channels.channels:
+            what = "no PDO of a known node and no J1939 signal of a known device with values"
+            raise ConfigError(f"{args.log}: {what}; give bench.toml or --eds N=FILE")
+        report = _record(args.output, channels, _decoder(args), frames)
+        ending.take(recording_code(report))
+        written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")
+    if not args.quiet:
+        print("\n".join(written))
+    return len(frames)
+
+
+def _decoder(args: argparse.Namespace) -> Decoder:
+    """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
+    config = load_bench_config(args)
+    nodes = known_nodes(args, config, assumes=not _is_writing(args))
+    return Decoder(nodes, known_ecus(args, config))
+
+
+def _is_writing(args: argparse.Namespace) -> bool:
+    return args.output is not None or args.write_dbc is not None
+
+
+def _record(
+    path: Path, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]
+) -> RecordingReport:
+    """Write a recording, and return what its file holds."""
+    recorder = InlineRecorder(RecordingPlan((path,), tuple(channels.channels)))
+    recorder.start()
+    try:
+        for logged in frames:
+            recorder.append_frames(
+                [logged.frame], logged.now, is_received=logged.is_received is not False
+            )
+            if sum(map(channels.take, decoder.take(logged))):
+                recorder.append_row(channels.row(logged.now))
+    finally:
+        recorder.stop()
+    return recorder.report

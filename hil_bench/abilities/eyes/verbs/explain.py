@@ -1,0 +1,107 @@
+"""`hil-bench explain`: what went wrong in a log, causes first."""
+
+import argparse
+from collections.abc import Iterator
+
+from hil_bench.abilities.eyes.explain.explain import Explanation, explain
+from hil_bench.abilities.eyes.explain.finding import EVIDENCE, Finding
+from hil_bench.abilities.eyes.verbs.eyes_arguments import (
+    add_log_arguments,
+    known_ecus,
+    known_nodes,
+    print_losses,
+)
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.frames import LeftOut, read_frames
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
+
+_EXAMPLES = """\
+examples:
+  hil-bench explain trace.log bench.toml
+  hil-bench explain trace.asc --eds 5=vendor.eds -b 250000
+  hil-bench explain trace.log bench.toml --json
+
+exit code 1 where something is wrong, 0 where nothing was found
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "explain",
+        description="Find what went wrong in a log of a CANopen bus, in the order an expert\n"
+        "looks: nodes that are missing, double or restart, refused accesses, missing frames; each\n"
+        "with its frames and its clause of CiA 301.",
+        epilog=_EXAMPLES,
+    )
+    add_log_arguments(parser, assumes=False)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Explain a log.
+
+    Raises:
+        ConfigError: it has no frames.
+    """
+    config = load_bench_config(args)
+    left_out = LeftOut()
+    bitrate = config.bus.bitrate or USUAL_BITRATE
+    found = explain(
+        read_frames(args.log, left_out, errors=True),
+        known_nodes(args, config),
+        bitrate,
+        known_ecus(args, config),
+    )
+    if not found.frames:
+        raise ConfigError(f"{args.log}: has no frames to explain")
+    print_results(args, _lines(found, bitrate), _content(found))
+    print_losses(args, left_out)
+    return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
+
+
+def _lines(found: Explanation, bitrate: int) -> Iterator[str]:
+    yield (
+        f"{found.frames} frames in {found.duration:.3f} s, {len(found.nodes)} nodes, "
+        f"load {found.load:.1%} of {bitrate_text(bitrate)}"
+    )
+    for number, finding in enumerate(found.findings, 1):
+        yield ""
+        yield f"{number}. {finding.cause.title}  ({finding.cause.clause})"
+        yield f"   {finding.text}"
+        for sight in finding.sights[:EVIDENCE]:
+            line = f"{sight.now * 1e-9:14.6f}  {sight.frame.can_id:03X}  {sight.name}  {sight.text}"
+            yield line.rstrip()
+        if len(finding.sights) > EVIDENCE:
+            yield f"{'':14}  and {len(finding.sights) - EVIDENCE} more"
+    if not found.findings:
+        yield "nothing wrong found"
+
+
+def _content(found: Explanation) -> dict[str, object]:
+    return {
+        "frames": found.frames,
+        "duration": found.duration,
+        "nodes": found.nodes,
+        "load": found.load,
+        "findings": [_finding(each) for each in found.findings],
+    }
+
+
+def _finding(finding: Finding) -> dict[str, object]:
+    return {
+        "cause": finding.cause.name.lower(),
+        "title": finding.cause.title,
+        "clause": finding.cause.clause,
+        "node": finding.node,
+        "time": finding.begin * 1e-9,
+        "text": finding.text,
+        "frames": [
+            {"time": s.now * 1e-9, "id": s.frame.can_id, "data": s.frame.data.hex(), "text": s.text}
+            for s in finding.sights
+        ],
+    }

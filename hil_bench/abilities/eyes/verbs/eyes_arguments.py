@@ -1,0 +1,151 @@
+"""Arguments of the verbs that read frames: which nodes are known, and which lines are shown."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.known_ecu import KnownEcu, ecus_of
+from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.abilities.eyes.nodes import merge_nodes, node_of_eds, nodes_of
+from hil_bench.abilities.eyes.sight import Service
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.load import CONFIG_VARIABLE
+from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.frames import LeftOut
+
+_SHOWN = f"--eds alone, else {BUILT_IN}"
+_NOT_ASSUMED = "the nodes of --eds alone"
+
+
+def add_listening_arguments(parser: argparse.ArgumentParser, *, assumes: bool) -> None:
+    """Add what says on which bus to listen, and which nodes are on it; see `known_nodes`."""
+    add_bench_arguments(parser, otherwise=_SHOWN if assumes else _NOT_ASSUMED)
+    parser.add_argument(
+        "--on",
+        metavar="NAME",
+        help="use the bus of [buses.NAME] in a bench with several (default: that of [bus])",
+    )
+    add_eds_argument(parser)
+
+
+def add_log_arguments(parser: argparse.ArgumentParser, *, assumes: bool) -> None:
+    """Add the log of frames that is read, and which nodes are in it; see `known_nodes`."""
+    parser.add_argument(
+        "log",
+        type=Path,
+        metavar="FILE",
+        help="log of frames: .log (candump), .asc, .blf, .trc or .mf4",
+    )
+    add_bench_arguments(parser, otherwise=_SHOWN if assumes else _NOT_ASSUMED)
+    add_eds_argument(parser)
+
+
+def add_eds_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --eds."""
+    parser.add_argument(
+        "--eds",
+        action="append",
+        default=[],
+        metavar="N=FILE",
+        help="EDS or DCF file of node N, as in 5=vendor.eds; repeat it for more nodes",
+    )
+
+
+def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what says which lines are shown, and how."""
+    services = [service.value for service in Service]
+    group = parser.add_argument_group("lines")
+    group.add_argument(
+        "--node",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="show only this node, by name or ID; repeat it for more",
+    )
+    for option, what in (
+        ("--only", f"show only this kind of frames: {', '.join(services)}"),
+        ("--hide", "hide this kind of frames"),
+    ):
+        group.add_argument(
+            option, action="append", default=[], choices=services, metavar="KIND", help=what
+        )
+    group.add_argument(
+        "--changes", action="store_true", help="hide frames that repeat the last content"
+    )
+    group.add_argument(
+        "--problems", action="store_true", help="show only errors: aborts, EMCY, wrong lengths"
+    )
+    group.add_argument("--raw", action="store_true", help="show the bytes as well")
+    group.add_argument(
+        "--colour",
+        choices=["auto", "always", "never"],
+        default="auto",
+        help="colour lines by service (default: auto, on a terminal)",
+    )
+
+
+def known_nodes(
+    args: argparse.Namespace, config: BenchConfig, *, assumes: bool = False
+) -> list[KnownNode]:
+    """Return the nodes that the command line names: those of a bench, those of EDS files.
+
+    Args:
+        args: the command line.
+        config: the bench; it counts where somebody has named it.
+        assumes: whether the built-in bench counts where nobody has named anything; `say_assumed`
+            says so. What is written, explained or
+            missed must not rest on that.
+    """
+    counts = _is_named(args) or (assumes and not args.eds)
+    return merge_nodes(nodes_of(config) if counts else (), map(node_of_eds, args.eds))
+
+
+def say_assumed(args: argparse.Namespace, config: BenchConfig) -> None:
+    """Say on standard error that the nodes are read as those of the built-in bench, if they are."""
+    if not (_is_named(args) or args.eds or args.quiet):
+        numbers = ", ".join(str(node.node_id) for node in config.nodes)
+        what = f"nodes {numbers} are read as those of the built-in bench"
+        print(f"hil-bench: {what}; give bench.toml or --eds N=FILE for others", file=sys.stderr)
+
+
+def _is_named(args: argparse.Namespace) -> bool:
+    return args.config is not None or CONFIG_VARIABLE in os.environ
+
+
+def known_ecus(args: argparse.Namespace, config: BenchConfig) -> list[KnownEcu]:
+    """Return the J1939 devices of the bench that the command line names; see `known_nodes`."""
+    return list(ecus_of(config)) if _is_named(args) else []
+
+
+def check_nodes(names: Sequence[str], decoder: Decoder) -> None:
+    """Refuse a --node that is neither a node-ID nor the name of a known node.
+
+    Raises:
+        ConfigError: it says which names there are.
+    """
+    known = sorted([*(node.name for node in decoder.nodes.values()), *decoder.ecus])
+    for name in names:
+        if not name.isdecimal() and name not in known:
+            right = f"a node-ID or one of {', '.join(known)}" if known else "a node-ID"
+            raise ConfigError(f"--node {name}: no node has this name; give {right}")
+
+
+def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
+    """Say on standard error what of a log was not read."""
+    found = []
+    if left_out.error_frames:
+        found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
+    if left_out.fd_frames:
+        found.append(f"{left_out.fd_frames} CAN FD frames left out")
+    if left_out.damaged_lines:
+        told = f"line {left_out.first_damaged} is no frame of candump -L"
+        more = left_out.damaged_lines - 1
+        found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
+    if left_out.ending:
+        found.append(f"ends early: {left_out.ending}")
+    for what in () if args.quiet else found:
+        print(f"hil-bench: {args.log}: {what}", file=sys.stderr)

@@ -1,0 +1,77 @@
+"""`hil-bench monitor`: what passes a bus, in words, as it comes."""
+
+import argparse
+import sys
+
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.verbs.eyes_arguments import (
+    add_filter_arguments,
+    add_listening_arguments,
+    check_nodes,
+    known_ecus,
+    known_nodes,
+    say_assumed,
+)
+from hil_bench.abilities.eyes.verbs.listening import (
+    add_duration_argument,
+    check_duration,
+    heard,
+    open_listener,
+)
+from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.network_arguments import seen_from_bus
+from hil_bench.cli.results import add_json_argument
+from hil_bench.frame import frame_bits
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
+from hil_bench.outside.transports.listener import loss_words
+
+_EXAMPLES = """\
+examples:
+  hil-bench monitor -i socketcan -c can0 bench.toml        nodes by name, values with units
+  hil-bench monitor -i socketcan -c can0 --eds 5=vendor.eds
+  hil-bench monitor -i socketcan -c can0 --hide heartbeat --hide sync --changes
+  hil-bench monitor -i socketcan -c can0 --problems        aborts, EMCY, wrong lengths alone
+  hil-bench monitor -i socketcan -c can0 --json            a JSON object a line
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "monitor",
+        description="Print the frames of a bus in words: node, service, objects with values and\n"
+        "units, an SDO transfer as one line. Nothing is sent. Nodes without an EDS file are named\n"
+        "by their answers.",
+        epilog=_EXAMPLES,
+    )
+    add_listening_arguments(parser, assumes=True)
+    add_duration_argument(parser, "listen")
+    add_filter_arguments(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Listen until the time is over or somebody interrupts."""
+    check_duration(args)
+    config = seen_from_bus(args, load_bench_config(args))
+    decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
+    check_nodes(args.node, decoder)
+    lines, bits, last = SightLines(args), 0.0, 0
+    with open_listener(config.bus) as listener:
+        say_assumed(args, config)
+        for logged in heard(listener, args.duration, sys.stdout.flush):
+            last = logged.now
+            bits += frame_bits(len(logged.frame.data), is_extended=logged.frame.is_extended)
+            lines.show(decoder.take(logged))
+        lines.show(decoder.finish())
+        losses = loss_words(listener.losses)
+    bitrate = config.bus.bitrate or USUAL_BITRATE
+    load = 100.0 * bits / (bitrate * last * 1e-9) if last else 0.0
+    if not args.quiet:
+        heading = f"{listener.frames} frames in {last * 1e-9:.1f} s on {listener.description}"
+        facts = [heading, *losses, f"load {load:.1f} % of {bitrate_text(bitrate)}"]
+        print(", ".join(facts), file=sys.stderr)
+    return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE

@@ -1,0 +1,131 @@
+"""`hil-bench record`: the frames and decoded values of any bus in a file, without a bench."""
+
+import argparse
+from pathlib import Path
+
+from hil_bench.abilities.eyes.channels import BusChannels
+from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.verbs.eyes_arguments import (
+    add_listening_arguments,
+    known_ecus,
+    known_nodes,
+)
+from hil_bench.abilities.eyes.verbs.listening import (
+    add_duration_argument,
+    check_duration,
+    heard,
+    open_listener,
+)
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.exit_codes import Ending, ExitCode
+from hil_bench.cli.network_arguments import seen_from_bus
+from hil_bench.cli.recording_arguments import (
+    add_trigger_arguments,
+    check_pre_trigger,
+    recording_code,
+    report_lines,
+)
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.recorder_process import RecorderProcess
+from hil_bench.outside.transports.listener import loss_words
+
+_UNMAPPED = "values of objects that were mapped only later, without a channel"
+
+_EXAMPLES = """\
+examples:
+  hil-bench record -i socketcan -c can0 bus.log                      frames, until Ctrl-C
+  hil-bench record -i socketcan -c can0 bus.mf4 bench.toml           and values as channels
+  hil-bench record -i socketcan -c can0 bus.mf4 --eds 5=vendor.eds --duration 60
+  hil-bench record -i socketcan -c can0 bus.mf4 bench.toml \\
+      --trigger "pressure_a.ai_input_process_value_1 > 80 bar"
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "record",
+        description="Record a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
+        ".csv also the values of known nodes' PDOs and of known J1939 devices' signals, in SI.\n"
+        "Nothing is sent; no bench runs.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the recording")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="the recording, in place of the first FILE",
+    )
+    add_listening_arguments(parser, assumes=False)
+    add_duration_argument(parser, "record")
+    add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until the time is over or somebody interrupts.
+
+    Raises:
+        ConfigError: an option cannot be meant.
+    """
+    _settle_file(args)
+    check_duration(args)
+    check_pre_trigger(args)
+    config = seen_from_bus(args, load_bench_config(args))
+    ecus = known_ecus(args, config)
+    decoder = Decoder(known_nodes(args, config), ecus)
+    channels = BusChannels((owner for owners in decoder.pdos.values() for owner in owners), ecus)
+    if args.file.suffix.lower() == ".csv" and not channels.channels:
+        right = "give bench.toml or --eds N=FILE, or record .mf4 or .log"
+        raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")
+    plan = RecordingPlan(
+        (args.file,), tuple(channels.channels), trigger=args.trigger, pre_trigger=args.pre_trigger
+    )
+    plan.check()
+    with open_listener(config.bus) as listener:
+        if not is_silent(args):
+            names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
+            what = listener.description
+            print(f"{what}: recording {names} to {args.file}; Ctrl-C ends it", flush=True)
+        recorder = RecorderProcess(plan)
+        recorder.start()
+        try:
+            for logged in heard(listener, args.duration):
+                recorder.append_frames([logged.frame], logged.now, is_received=True)
+                if sum(map(channels.take, decoder.take(logged))):
+                    recorder.append_row(channels.row(logged.now))
+        finally:
+            recorder.stop()
+        losses, dropped = listener.losses, listener.dropped
+    report = recorder.report
+    losses[_UNMAPPED] = channels.missed
+    lines = [*report_lines(report), *loss_words(losses)]
+    ending = Ending(args)
+    ending.take(recording_code(report))
+    if dropped:
+        ending.take(ExitCode.LOST)
+    if not listener.frames:
+        ending.take(ExitCode.INCONCLUSIVE)
+    with ending.going_on():
+        print_results(args, lines, {"report": report, **losses})
+    return ending.code
+
+
+def _settle_file(args: argparse.Namespace) -> None:
+    """Put the recording in `file` and the bench in `config`, by whichever words they came.
+
+    Raises:
+        ConfigError: there is no recording, or one word too many.
+    """
+    if args.output is not None:
+        if args.config is not None:
+            raise ConfigError(f"-o {args.output}: {args.file} is a second recording; give one")
+        args.config = None if args.file is None else str(args.file)
+        args.file = args.output
+    if args.file is None:
+        raise ConfigError("record: give the FILE to write, as in bus.mf4")

@@ -1,0 +1,87 @@
+"""Where a manoeuvre may take the axis."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+
+Values = npt.NDArray[np.float64]
+
+_KEPT_FREE = 0.1
+"""Share of the way between the limits that stays free at each end.
+
+The machine drifts otherwise than the model, since what is to be estimated is not known yet.
+"""
+
+_NO_LIMIT = 1e12
+
+
+class Bounds(NamedTuple):
+    """Limits of a manoeuvre, with room for what is not known yet.
+
+    Attributes:
+        position: lowest and highest [m].
+        speed: highest, either way [m/s].
+        pressure: lowest and highest of either chamber [Pa].
+        limits: as they were given, without that room; None where only the stroke limits.
+        stops: of the end stops, those that the piston may touch [m].
+        contact_speed: highest towards such a stop, beyond `position` [m/s].
+    """
+
+    position: tuple[float, float]
+    speed: float
+    pressure: tuple[float, float]
+    limits: Limits | None = None
+    stops: tuple[float, ...] = ()
+    contact_speed: float = 0.0
+
+    @classmethod
+    def of(cls, axis: CylinderConfig, limits: Limits | None) -> "Bounds":
+        """Return the bounds of an axis by its stroke, and by the limits of a plan, if any."""
+        half = axis.parameters.h
+        low, high = (-half, half) if limits is None else limits.position
+        free = _KEPT_FREE * (high - low)
+        position = (low + free, high - free)
+        if limits is None:
+            return cls(position, _NO_LIMIT, (-_NO_LIMIT, _NO_LIMIT))
+        speed = (1.0 - _KEPT_FREE) * limits.speed
+        if limits.contact_speed is None or axis.options.end_stop is None:
+            return cls(position, speed, limits.pressure, limits)
+        # Limits that reach beyond a stop allow to touch it.
+        stops = tuple(stop for stop in (-half, half) if low < stop < high)
+        contact = (1.0 - _KEPT_FREE) * limits.contact_speed
+        return cls(position, speed, limits.pressure, limits, stops, contact)
+
+    @property
+    def middle(self) -> float:
+        """The position from which there is the same room both ways [m]."""
+        return 0.5 * sum(self.position)
+
+    @property
+    def room(self) -> float:
+        """The way to either end from the middle [m]."""
+        return 0.5 * (self.position[1] - self.position[0])
+
+    def leaves(self, states: Values) -> str:
+        """Return what a run leaves first, empty where it stays within.
+
+        Args:
+            states: position, velocity and both pressures of each row, shape (rows, 4).
+        """
+        x, v, pressures = states[:, 0], states[:, 1], states[:, 2:]
+        for side, end in zip((-1.0, 1.0), self.position, strict=True):
+            is_beyond = side * (x - end) > 0.0
+            if not is_beyond.any():
+                continue
+            if not any(side * stop > 0.0 for stop in self.stops):
+                return "position"
+            if (side * v[is_beyond]).max() > self.contact_speed:
+                return "contact speed"
+        if np.abs(v).max() > self.speed:
+            return "speed"
+        if pressures.min() < self.pressure[0] or pressures.max() > self.pressure[1]:
+            return "pressure"
+        return ""

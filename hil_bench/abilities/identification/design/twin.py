@@ -1,0 +1,109 @@
+"""The machine as it is known, run under set-points: what its sensors would show without noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.identification.record import AxisRecord, Session
+from hil_bench.abilities.identification.sensing import sense
+from hil_bench.abilities.identification.spool import recorded_spool
+from hil_bench.abilities.identification.unknowns import PROMPT, Sensors
+from hil_bench.plants.hydraulic_cylinder.model import (
+    FullOrderPlant,
+    PlantInput,
+    PlantOptions,
+    PlantParameters,
+    Solver,
+    balanced_state,
+)
+
+Values = npt.NDArray[np.float64]
+
+_SPOOL_COUNTS = 1 << 14
+"""Steps of the full opening in which a CiA 408 valve shows its spool (object 0x6301, 16 bits)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """What stands for the machine, and for what records it.
+
+    Attributes:
+        axis: its name.
+        parameters: as far as they are known.
+        options: of the plant.
+        step: of the solver [s].
+        interval: between two rows of the recording [s].
+        full_opening: spool position that a set-point of 1 stands for [m].
+        noise: of position [m], P_A and P_B [Pa], shape (3,); infinite where a sensor is missing.
+        sensors: how far they are behind.
+        has_spool: whether the spool's position is recorded.
+    """
+
+    axis: str
+    parameters: PlantParameters
+    options: PlantOptions
+    step: float
+    interval: float
+    full_opening: float
+    noise: Values
+    sensors: Sensors = PROMPT
+    has_spool: bool = True
+
+    def run(self, setpoints: Values, position: float) -> Values:
+        """Return the states under set-points, from rest.
+
+        Args:
+            setpoints: of each row, as shares of the full opening, shape (rows,).
+            position: at the start [m].
+
+        Returns:
+            Position, velocity and both pressures after each row, shape (rows, 4) [m, m/s, Pa, Pa].
+        """
+        every = max(1, round(self.interval / self.step))
+        plant = FullOrderPlant(
+            self.parameters,
+            options=self.options,
+            solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
+            dt=self.interval / every,
+            state=balanced_state(self.parameters, x=position, F_L=self.options.load_at(position)),
+        )
+        states = np.empty((len(setpoints), 4))
+        for row, u in enumerate((setpoints * self.full_opening).tolist()):
+            given = PlantInput(u)
+            seen = plant.step(given)
+            for _ in range(every - 1):
+                seen = plant.step(given)
+            states[row] = seen.x, seen.v, seen.P_A, seen.P_B
+        return states
+
+    def record(self, setpoints: Values, states: Values) -> AxisRecord:
+        """Return what is recorded of a run, without noise.
+
+        Args:
+            setpoints: of each row, as shares of the full opening, shape (rows,).
+            states: of each row, as `run` returns them.
+        """
+        shown = states[:, [0, 2, 3]]
+        if self.sensors != PROMPT:
+            whole = np.concatenate([shown[:1], shown])[np.newaxis]
+            shown = sense(whole, self.interval, self.sensors, 1)[0]
+        has = np.isfinite(self.noise)
+        rows = range(len(setpoints))
+        record = AxisRecord(
+            axis=self.axis,
+            times=np.arange(1, len(setpoints) + 1) * np.float64(self.interval),
+            interval=self.interval,
+            stretches=(rows,),
+            full_opening=self.full_opening,
+            setpoints=self.full_opening * setpoints,
+            measured=np.where(has, shown, np.nan),
+            spool=None,
+            noise=self.noise,
+            sessions=(Session("", rows, has),),
+        )
+        if not self.has_spool:
+            return record
+        count = self.full_opening / _SPOOL_COUNTS
+        nu = recorded_spool(self.parameters, record)[:, 0]
+        return replace(record, spool=count * np.rint(nu / count))

@@ -1,0 +1,210 @@
+"""What a logger and its inputs do to a record: samples lost, channels clipped, channels filtered.
+
+All of it is found in the columns alone, before any fit, and named.
+"""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.identification.record import (
+    FLOORS,
+    SIGNALS,
+    AxisRecord,
+    estimate_noise,
+    quiet_noise,
+)
+from hil_bench.units import BAR, MILLIMETRE, MILLISECOND
+
+Values = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
+
+_NEAR = 2  # rows on each side of a step that it is compared with
+_FASTER = 1.6  # times the longest of these steps
+_JUMP = 12.0  # standard deviations of the noise, beyond that
+_STRUCK = (0.98, 3.0)  # of all changes from step to step, and times that: no change but a jump
+_LONGEST = 8  # rows one after the other at one value that noise hardly gives
+_EQUAL = 0.3  # share of rows like the row before: above, the column is coarse or without noise
+_BLOCK = 64  # rows, in which a machine at rest shows noise and a drift
+_DEGREE = 2  # of that drift
+_QUIET = 0.1  # of the blocks
+_LEAST_BLOCKS = 40
+_COLOURED = (0.3, 0.92)  # autocorrelation of filtered noise from row to row; above, it is motion
+_MOTION = (0.3, 0.05)  # how far the next one may be off that of a first-order filter
+
+
+class Jump(NamedTuple):
+    """Rows between which samples are lost.
+
+    Attributes:
+        row: the last one before.
+        way: by which the position jumps, less what it would move anyway.
+        lost: about how many rows.
+    """
+
+    row: int
+    way: float
+    lost: int
+
+
+def look_through(record: AxisRecord) -> AxisRecord:
+    """Return a record of one recording with what its logger has done, named in its notes.
+
+    Nothing of the fit reaches across lost samples; clipped values count for nothing.
+    """
+    notes: list[str] = []
+    clipped = np.zeros(record.measured.shape, dtype=np.bool_)
+    noise, filters = record.noise.copy(), [0.0, 0.0, 0.0]
+    for signal, name in enumerate(SIGNALS):
+        values = record.measured[:, signal]
+        if not np.isfinite(values).all():
+            continue
+        clipped[:, signal], ends = find_clipped(values, FLOORS[signal])
+        if ends:
+            unit = BAR if signal else MILLIMETRE
+            places = " and ".join(f"{unit.from_si(end):.4g} {unit.symbol}" for end in ends)
+            share = clipped[:, signal].mean()
+            notes.append(f"{name} is clipped at {places}: {share:.1%} of its rows do not count")
+            noise[signal] = estimate_noise(values[~clipped[:, signal]], FLOORS[signal])
+        filters[signal] = find_filter(values[~clipped[:, signal]], record.interval, FLOORS[signal])
+        if filters[signal]:
+            span = MILLISECOND.from_si(filters[signal])
+            notes.append(
+                f"{name} has noise as behind a first-order filter of about {span:.2g} ms; "
+                "its lag is estimated"
+            )
+    jumps = [
+        jump
+        for part in record.stretches
+        for jump in _shifted(
+            find_jumps(record.measured[part.start : part.stop, 0], noise[0]), part.start
+        )
+    ]
+    if jumps:
+        first, lost = jumps[0], sum(jump.lost for jump in jumps)
+        where = f", the first at {record.times[first.row]:.6g} s" if len(jumps) > 1 else ""
+        at = f" at {record.times[first.row]:.6g} s" if len(jumps) == 1 else ""
+        jump = f"{MILLIMETRE.from_si(max(abs(one.way) for one in jumps)):.3g} mm"
+        places = "1 place" if len(jumps) == 1 else f"{len(jumps)} places"
+        rows = "1 row is" if lost == 1 else f"{lost} rows are"
+        notes.append(
+            f"about {rows} missing in {places} behind an even column of "
+            f"time{where}{at}: the position jumps by up to {jump}"
+        )
+        record = record.split_at([one.row for one in jumps])
+    return replace(
+        record,
+        noise=noise,
+        clipped=clipped if clipped.any() else None,
+        filters=(filters[0], filters[1], filters[2]),
+        notes=(*record.notes, *notes),
+    )
+
+
+def _shifted(jumps: list[Jump], by: int) -> list[Jump]:
+    return [jump._replace(row=jump.row + by) for jump in jumps]
+
+
+def find_jumps(position: Values, noise: float) -> list[Jump]:
+    """Return where samples are lost behind an even column of time.
+
+    A piston that is struck gets from one velocity to another, and its way from row to row lies
+    between both. Where rows are missing, that way is longer than those on both sides, by more than
+    the ways of this record change from row to row.
+
+    Args:
+        position: of each row.
+        noise: its standard deviation.
+    """
+    steps = np.diff(position)
+    sizes = np.abs(steps)
+    if len(steps) < 4 * _NEAR:
+        return []
+    windows = np.lib.stride_tricks.sliding_window_view(sizes, _NEAR)
+    count = len(steps) - 2 * _NEAR
+    beside = np.maximum(windows[:count].max(axis=1), windows[_NEAR + 1 :].max(axis=1))
+    places = np.flatnonzero(sizes[_NEAR : _NEAR + count] > _FASTER * beside + _JUMP * noise)
+    share, times = _STRUCK
+    least = times * float(np.quantile(np.abs(np.diff(steps)), share))
+    jumps = []
+    for place in (places + _NEAR).tolist():
+        near = [*range(place - _NEAR, place), *range(place + 1, place + 1 + _NEAR)]
+        usual, step = float(steps[near].mean()), float(steps[place])
+        if abs(step - usual) < least:
+            continue
+        is_way = usual * step > 0.0 and abs(usual) > noise
+        lost = max(1, round(step / usual) - 1) if is_way else 1
+        jumps.append(Jump(place, step - usual, lost))
+    return jumps
+
+
+def find_clipped(values: Values, floor: float) -> tuple[Marks, list[float]]:
+    """Return the rows at which a channel is at an end of its range, and these ends.
+
+    Noise does not stand still. A channel that does so for a while at its highest or lowest value,
+    and hardly elsewhere, shows the end of a range.
+
+    Args:
+        values: of each row.
+        floor: noise below which nothing can be said.
+    """
+    marks, ends = np.zeros(len(values), dtype=np.bool_), []
+    is_like = np.diff(values, prepend=np.nan) == 0.0
+    for end in (values.min(), values.max()):
+        at_end = values == end
+        inside = values[~at_end]
+        long = [run for run in _runs(at_end) if len(run) >= _LONGEST]
+        if not long or is_like[~at_end].mean() > _EQUAL or quiet_noise(inside) < floor:
+            continue
+        ends.append(float(end))
+        for run in long:
+            marks[run.start : run.stop] = True
+    return marks, ends
+
+
+def find_filter(values: Values, interval: float, floor: float) -> float:
+    """Return the time constant of a first-order filter behind the noise of a channel, 0 for none.
+
+    Behind y' = f y + (1 - f) x white noise has the autocorrelations f and f² from row to row and
+    over two rows. The quietest blocks count, in which the machine does nothing; motion that is left
+    in them is as like over two rows as over one, and is told apart by that.
+
+    Args:
+        values: of each row.
+        interval: between two rows [s].
+        floor: noise below which nothing can be said.
+
+    Returns:
+        The time constant [s].
+    """
+    blocks = len(values) // _BLOCK
+    if blocks < _LEAST_BLOCKS or (np.diff(values) == 0.0).mean() > _EQUAL:
+        return 0.0
+    cut = values[: blocks * _BLOCK].reshape(blocks, _BLOCK)
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _BLOCK), _DEGREE + 1))
+    rest = cut - (cut @ basis) @ basis.T
+    powers = np.square(rest).mean(axis=1)
+    quiet = rest[powers <= np.quantile(powers, _QUIET)]
+    power = float(np.square(quiet).mean())
+    if power <= floor**2:
+        return 0.0
+    # A drift that was taken out takes some of the correlation with it.
+    lost = (_DEGREE + 1) / _BLOCK
+    once, twice = (
+        float((quiet[:, lag:] * quiet[:, :-lag]).mean()) / power * (1.0 - lost) + lost
+        for lag in (1, 2)
+    )
+    share, least = _MOTION
+    is_filter = abs(twice - once**2) < share * once * (1.0 - once) + least
+    if not _COLOURED[0] < once < _COLOURED[1] or not is_filter:
+        return 0.0
+    return -interval / math.log(once)
+
+
+def _runs(marks: Marks) -> list[range]:
+    """Return the runs of rows that are marked."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
+    return [range(first, last) for first, last in edges.reshape(-1, 2).tolist()]

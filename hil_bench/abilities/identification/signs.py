@@ -1,0 +1,171 @@
+"""Do the signs of the columns go together? What is open is found, with how sure that is.
+
+Three facts of any axis decide. Gauge pressures are above zero in the mean. What accelerates the
+piston is a pressure that rises in A or falls in B, eq. (12) of Ruderman 2017. And an axis follows
+its valve: above the dead-zone, velocity has the set-point's sign.
+"""
+
+import math
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.identification.record import PRESSURES, AxisRecord
+from hil_bench.errors import ConfigError
+
+Values = npt.NDArray[np.float64]
+
+_BLOCK = 0.1  # [s]: the parts of a record that count as independent
+_SURE = 4.0  # deviations of the mean over the blocks, from which on a sign counts as known
+_WEAK = 0.01  # of the strongest block's: a block with less is noise
+_LEAST_BLOCKS = 5
+_EXACT = 0.01  # spread of the blocks, at least
+_SWIFT = 0.05  # [s]: what goes on within that accelerates the piston
+
+
+def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
+    """Return a record of one recording with the polarities that were unknown, and notes on them.
+
+    Args:
+        record: with each signal as its column has it.
+        unknown: the quantities whose polarity is open, of position, P_A, P_B, spool_setpoint and
+            spool_position.
+
+    Raises:
+        ConfigError: an open polarity cannot be decided, or a given one contradicts the motion.
+    """
+    notes: list[str] = []
+    measured = record.measured.copy()
+    for signal, name in enumerate(PRESSURES, start=1):
+        if name in unknown and np.isfinite(measured[:, signal]).all():
+            sign = math.copysign(1.0, float(measured[:, signal].mean()))
+            measured[:, signal] *= sign
+            notes.append(f"polarity of {name}: {sign:+.0f}, since gauge pressures are above zero")
+    record = replace(record, measured=measured)
+    record, note = _settle_position(record, is_open="position" in unknown)
+    notes += note
+    score = _score(record, _slope(record, 1), record.setpoints)
+    sign = math.copysign(1.0, score)
+    if "spool_setpoint" in unknown:
+        _require_sure("spool_setpoint", score)
+        record = replace(record, setpoints=sign * record.setpoints)
+        notes.append(_note("spool_setpoint", score, "the piston follows the valve"))
+    elif score < -_SURE:
+        raise ConfigError(
+            f"the piston retracts where spool_setpoint is above zero ({-score:.0f} standard "
+            "deviations); turn the polarity of spool_setpoint or of position"
+        )
+    if record.spool is not None and "spool_position" in unknown:
+        product = float(record.spool @ record.setpoints)
+        record = replace(record, spool=math.copysign(1.0, product) * record.spool)
+        notes.append(f"polarity of spool_position: {product and math.copysign(1.0, product):+.0f}")
+    return replace(record, notes=(*record.notes, *notes))
+
+
+def _settle_position(record: AxisRecord, *, is_open: bool) -> tuple[AxisRecord, list[str]]:
+    """Return the record whose position goes where its pressures push, and notes on it.
+
+    Raises:
+        ConfigError: the pressures contradict the polarity or each other.
+    """
+    acceleration = _swift(record, _slope(record, 2))
+    scores = [
+        side * _score(record, acceleration, _swift(record, record.measured[:, signal]))
+        for signal, side in ((1, 1.0), (2, -1.0))
+        if record.sessions[0].has[signal]
+    ]
+    least, most = min(scores), max(scores)
+    if is_open:
+        if least < 0.0 < most:
+            raise ConfigError(
+                "the polarity of position is not decidable, since P_A and P_B contradict each "
+                "other; check that they are not one and the same sensor"
+            )
+        score = max(scores, key=abs)
+        _require_sure("position", score)
+        sign = math.copysign(1.0, score)
+        measured = record.measured * [sign, 1.0, 1.0]
+        note = _note("position", score, "the pressures accelerate the piston")
+        return replace(record, measured=measured), [note]
+    if most < -_SURE:
+        raise ConfigError(
+            "the piston accelerates against its pressures "
+            f"({-most:.0f} standard deviations); turn the polarity of position, or exchange P_A "
+            "and P_B"
+        )
+    return record, []
+
+
+def _slope(record: AxisRecord, order: int) -> Values:
+    """Return the velocity or acceleration over some rows, by the order of the derivative."""
+    from scipy.signal import savgol_filter  # noqa: PLC0415 - an extra
+
+    slopes = np.zeros(len(record))
+    for rows in record.stretches:
+        part = slice(rows.start, rows.stop)
+        slopes[part] = savgol_filter(
+            record.measured[part, 0],
+            window_length=11,
+            polyorder=3,
+            deriv=order,
+            delta=record.interval,
+        )
+    return slopes
+
+
+def _swift(record: AxisRecord, values: Values) -> Values:
+    """Return a signal less its moving mean."""
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - an extra
+
+    swift = np.zeros(len(values))
+    for rows in record.stretches:
+        part = slice(rows.start, rows.stop)
+        swift[part] = values[part] - uniform_filter1d(values[part], record.rows_in(_SWIFT))
+    return swift
+
+
+def _score(record: AxisRecord, one: Values, other: Values) -> float:
+    """Return how many standard deviations the common sign of two signals is above chance.
+
+    Each block of the record gives one number, their correlation about zero.
+    """
+    length = record.rows_in(_BLOCK)
+    pairs = [
+        (one[start : start + length], other[start : start + length])
+        for rows in record.stretches
+        for start in range(rows.start, rows.stop - length, length)
+    ]
+    strong = [float(np.abs(pair[0]).max() * np.abs(pair[1]).max()) for pair in pairs]
+    found = np.array(
+        [
+            float(pair[0] @ pair[1] / np.linalg.norm(pair[0]) / np.linalg.norm(pair[1]))
+            for pair, size in zip(pairs, strong, strict=True)
+            if size > _WEAK * max(strong)
+        ]
+    )
+    if len(found) < _LEAST_BLOCKS:
+        return 0.0
+    spread = max(float(np.std(found, ddof=1)), _EXACT)
+    return float(found.mean() / spread * math.sqrt(len(found)))
+
+
+def _require_sure(name: str, score: float) -> None:
+    """Refuse a sign that may be chance.
+
+    Raises:
+        ConfigError: it may.
+    """
+    if abs(score) < _SURE:
+        raise ConfigError(
+            f"the polarity of {name} is not decidable from this recording: the evidence is "
+            f"{abs(score):.1f} standard deviations, {_SURE:g} are wanted; give polarity = 1 or -1"
+        )
+
+
+def _note(name: str, score: float, reason: str) -> str:
+    return (
+        f"polarity of {name}: {math.copysign(1.0, score):+.0f}, since {reason} "
+        f"({abs(score):.0f} standard deviations)"
+    )

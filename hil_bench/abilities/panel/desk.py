@@ -1,0 +1,164 @@
+"""What a page may ask for: checked, then done by the panel itself or by the bench."""
+
+import contextlib
+import re
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from hil_bench.abilities.panel.hub import Hub
+from hil_bench.abilities.panel.objects import device_of, list_objects, list_pdos
+from hil_bench.abilities.panel.record import (
+    SUFFIX,
+    RecordForm,
+    make_scenario,
+    play_test,
+    write_test,
+)
+from hil_bench.abilities.panel.viewer import Viewer
+from hil_bench.abilities.scenario.writing import to_toml
+from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.outside.feed.messages import (
+    ACTIONS,
+    NUMBER,
+    SWITCH,
+    TABLE,
+    TEXT,
+    Actions,
+    RequestError,
+    encode,
+    parse_request,
+)
+from hil_bench.session.live_faults import fault_fields
+
+_FORM: Mapping[str, Any] = {
+    "file": TEXT,
+    "title": TEXT,
+    "begin_s": NUMBER,
+    "end_s": NUMBER,
+    "lead_s": NUMBER,
+    "controller": TEXT,
+    "requirement": TEXT,
+    "that": TEXT,
+}
+
+_BY_BENCH = (
+    *("histograms", "journal", "mark", "stop", "stop_recording"),
+    *("clear_fault", "get_object", "set_object"),
+)
+_RECORDING = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,60}\.mf4")
+
+PAGE_ACTIONS: Actions = {
+    **{name: ACTIONS[name] for name in (*_BY_BENCH, "set_plant")},
+    "fault": {"kind": TEXT, "target": TEXT, "keys": TABLE._replace(is_needed=False)},
+    "want": {"frames": SWITCH},
+    "choose": {"bench": TEXT},
+    "objects": {"node": TEXT},
+    "pdos": {},
+    "record": {"file": TEXT},
+    "preview": _FORM,
+    "test": {**_FORM, "replaces": SWITCH},
+}
+"""What a page may ask for: what a bench may be asked, less `watch`, and what the panel does."""
+
+Act = Callable[[Viewer, dict[str, Any]], Awaitable[object]]
+
+
+class Desk:
+    """Does what pages ask for.
+
+    Args:
+        hub: leads to the bench.
+        folder: where tests and recordings are written.
+    """
+
+    def __init__(self, hub: Hub, folder: Path) -> None:
+        self._hub = hub
+        self._folder = folder
+        self._acts: Mapping[str, Act] = {
+            "fault": self._fault,
+            "want": self._want,
+            "choose": self._choose,
+            "objects": self._objects,
+            "pdos": self._pdos,
+            "record": self._record,
+            "preview": self._preview,
+            "test": self._test,
+        }
+
+    async def answer(self, viewer: Viewer, text: str) -> bytes:
+        """Do what a message asks for and return the answer."""
+        number: int | None = None
+        content: dict[str, object]
+        try:
+            request = parse_request(text.encode(errors="replace"), PAGE_ACTIONS)
+            number = request.number
+            act = self._acts.get(request.action)
+            if act is not None:
+                content = {"value": await act(viewer, request.fields)}
+            else:
+                value = await self._hub.bench.request(request.action, **request.fields)
+                content = {"value": value}
+        except RequestError as error:
+            number, content = error.number, {"error": str(error)}
+        except HilBenchError as error:
+            content = {"error": str(error)}
+        return encode({"type": "answer", "id": number, **content})
+
+    async def _fault(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        bench = self._hub.bench
+        table = {**fields.get("keys", {}), "kind": fields["kind"], "target": fields["target"]}
+        return await bench.request("begin_fault", **fault_fields(table, bench.hello))
+
+    async def _want(self, viewer: Viewer, fields: dict[str, Any]) -> None:
+        viewer.wants_frames = fields["frames"]
+        self._hub.review()
+
+    async def _choose(self, _viewer: Viewer, fields: dict[str, Any]) -> None:
+        self._hub.choose(fields["bench"])
+
+    async def _objects(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        return list_objects(device_of(self._hub.bench.hello, fields["node"]))
+
+    async def _pdos(self, _viewer: Viewer, _fields: dict[str, Any]) -> object:
+        bench = self._hub.bench
+
+        async def get(node: str, name: str) -> Any:  # noqa: ANN401 - what an object holds
+            with contextlib.suppress(ConfigError):
+                return await bench.request("get_object", node=node, name=name)
+            return None
+
+        return await list_pdos(bench.hello, get)
+
+    async def _record(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        """Have the bench begin a recording.
+
+        Raises:
+            ConfigError: the name of its file cannot be, or is there already.
+        """
+        name = fields["file"]
+        if not _RECORDING.fullmatch(name):
+            raise ConfigError(f"file {name!a}: give up to 61 letters, digits, _ or -, and .mf4")
+        path = self._folder / name
+        if path.exists():
+            raise ConfigError(f"{path} is there already; give another name")
+        return await self._hub.bench.request("start_recording", path=str(path))
+
+    async def _preview(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        scenario, remarks = await self._scenario(fields)
+        return {"path": str(scenario.path), "text": to_toml(scenario), "remarks": remarks}
+
+    async def _test(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        replaces = fields.pop("replaces")
+        scenario, remarks = await self._scenario(fields)
+        write_test(scenario, replaces=replaces)
+        found = await play_test(scenario.path)
+        return {"path": str(scenario.path), "remarks": remarks, **found}
+
+    async def _scenario(self, fields: dict[str, Any]) -> Any:  # noqa: ANN401 - of `make_scenario`
+        bench = self._hub.bench
+        form = RecordForm(**fields)
+        form.check()
+        journal = await bench.request("journal")
+        path = self._folder / f"{form.file}{SUFFIX}"
+        return make_scenario(form, path, bench.hello, journal)

@@ -1,0 +1,290 @@
+"""Recordings played back: frames onto a bus, set-points into the plant.
+
+The frames of a recording go back on a bus at the times that they were recorded at. The spool
+set-points of a recording drive the plant of a configuration from the recording's first state on;
+what the plant then does is compared with what was recorded.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.bench.configuration import AxisConfig, BenchConfig
+from hil_bench.bench.together import axes_with, build_together
+from hil_bench.errors import ConfigError
+from hil_bench.outside.realtime.clock import Clock
+from hil_bench.outside.recording.channels import (
+    TIME,
+    Channel,
+    Recording,
+    recording_channels,
+    recording_dtype,
+)
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.plants.quantity import Quantity
+
+
+def compared(axis: AxisConfig) -> list[Quantity]:
+    """Return the quantities of an axis that are compared where a recording has them.
+
+    The largest deviation that counts as the same unless told otherwise is the quantity's tolerance;
+    without one it is shown without judgement.
+    """
+    return [quantity for quantity in axis.kind.outputs if quantity.is_recorded]
+
+
+class FrameDirection(StrEnum):
+    """Which frames of a recording are meant, as seen by who recorded them."""
+
+    RECEIVED = "received"
+    SENT = "sent"
+    ALL = "all"
+
+    def includes(self, logged: LoggedFrame) -> bool:
+        """Return True if a frame is meant."""
+        return self is FrameDirection.ALL or (self is FrameDirection.RECEIVED) == logged.is_received
+
+
+@dataclass(frozen=True, slots=True)
+class PlaybackReport:
+    """What a playback did.
+
+    Attributes:
+        frames: sent.
+        duration: from the first to the last [s].
+        latest: the largest delay of a frame [s].
+    """
+
+    frames: int
+    duration: float
+    latest: float
+
+
+def play_frames(
+    frames: Iterable[LoggedFrame],
+    send: Callable[[LoggedFrame], None],
+    clock: Clock,
+    *,
+    speed: float = 1.0,
+    stopped: Callable[[], bool] = lambda: False,
+) -> PlaybackReport:
+    """Send frames with their timing.
+
+    Args:
+        frames: in the order of time.
+        send: takes each frame when it is due.
+        clock: to wait on.
+        speed: how much faster than recorded; infinite for without waiting.
+        stopped: asked before each frame.
+    """
+    start = clock.now()
+    first: int | None = None
+    count = latest = 0
+    for logged in frames:
+        if stopped():
+            break
+        first = logged.now if first is None else first
+        due = start + round((logged.now - first) / speed)
+        clock.sleep_until(due)
+        late = clock.now() - due
+        send(logged)
+        count += 1
+        latest = max(latest, late) if speed != float("inf") else 0
+    return PlaybackReport(count, (clock.now() - start) * 1e-9, latest * 1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class SignalDeviation:
+    """How far a simulated signal is from the recorded one.
+
+    Attributes:
+        channel: its name.
+        unit: its SI unit.
+        rms: root mean square.
+        maximum: largest absolute value.
+        time: when that was [s].
+        tolerance: the largest that is right; None where it is not judged.
+    """
+
+    channel: str
+    unit: str
+    rms: float
+    maximum: float
+    time: float
+    tolerance: float | None
+
+    @property
+    def is_within(self) -> bool:
+        """Return True if it is right, or not judged."""
+        return self.tolerance is None or self.maximum <= self.tolerance
+
+
+def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
+    """Return what the plants of a configuration do under the recorded spool set-points.
+
+    Args:
+        config: the bench.
+        recording: has ``AXIS.spool_setpoint``, and each quantity of the state at its first row;
+            of another kind of plant the command that it has.
+
+    Returns:
+        The `compared` quantities of each axis at the times of the recording.
+
+    Raises:
+        ConfigError: the recording lacks what is needed.
+    """
+    if len(recording) < 2:
+        raise ConfigError(
+            f"the recording has {len(recording)} rows of signals; 2 or more are needed"
+        )
+    names = [channel.name for channel in recording_channels(recording)]
+    axes = (config.first_axis, *config.axes[1:])
+    driven = [axis for axis in axes if _command_of(axis) in names]
+    if not driven:
+        right = ", ".join(map(_command_of, axes))
+        raise ConfigError(f"the recording has no spool set-point; it must have {right}")
+    moved = {
+        axis.name: rows
+        for axes in _together(config, driven)
+        for axis, rows in zip(axes, _drive(config, axes, recording), strict=True)
+    }
+    columns = [recording[TIME.name]]
+    channels = [TIME]
+    for axis in driven:
+        columns += list(moved[axis.name].T)
+        channels += [Channel(f"{axis.name}.{each.name}", each.unit) for each in compared(axis)]
+    rows = np.column_stack(columns)
+    return np.ascontiguousarray(rows).view(recording_dtype(channels)).reshape(-1)
+
+
+def compare_recordings(
+    config: BenchConfig,
+    recorded: Recording,
+    simulated: Recording,
+    tolerances: Mapping[str, float],
+) -> list[SignalDeviation]:
+    """Return the deviation of each simulated signal that was recorded too.
+
+    Args:
+        config: the bench whose plants were driven.
+        recorded: the measurement.
+        simulated: at the same times.
+        tolerances: largest deviation by the name of a channel, or by its last part for all axes,
+            in the SI unit.
+
+    Raises:
+        ConfigError: a tolerance is for no signal that is compared.
+    """
+    names = recorded.dtype.names or ()
+    channels = [channel for channel in recording_channels(simulated)[1:] if channel.name in names]
+    known = {name for channel in channels for name in (channel.name, _quantity(channel))}
+    usual = default_tolerances(config)
+    for name in tolerances.keys() - {usual_name.rpartition(".")[2] for usual_name in usual} - known:
+        raise ConfigError(f"tolerance for {name}: not compared; {', '.join(sorted(known))} are")
+    deviations = []
+    for channel in channels:
+        error = np.abs(simulated[channel.name] - recorded[channel.name])
+        worst = int(np.argmax(error))
+        deviations.append(
+            SignalDeviation(
+                channel.name,
+                channel.unit,
+                rms=float(np.sqrt(np.mean(error**2))),
+                maximum=float(error[worst]),
+                time=float(recorded[TIME.name][worst]),
+                tolerance=tolerances.get(
+                    channel.name, tolerances.get(_quantity(channel), usual.get(channel.name))
+                ),
+            )
+        )
+    return deviations
+
+
+def default_tolerances(config: BenchConfig) -> dict[str, float]:
+    """Return the largest deviations that count as the same [SI], by the names of channels."""
+    return {
+        f"{axis.name}.{quantity.name}": quantity.tolerance
+        for axis in config.axes
+        for quantity in compared(axis)
+        if quantity.tolerance is not None
+    }
+
+
+def _command_of(axis: AxisConfig) -> str:
+    return f"{axis.name}.{axis.kind.command.name}"
+
+
+def _quantity(channel: Channel) -> str:
+    return channel.name.rpartition(".")[2]
+
+
+def _together(config: BenchConfig, driven: Sequence[AxisConfig]) -> Iterator[list[AxisConfig]]:
+    """Yield the axes that move at once: those of each supply, and all others by themselves.
+
+    Raises:
+        ConfigError: an axis of a supply has no recorded command.
+    """
+    left = [axis.name for axis in driven]
+    for axis in driven:
+        if axis.name not in left:
+            continue
+        axes = axes_with(config, axis)
+        for each in axes:
+            if each.name not in left:
+                wrong = f"the recording has no {_command_of(each)}"
+                right = f"it must have one, for {each.name} and {axis.name} share their supply"
+                raise ConfigError(f"{wrong}; {right}")
+            left.remove(each.name)
+        yield axes
+
+
+def _drive(
+    config: BenchConfig, axes: Sequence[AxisConfig], recording: Recording
+) -> list[npt.NDArray[np.float64]]:
+    """Return the `compared` quantities of axes that move at once, a row a row of the recording.
+
+    Raises:
+        ConfigError: the recording's time goes back, or it has no state to begin with.
+    """
+    starts = [_state_at_start(axis, recording, config.full_scale(axis)) for axis in axes]
+    group = build_together(config, axes, starts)
+    times = recording[TIME.name]
+    steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
+    if np.any(steps < 0):
+        raise ConfigError("the recording's time goes back; give a recording in the order of time")
+    commands = []
+    for axis in axes:
+        share = config.full_scale(axis) if axis.kind.command.is_share else 1.0
+        commands.append((recording[_command_of(axis)] * share).tolist())
+    places = [[quantity.output or 0 for quantity in compared(axis)] for axis in axes]
+    tables = [np.empty((len(recording), len(each))) for each in places]
+    for number, count in enumerate(steps.tolist()):
+        outputs = group.drive([each[number] for each in commands], count)
+        for table, output, place in zip(tables, outputs, places, strict=True):
+            table[number] = [output[each] for each in place]
+    for axis, table in zip(axes, tables, strict=True):
+        for column, quantity in enumerate(compared(axis)):
+            if quantity.is_share:
+                table[:, column] /= config.full_scale(axis)
+    return tables
+
+
+def _state_at_start(axis: AxisConfig, recording: Recording, full: float) -> dict[str, float]:
+    """Return the state of an axis in the recording's first row.
+
+    Raises:
+        ConfigError: the recording does not have it.
+    """
+    names = recording.dtype.names or ()
+    start = {
+        quantity.name: float(recording[name][0]) * (full if quantity.is_share else 1.0)
+        for quantity in compared(axis)
+        if (name := f"{axis.name}.{quantity.name}") in names
+    }
+    if axis.kind.start_with not in start:
+        needed = f"{axis.name}.{axis.kind.start_with}"
+        raise ConfigError(f"the recording has no {needed}; it must have one to begin with")
+    return start

@@ -1,0 +1,229 @@
+"""`hil-bench replay`: recorded frames back on a bus, or recorded set-points into the plant."""
+
+import argparse
+import contextlib
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import can
+
+from hil_bench.abilities.replay.drive import (
+    FrameDirection,
+    SignalDeviation,
+    compare_recordings,
+    compared,
+    drive_plant,
+    play_frames,
+)
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
+from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interruption
+from hil_bench.cli.progress import Work, shown_work
+from hil_bench.errors import BusError, ConfigError, first_line
+from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_units import check_quantities, find_doubts
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import message_of, read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.trigger import quantity
+from hil_bench.outside.transports.opening import open_can_bus
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.units import display_unit
+
+_EXAMPLES = """\
+examples:
+  hil-bench replay run.mf4 -i socketcan -c vcan0                       all frames, as recorded
+  hil-bench replay run.mf4 -i socketcan -c vcan0 --frames received     of a bench's recording:
+                                                                       what its controller sent
+  hil-bench replay run.csv --virtual bench.toml                        set-points into the plant
+  hil-bench replay run.csv --virtual --tolerance "position=0.5 mm"
+"""
+
+_TOLERANCE = re.compile(r"\s*([^=\s]+)\s*=\s*(\S+?)\s*([A-Za-z%/]*)\s*")
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "replay",
+        description="Put the frames of a recording back on a bus with their timing; or, with\n"
+        "--virtual, drive the plant of a bench with the recorded spool set-points and compare.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
+    add_bench_arguments(parser)
+    parser.add_argument(
+        "--frames",
+        choices=[direction.value for direction in FrameDirection],
+        default=FrameDirection.ALL.value,
+        help="frames to replay, as the recorder saw them; a .log does not say (default: all)",
+    )
+    parser.add_argument(
+        "--speed",
+        type=read_speed,
+        default=1.0,
+        metavar="X",
+        help="factor of the speed, as in 2, or max (default: 1)",
+    )
+    virtual = parser.add_argument_group("set-points into the plant")
+    virtual.add_argument(
+        "--virtual",
+        action="store_true",
+        help="use no bus: drive the plant of the bench with the recorded set-points, in virtual "
+        "time, and compare; exit code 1 where a deviation is out of tolerance",
+    )
+    virtual.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help='largest deviation allowed, as in "position=0.5 mm" or "axis1.P_A=3 bar" '
+        "(default: position 1 mm, pressures 2 bar, spool position 2 %%)",
+    )
+    virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the recording.
+
+    Raises:
+        ConfigError: --virtual and a bus.
+    """
+    if args.virtual and ("interface" in args or "channel" in args):
+        raise ConfigError("--virtual needs no bus; give either --virtual or -i and -c")
+    config = load_bench_config(args)
+    return drive(args, config) if args.virtual else play(args, config)
+
+
+def play(args: argparse.Namespace, config: BenchConfig) -> int:
+    """Put the frames on the bus.
+
+    Raises:
+        ConfigError: there are none.
+        BusError: the bus was lost.
+    """
+    direction = FrameDirection(args.frames)
+    recorded = list(read_frames(args.recording))
+    if direction is not FrameDirection.ALL and any(
+        logged.is_received is None for logged in recorded
+    ):
+        raise ConfigError(
+            f"{args.recording}: a candump log does not say which frames were {direction.value}; "
+            "record .mf4, .blf or .asc, or leave --frames out"
+        )
+    frames = [logged for logged in recorded if direction.includes(logged)]
+    if not frames:
+        there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
+        which = "" if direction is FrameDirection.ALL else f"{direction.value} "
+        raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
+    with contextlib.ExitStack() as stack:
+        wish = stack.enter_context(interruption())
+        bus, what = open_can_bus(*config.bus.address)
+        stack.enter_context(bus)
+        work = stack.enter_context(shown_work(args, Work("replay", len(frames), "frames")))
+
+        def send(logged: LoggedFrame) -> None:
+            bus.send(message_of(logged))
+            work.done += 1
+
+        try:
+            report = play_frames(
+                frames,
+                send,
+                MonotonicClock(),
+                speed=args.speed,
+                stopped=lambda: wish.requested,
+            )
+        except (can.CanError, OSError) as error:
+            raise BusError(f"{what}: {first_line(error)}") from error
+    if not args.quiet:
+        print(
+            f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "
+            f"at most {report.latest * 1e3:.1f} ms late"
+        )
+    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+
+
+def drive(args: argparse.Namespace, config: BenchConfig) -> int:
+    """Drive the plant and compare.
+
+    Raises:
+        ConfigError: the recording lacks what is needed.
+    """
+    recorded = read_recording(args.recording)
+    _check_units(args, config, recorded)
+    units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
+    tolerances = dict(_tolerance(text, units) for text in args.tolerance)
+    try:
+        with shown_work(args, Work("replay")):
+            driven = drive_plant(config, recorded)
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    deviations = compare_recordings(config, recorded, driven, tolerances)
+    if args.json:
+        print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
+    elif not args.quiet:
+        print("\n".join((_HEAD, *map(_line, deviations))))
+    is_right = all(deviation.is_within for deviation in deviations)
+    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+def _check_units(args: argparse.Namespace, config: BenchConfig, recorded: Recording) -> None:
+    """Refuse columns of cylinders in a unit of something else, and doubt those of a wrong size.
+
+    Raises:
+        ConfigError: there is such a unit.
+    """
+    cylinders = [axis for axis in config.axes if isinstance(axis, CylinderConfig)]
+    own = tuple(f"{axis.name}." for axis in cylinders)
+    names = [name for name in recorded.dtype.names or () if name.startswith(own)]
+    strokes = {f"{axis.name}.position": 2.0 * axis.parameters.h for axis in cylinders}
+    try:
+        check_quantities(recorded, names)
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    warn_of([f"{args.recording}: {doubt}" for doubt in find_doubts(recorded, names, strokes)])
+
+
+_HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"
+
+
+def _line(deviation: SignalDeviation) -> str:
+    unit = display_unit(deviation.unit)
+    numbers = [
+        f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)
+    ]
+    verdict = "not judged"
+    if deviation.tolerance is not None:
+        verdict = "passed" if deviation.is_within else "FAILED"
+        verdict = f"{unit.from_si(deviation.tolerance):g} {unit.symbol}: {verdict}"
+    time = f"{deviation.time:.3f} s"
+    return f"{deviation.channel:24} {numbers[0]:>12} {numbers[1]:>12} {time:>10}   {verdict}"
+
+
+def _tolerance(text: str, units: Mapping[str, str]) -> tuple[str, float]:
+    """Return the channel and the tolerance in its SI unit, by the units of what is compared.
+
+    Raises:
+        ConfigError: the text is none.
+    """
+    match = _TOLERANCE.fullmatch(text)
+    right = '"position=0.5 mm" is the form'
+    if match is None:
+        raise ConfigError(f'--tolerance "{text}": {right}')
+    name, value, symbol = match.groups()
+    unit = units.get(name.rpartition(".")[2])
+    if unit is None:
+        raise ConfigError(f'--tolerance "{text}": {", ".join(units)} are compared')
+    tolerance = quantity(text, value, symbol, unit)
+    if not 0 <= tolerance < math.inf:
+        raise ConfigError(f'--tolerance "{text}": {right}')
+    return name, tolerance

@@ -1,0 +1,273 @@
+"""The tree of an expectation: typed, checked, in SI; nothing here is computed yet."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from hil_bench.abilities.scenario.dimensions import Dimension
+
+
+class Position(NamedTuple):
+    """Where something stands in the text of an expectation, both from 1."""
+
+    line: int
+    column: int
+
+
+class Window(NamedTuple):
+    """A span of time, seen from the present tick: ahead for the future, back for the past.
+
+    Attributes:
+        start: [ns].
+        end: [ns], included; None for the end of the run, or its start.
+    """
+
+    start: int = 0
+    end: int | None = None
+
+
+UNBOUNDED = Window()
+
+
+class Relation(StrEnum):
+    """What a comparison asks."""
+
+    LESS = "<"
+    LESS_EQUAL = "<="
+    GREATER = ">"
+    GREATER_EQUAL = ">="
+    EQUAL = "=="
+    UNEQUAL = "!="
+
+
+class Operation(StrEnum):
+    """Arithmetic of two values."""
+
+    ADD = "+"
+    SUBTRACT = "-"
+    MULTIPLY = "*"
+    DIVIDE = "/"
+
+
+class Turn(StrEnum):
+    """What an edge looks for."""
+
+    RISES = "rises"
+    FALLS = "falls"
+    CHANGES = "changes"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A piece of an expectation.
+
+    Attributes:
+        position: where it begins in the text.
+    """
+
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Node):
+    """A constant [SI]."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reading(Node):
+    """The value of a signal [SI], or the number of a state."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Magnitude(Node):
+    """``abs(x)``."""
+
+    operand: "Value"
+
+
+@dataclass(frozen=True, slots=True)
+class Rate(Node):
+    """``rate(x)``: the change since the previous tick, a second."""
+
+    operand: "Value"
+
+
+@dataclass(frozen=True, slots=True)
+class PreviousValue(Node):
+    """``previous(x)``: the value one tick ago; at the first tick, the present one."""
+
+    operand: "Value"
+
+
+@dataclass(frozen=True, slots=True)
+class Arithmetic(Node):
+    """Two values combined."""
+
+    operation: Operation
+    left: "Value"
+    right: "Value"
+
+
+Value = Number | Reading | Magnitude | Rate | PreviousValue | Arithmetic
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison(Node):
+    """Two values compared.
+
+    Attributes:
+        scale: difference that counts as a margin of 1 [SI].
+        symbol: unit in which a person reads its values.
+        dimension: what both sides measure.
+    """
+
+    relation: Relation
+    left: Value
+    right: Value
+    scale: float
+    symbol: str
+    dimension: Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class StateIs(Node):
+    """A state compared with a text: true where its number is `code`."""
+
+    name: str
+    text: str
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Event(Node):
+    """Whether something happened in the tick, such as ``frame(0x181)``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Edge(Node):
+    """``rises``, ``falls`` or ``changes`` of a value since the previous tick."""
+
+    turn: Turn
+    operand: Value
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionEdge(Node):
+    """``rises``, ``falls`` or ``changes`` of a condition since the previous tick."""
+
+    turn: Turn
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Not(Node):
+    """The contrary."""
+
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class All(Node):
+    """``and``."""
+
+    operands: tuple["Condition", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Any(Node):
+    """``or``."""
+
+    operands: tuple["Condition", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Implies(Node):
+    """``A implies B``; the body of ``whenever A then B``."""
+
+    trigger: "Condition"
+    response: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class PreviousCondition(Node):
+    """``previous(A)``: as one tick ago; at the first tick, as now."""
+
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Always(Node):
+    """At each tick of a window ahead."""
+
+    window: Window
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Eventually(Node):
+    """At some tick of a window ahead."""
+
+    window: Window
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Historically(Node):
+    """At each tick of a window back."""
+
+    window: Window
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Once(Node):
+    """At some tick of a window back."""
+
+    window: Window
+    operand: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Until(Node):
+    """`goal` in a window ahead, and `operand` at each tick before it."""
+
+    window: Window
+    operand: "Condition"
+    goal: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Since(Node):
+    """`goal` in a window back, and `operand` at each tick after it."""
+
+    window: Window
+    operand: "Condition"
+    goal: "Condition"
+
+
+Windowed = Always | Eventually | Historically | Once | Until | Since
+Atom = Comparison | StateIs | Event | Edge | ConditionEdge
+Condition = (
+    Comparison
+    | StateIs
+    | Event
+    | Edge
+    | ConditionEdge
+    | Not
+    | All
+    | Any
+    | Implies
+    | PreviousCondition
+    | Always
+    | Eventually
+    | Historically
+    | Once
+    | Until
+    | Since
+)

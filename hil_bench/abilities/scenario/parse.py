@@ -1,0 +1,303 @@
+"""The tree of words to the typed tree: names looked up, units converted and compared."""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, cast
+
+from hil_bench.abilities.scenario import nodes
+from hil_bench.abilities.scenario.calls import CALLS
+from hil_bench.abilities.scenario.dimensions import (
+    NUMBER,
+    TIME,
+    UNITS,
+    dimension_of,
+    find_unit,
+    show_dimension,
+    unit_of_name,
+)
+from hil_bench.abilities.scenario.nodes import (
+    UNBOUNDED,
+    Condition,
+    Number,
+    Operation,
+    Position,
+    Reading,
+    Relation,
+    Window,
+)
+from hil_bench.abilities.scenario.operands import (
+    MeasuredValue,
+    Operand,
+    State,
+    Text,
+    condition_of,
+    quantity_of,
+)
+from hil_bench.abilities.scenario.operators import combine, compare
+from hil_bench.abilities.scenario.syntax import DEEPEST, ExpectationError, read_syntax
+from hil_bench.abilities.scenario.vocabulary import DM1, EMCY, Vocabulary
+from hil_bench.config.values import find_nearest, quote
+
+if TYPE_CHECKING:
+    from lark import Token, Tree
+
+_LONGEST_TIME = 1e9  # [s]
+_SPANS: Final[Mapping[str, type[nodes.Always | nodes.Eventually]]] = MappingProxyType(
+    {"always": nodes.Always, "eventually": nodes.Eventually}
+)
+_PASTS: Final[Mapping[str, type[nodes.Historically | nodes.Once]]] = MappingProxyType(
+    {"historically": nodes.Historically, "once": nodes.Once}
+)
+_OPERATIONS = MappingProxyType(
+    {
+        "add": Operation.ADD,
+        "subtract": Operation.SUBTRACT,
+        "multiply": Operation.MULTIPLY,
+        "divide": Operation.DIVIDE,
+    }
+)
+
+
+def parse_expectation(text: str, vocabulary: Vocabulary) -> Condition:
+    """Return the typed tree of an expectation.
+
+    Args:
+        text: in the language of docs/expectations.md.
+        vocabulary: the names it may use.
+
+    What is wrong raises an `ExpectationError`, with line and column.
+    """
+    builder = _Builder(vocabulary)
+    return condition_of(builder.build(read_syntax(text)), "an expectation")
+
+
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Return a number with a unit, such as ``5 kN``, in SI, and the symbol of the unit.
+
+    Any other text raises an `ExpectationError`.
+    """
+    found = quantity_of(_Builder(Vocabulary({})).build(read_syntax(text)), "this")
+    return cast("float", found.node_value), found.symbol
+
+
+class _Builder:
+    """Builds the typed tree from the bottom up."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self._known = vocabulary
+        self._depth = 0
+        self._forms: Mapping[str, Callable[[Tree[Token], Position], Operand]] = {
+            "quantity": self._quantity,
+            "name": self._name,
+            "text": self._text,
+            "call": self._call,
+            "group": lambda tree, _: self.build(_tree(tree.children[0])),
+            "negative": self._negative,
+            "comparison": self._comparison,
+            "not_": self._not,
+            "and_": self._and,
+            "or_": self._or,
+            "implies": self._implies,
+            "whenever": self._whenever,
+            "within": self._within,
+            "for_": self._for,
+            "for_the_last": self._for_the_last,
+            "within_the_last": self._within_the_last,
+            "until": self._until,
+            "since": self._until,
+            **dict.fromkeys(_OPERATIONS, self._arithmetic),
+            **dict.fromkeys((*_SPANS, *_PASTS), self._span),
+        }
+
+    def build(self, tree: "Tree[Token]") -> Operand:
+        """Return what a tree says.
+
+        Raises:
+            ExpectationError: it makes no sense, or is nested too deep.
+        """
+        position = Position(tree.meta.line, tree.meta.column)
+        if self._depth == DEEPEST:
+            wrong = f"is nested more than {DEEPEST} levels deep"
+            raise ExpectationError(position, f"{wrong}; split it into several expectations")
+        self._depth += 1
+        found = self._forms[tree.data](tree, position)
+        self._depth -= 1
+        return found
+
+    def _condition(self, tree: object, word: str) -> Condition:
+        return condition_of(self.build(_tree(tree)), word)
+
+    def _quantity(self, tree: "Tree[Token]", position: Position) -> Operand:
+        number, *units = (str(token) for token in tree.children)
+        value = float(int(number, 16)) if number.startswith("0x") else float(number)
+        if not math.isfinite(value):
+            raise ExpectationError(position, "is too large a number; give a smaller one")
+        if not units:
+            return MeasuredValue(Number(value, position=position), NUMBER)
+        unit = find_unit(units[0])
+        if unit is None:
+            nearest = find_nearest(units[0], UNITS)
+            wrong = f"{quote(units[0])} is no unit of the language"
+            raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
+        si = unit.unit.to_si(value)
+        return MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
+
+    def _name(self, tree: "Tree[Token]", position: Position) -> Operand:
+        name = str(tree.children[0]).strip("'")
+        known = self._known
+        if name in known.states:
+            return State(name, position)
+        if name in known.signals:
+            return MeasuredValue(
+                Reading(name, position=position), dimension_of(known.signals[name])
+            )
+        if name in known.parameters:
+            unit = unit_of_name(name)
+            number = Number(known.parameters[name], position=position)
+            return MeasuredValue(number, unit.dimension, unit.unit.symbol.replace("-", ""))
+        if name in known.shared:
+            wrong = f"{quote(name)} is in several tables"
+            raise ExpectationError(position, f"{wrong}; give {known.shared[name]}")
+        if any(name in texts for texts in known.states.values()):
+            right = f'write "{name}" with its quotes, and the expectation in single ones'
+            raise ExpectationError(position, f"{name} is a state; {right}")
+        right = f"the nearest is {find_nearest(name, known.names)}" if known.names else "none is"
+        raise ExpectationError(position, f"{quote(name)} is no signal here; {right}")
+
+    def _text(self, tree: "Tree[Token]", position: Position) -> Operand:
+        return Text(str(tree.children[0])[1:-1], position)
+
+    def _call(self, tree: "Tree[Token]", position: Position) -> Operand:
+        name, *rest = tree.children
+        if name not in CALLS:
+            nearest = find_nearest(str(name), CALLS)
+            wrong = f"{quote(str(name))} is no function of the language"
+            raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
+        if name in {DM1, EMCY} and rest and _tree(rest[0]).data == "name":
+            place = _tree(rest[0]).meta
+            node = Text(
+                str(_tree(rest[0]).children[0]).strip("'"), Position(place.line, place.column)
+            )
+            given: list[Operand] = [node, *(self.build(_tree(each)) for each in rest[1:])]
+        else:
+            given = [self.build(_tree(each)) for each in rest]
+        return CALLS[str(name)](given, position, self._known)
+
+    def _negative(self, tree: "Tree[Token]", position: Position) -> Operand:
+        found = quantity_of(self.build(_tree(tree.children[0])), "-")
+        if isinstance(found.node, Number):
+            return found._replace(node=Number(-found.node.value, position=position))
+        minus = MeasuredValue(Number(-1.0, position=position), NUMBER)
+        product = combine(Operation.MULTIPLY, minus, found)
+        return product._replace(symbol=found.symbol, slack=found.slack)
+
+    def _arithmetic(self, tree: "Tree[Token]", _position: Position) -> Operand:
+        left, right = (self.build(_tree(child)) for child in tree.children)
+        return combine(_OPERATIONS[tree.data], left, right)
+
+    def _comparison(self, tree: "Tree[Token]", _position: Position) -> Operand:
+        operands = [self.build(_tree(child)) for child in tree.children[::2]]
+        relations = [Relation(str(token)) for token in tree.children[1::2]]
+        return compare(operands, relations, self._known)
+
+    def _not(self, tree: "Tree[Token]", position: Position) -> Operand:
+        return nodes.Not(self._condition(tree.children[0], "not"), position=position)
+
+    def _and(self, tree: "Tree[Token]", position: Position) -> Operand:
+        return nodes.All(self._operands(tree, "and"), position=position)
+
+    def _or(self, tree: "Tree[Token]", position: Position) -> Operand:
+        return nodes.Any(self._operands(tree, "or"), position=position)
+
+    def _operands(self, tree: "Tree[Token]", word: str) -> tuple[Condition, ...]:
+        """Return the operands of ``a and b and c``, which the grammar nests to the left."""
+        found, rest = [], tree
+        while True:
+            left, right = rest.children
+            found.append(right)
+            if _tree(left).data != tree.data:
+                found.append(left)
+                break
+            rest = _tree(left)
+        return tuple(self._condition(each, word) for each in reversed(found))
+
+    def _implies(self, tree: "Tree[Token]", position: Position) -> Operand:
+        trigger, response = (self._condition(each, "implies") for each in tree.children)
+        return nodes.Implies(trigger, response, position=position)
+
+    def _whenever(self, tree: "Tree[Token]", position: Position) -> Operand:
+        trigger = self._condition(tree.children[0], "whenever")
+        response = self._condition(tree.children[1], "then")
+        implies = nodes.Implies(trigger, response, position=position)
+        return nodes.Always(UNBOUNDED, implies, position=position)
+
+    def _span(self, tree: "Tree[Token]", position: Position) -> Operand:
+        *windows, operand = tree.children
+        window = self._window(_tree(windows[0])) if windows else UNBOUNDED
+        if tree.data in {"eventually", "once"} and _tree(operand).data == "within":
+            right = "within T A" if tree.data == "eventually" else "A within the last T"
+            raise ExpectationError(position, f"{tree.data} within: write {right} alone")
+        kind = _SPANS.get(tree.data) or _PASTS[tree.data]
+        return kind(window, self._condition(operand, tree.data), position=position)
+
+    def _within(self, tree: "Tree[Token]", position: Position) -> Operand:
+        window = Window(0, self._duration(tree.children[0]))
+        return nodes.Eventually(
+            window, self._condition(tree.children[1], "within"), position=position
+        )
+
+    def _for(self, tree: "Tree[Token]", position: Position) -> Operand:
+        window = Window(0, self._duration(tree.children[1]))
+        return nodes.Always(window, self._condition(tree.children[0], "for"), position=position)
+
+    def _for_the_last(self, tree: "Tree[Token]", position: Position) -> Operand:
+        window = Window(0, self._duration(tree.children[1]))
+        operand = self._condition(tree.children[0], "for the last")
+        return nodes.Historically(window, operand, position=position)
+
+    def _within_the_last(self, tree: "Tree[Token]", position: Position) -> Operand:
+        window = Window(0, self._duration(tree.children[1]))
+        operand = self._condition(tree.children[0], "within the last")
+        return nodes.Once(window, operand, position=position)
+
+    def _until(self, tree: "Tree[Token]", position: Position) -> Operand:
+        first, *windows, last = tree.children
+        window = self._window(_tree(windows[0])) if windows else UNBOUNDED
+        kind = nodes.Until if tree.data == "until" else nodes.Since
+        operand, goal = (self._condition(each, tree.data) for each in (first, last))
+        return kind(window, operand, goal, position=position)
+
+    def _window(self, tree: "Tree[Token]") -> Window:
+        times = [self._duration(child) for child in tree.children]
+        match tree.data:
+            case "from_to" if times[0] > times[1]:
+                position = Position(tree.meta.line, tree.meta.column)
+                raise ExpectationError(position, "ends before it begins; give from A to B, A <= B")
+            case "from_to":
+                return Window(times[0], times[1])
+            case "after":
+                return Window(times[0], None)
+            case _:
+                return Window(0, times[0])
+
+    def _duration(self, tree: object) -> int:
+        """Return a time [ns].
+
+        Raises:
+            ExpectationError: it is something else.
+        """
+        found = quantity_of(self.build(_tree(tree)), "a time")
+        position = found.node.position
+        value = found.node_value
+        if value is None or found.dimension != TIME:
+            what = "a signal" if value is None else f"a value {show_dimension(found.dimension)}"
+            wrong = f"is {what}, not a time".replace("a value a ", "a ")
+            raise ExpectationError(position, f"{wrong}; give for example 200 ms")
+        if not 0 <= value <= _LONGEST_TIME:
+            raise ExpectationError(position, f"{value:g} s is no span of time; give 0 s or more")
+        return round(value * 1e9)
+
+
+def _tree(child: object) -> "Tree[Token]":
+    return cast("Tree[Token]", child)

@@ -1,0 +1,32 @@
+"""A scenario that is ready to be played."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hil_bench.abilities.scenario.records import Scenario, ticks_of
+from hil_bench.abilities.scenario.resolve import Requirement, TimedAction
+from hil_bench.bench.configuration import BenchConfig
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedScenario:
+    """A scenario that fits its bench.
+
+    Attributes:
+        scenario: as loaded.
+        config: its bench.
+        parameters: the SI value of each parameter.
+        actions: its steps.
+        requirements: its expectations.
+    """
+
+    scenario: Scenario
+    config: BenchConfig
+    parameters: Mapping[str, float]
+    actions: tuple[TimedAction, ...]
+    requirements: tuple[Requirement, ...]
+
+    @property
+    def last_tick(self) -> int:
+        """Number of the last tick of a run."""
+        return ticks_of(self.scenario.duration, self.config.tick_ns) - 1

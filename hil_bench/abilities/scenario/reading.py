@@ -1,0 +1,370 @@
+"""The tables of a scenario, of whichever file, to records."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hil_bench.abilities.scenario.courses import read_course
+from hil_bench.abilities.scenario.dimensions import unit_of_name
+from hil_bench.abilities.scenario.parse import parse_quantity
+from hil_bench.abilities.scenario.places import LocatedProblems, Spot
+from hil_bench.abilities.scenario.records import (
+    Amount,
+    Controller,
+    Expectation,
+    FaultStep,
+    FirmwareStep,
+    NmtStep,
+    Parameter,
+    Reference,
+    RequirementsFile,
+    Scenario,
+    SetStep,
+    Step,
+    SyncStep,
+    TextPlace,
+)
+from hil_bench.abilities.scenario.step_keys import (
+    CONTROLLER_KEYS,
+    DURATION_KEY,
+    EXPECT_KEYS,
+    HEAD_KEYS,
+    PARAMETER_KEYS,
+    STEP_KEYS,
+    STEP_KINDS,
+    fault_step_keys,
+)
+from hil_bench.abilities.scenario.syntax import ExpectationError
+from hil_bench.config.document import Document, check_tables, give
+from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
+
+_TABLES = ("controller", "parameters", "step", "expect")
+
+
+def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> Scenario:
+    """Return the scenario of a document; every problem is told at once, a line each.
+
+    Args:
+        path: its file.
+        document: the tables, as TOML has them.
+        problems: to be noted.
+    """
+    head = {name: value for name, value in document.items() if name not in _TABLES}
+    keys = tuple(key.name for key in HEAD_KEYS)
+    for name in [name for name in head if name not in keys]:
+        nearest = find_nearest(name, (*keys, *_TABLES))
+        problems.add(problems.place("", name), f"unknown; the nearest known is {nearest}")
+        del head[name]
+    settings = read_table("", give("", head, Origin.FILE, problems), HEAD_KEYS, problems)
+    parameters = _read_parameters(document, problems)
+    reader = StepReader(path.parent, parameters, problems)
+    steps = [
+        step
+        for number, table in enumerate(_tables(document, "step", problems), 1)
+        for step in reader.read(f"step[{number}]", table)
+    ]
+    expectations = _read_expectations(document, problems)
+    controller = _read_controller(document, problems)
+    if "duration_s" in settings:
+        _check_times(steps, parameters, settings["duration_s"].value, reader.tables, problems)
+    problems.raise_any()
+    return Scenario(
+        path,
+        settings["title"].value,
+        settings["bench"].value,
+        settings["duration_s"].value,
+        settings["requirement_ids"].value,
+        controller,
+        tuple(parameters.values()),
+        tuple(steps),
+        expectations,
+    )
+
+
+def read_requirements(document: Document, problems: LocatedProblems) -> RequirementsFile:
+    """Return what a document requires.
+
+    Args:
+        document: the tables; of a scenario, all else is left out.
+        problems: to be noted.
+    """
+    check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
+    parameters = _read_parameters(document, problems)
+    expectations = _read_expectations(document, problems)
+    head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
+    keys = (DURATION_KEY,) if head else ()
+    settings = read_table("", give("", head, Origin.FILE, problems), keys, problems)
+    problems.raise_any()
+    duration = settings[DURATION_KEY.name].value if head else None
+    values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
+    return RequirementsFile(expectations, values, duration)
+
+
+class StepReader:
+    """Reads the tables ``[[step]]``.
+
+    Args:
+        base: the folder from which they name files.
+        parameters: by name.
+        problems: to be noted.
+
+    Attributes:
+        tables: the table of each step that was read, in their order.
+    """
+
+    def __init__(self, base: Path, parameters: Mapping[str, Parameter], problems: Problems) -> None:
+        self.tables: list[str] = []
+        self._base, self._parameters, self._problems = base, parameters, problems
+
+    def read(self, table: str, values: Mapping[str, object]) -> list[Step]:
+        """Return the steps of a table: several, where it sets several things."""
+        kinds = [kind for kind in STEP_KINDS if kind in values]
+        if len(kinds) != 1:
+            wrong = f"has {' and '.join(kinds)}" if kinds else "does nothing"
+            self._problems.add(
+                self._problems.place(table), f"{wrong}; give one of {', '.join(STEP_KINDS)}"
+            )
+            return []
+        place = self._problems.place(table, kinds[0])
+        steps = [replace(step, place=place) for step in self._read_kind(kinds[0], table, values)]
+        self.tables += [table] * len(steps)
+        return steps
+
+    def _read_kind(self, kind: str, table: str, values: Mapping[str, object]) -> list[Step]:
+        if kind == "fault":
+            return self._read_fault(table, values)
+        form = "table" if kind == "set" and "table" in values else kind
+        found = self._settings(table, values, STEP_KEYS[form])
+        if len(found) < len(STEP_KEYS[form]):
+            return []
+        at = found["at_s"].value
+        steps: list[Step]
+        match form:
+            case "set":
+                steps = self._read_set(table, found)
+            case "table":
+                steps = self._read_course(table, found)
+            case "nmt":
+                steps = [NmtStep(at, found["nmt"].value, found["target"].value)]
+            case "sync":
+                steps = [SyncStep(at, found["sync"].value)]
+            case _:
+                steps = [FirmwareStep(at, found["firmware"].value)]
+        return steps
+
+    def _settings(self, table: str, values: Mapping[str, object], keys: Sequence[Key]) -> Settings:
+        known = [key._replace(read=self._or_parameter(key)) for key in keys]
+        return read_table(
+            table, give(table, values, Origin.FILE, self._problems), known, self._problems
+        )
+
+    def _or_parameter(self, key: Key) -> Callable[[object], Value]:
+        """Return a reader that also takes the name of a parameter whose values are right."""
+
+        def read(value: object) -> Value:
+            parameter = self._parameters.get(value) if isinstance(value, str) else None
+            if parameter is None:
+                return self._read_plain(key, value)
+            unit = unit_of_name(key.name)
+            if unit.dimension != unit_of_name(parameter.name).dimension:
+                right = f"give one that ends in {unit.unit.suffix or 'no unit'}"
+                raise ConfigError(f"{quote(parameter.name)} has another unit; {right}")
+            for each in (parameter.value, *(parameter.span or ())):
+                key.read(unit.unit.from_si(parameter.unit.to_si(each)))
+            return Reference(parameter.name)
+
+        return read
+
+    def _read_plain(self, key: Key, value: object) -> Value:
+        try:
+            return key.read(value)
+        except NoNumberError:
+            if isinstance(value, str) and self._parameters:
+                nearest = find_nearest(value, self._parameters)
+                wrong = f"{quote(value)} is no parameter; the nearest is {nearest}"
+                raise ConfigError(wrong) from None
+            raise
+
+    def _read_set(self, table: str, found: Settings) -> list[Step]:
+        steps: list[Step] = []
+        for target, value in found["set"].value.items():
+            try:
+                amount, unit = self._amount(value)
+            except ConfigError as error:
+                place = self._problems.place(table, "set")
+                self._problems.add(place, f"{quote(target)}: {error}")
+            else:
+                at, over = found["at_s"].value, found["over_s"].value
+                steps.append(SetStep(at, target, amount, over, unit=unit))
+        return steps
+
+    def _amount(self, value: object) -> tuple[Amount, str]:
+        """Return a number in SI, and the symbol of its unit; empty for a bare number.
+
+        Raises:
+            ConfigError: the value is something else.
+        """
+        if isinstance(value, bool | int | float):
+            return float(value), ""
+        if isinstance(value, str) and value in self._parameters:
+            return Reference(value), ""
+        if isinstance(value, str):
+            try:
+                return parse_quantity(value)
+            except ExpectationError:
+                known = f" or one of {', '.join(self._parameters)}" if self._parameters else ""
+                right = f'give a number, a text such as "5 kN"{known}'
+                raise ConfigError(f"{quote(value)} is no value; {right}") from None
+        raise ConfigError(f"{describe(value)} is no value; give a number")
+
+    def _read_course(self, table: str, found: Settings) -> list[Step]:
+        name = found["table"].value
+        try:
+            points = read_course(self._base / name, self._parameters)
+        except ConfigError as error:
+            self._problems.add(self._problems.place(table, "table"), error)
+            return []
+        step = SetStep(
+            found["at_s"].value, found["set"].value, points[-1][1], table=name, points=points
+        )
+        return [step]
+
+    def _read_fault(self, table: str, values: Mapping[str, object]) -> list[Step]:
+        try:
+            keys = fault_step_keys(FaultKind(str(values["fault"])))
+        except ValueError:
+            known = ", ".join(FaultKind)
+            place = self._problems.place(table, "fault")
+            self._problems.add(
+                place, f"{describe(values['fault'])} is unknown; give one of {known}"
+            )
+            return []
+        found = self._settings(table, values, keys)
+        if len(found) < len(keys):
+            return []
+        common = {"at_s", "fault", "target"}
+        own: dict[str, Any] = {
+            name: setting.value
+            for name, setting in found.items()
+            if name in values and name not in common
+        }
+        return [
+            FaultStep(
+                found["at_s"].value,
+                found["fault"].value.value,
+                found["target"].value,
+                tuple(sorted(own.items())),
+            )
+        ]
+
+
+def seconds(amount: Amount, parameters: Mapping[str, Parameter]) -> float:
+    """Return a time [s]; of a parameter, its value."""
+    if isinstance(amount, Reference):
+        parameter = parameters[amount.name]
+        return parameter.unit.to_si(parameter.value)
+    return amount
+
+
+def _tables(document: Document, name: str, problems: Problems) -> Sequence[Mapping[str, object]]:
+    tables = document.get(name, [])
+    if isinstance(tables, list) and all(isinstance(table, dict) for table in tables):
+        return tables
+    problems.add(problems.place(name), f"{describe(tables)} is no list; write it as [[{name}]]")
+    return []
+
+
+def _read_controller(document: Document, problems: Problems) -> Controller | None:
+    if "controller" not in document:
+        return None
+    values = document["controller"]
+    if not isinstance(values, dict):
+        problems.add(problems.place("controller"), "is not a table; write it as [controller]")
+        return None
+    given = give("controller", values, Origin.FILE, problems)
+    found = read_table("controller", given, CONTROLLER_KEYS, problems)
+    chosen = [name for name in found if found[name].value]
+    if len(found) == len(CONTROLLER_KEYS) and len(chosen) != 1:
+        place = problems.place("controller")
+        problems.add(place, "needs a controller; give either firmware or example")
+    if len(found) < len(CONTROLLER_KEYS):
+        return None
+    return Controller(found["firmware"].value, found["example"].value)
+
+
+def _read_parameters(document: Document, problems: Problems) -> dict[str, Parameter]:
+    tables = document.get("parameters", {})
+    if not isinstance(tables, dict):
+        problems.add(problems.place("parameters"), "is not a table; write it as [parameters]")
+        return {}
+    parameters = {}
+    for name, given in tables.items():
+        table = f"parameters.{name}"
+        values = given if isinstance(given, dict) else {"value": given}
+        found = read_table(table, _give_in(table, values, problems), PARAMETER_KEYS, problems)
+        if len(found) < len(PARAMETER_KEYS):
+            continue
+        value, limits = found["value"].value, found["range"].value
+        if limits and not limits[0] <= value <= limits[1]:
+            wrong = f"{value:g} is outside its range [{limits[0]:g}, {limits[1]:g}]"
+            problems.add(problems.place(table, "value"), f"{wrong}; give a value inside")
+        parameters[name] = Parameter(name, value, limits)
+    return parameters
+
+
+def _give_in(table: str, values: Mapping[str, object], problems: Problems) -> dict[str, Given]:
+    return give(table, values, Origin.FILE, problems)
+
+
+def _read_expectations(document: Document, problems: LocatedProblems) -> tuple[Expectation, ...]:
+    found: list[Expectation] = []
+    tables = _tables(document, "expect", problems)
+    if not tables:
+        right = 'give [[expect]] with id = "..." and that = "always axis1.P_A < 250 bar"'
+        problems.add(problems.source, f"checks nothing; {right}")
+    for number, values in enumerate(tables, 1):
+        table = f"expect[{number}]"
+        settings = read_table(
+            table, give(table, values, Origin.FILE, problems), EXPECT_KEYS, problems
+        )
+        if len(settings) < len(EXPECT_KEYS):
+            continue
+        spot = problems.find(table, "that") or Spot(1, 1)
+        name = settings["id"].value
+        if any(each.id == name for each in found):
+            place = problems.place(table, "id")
+            problems.add(place, f"{quote(name)} is there twice; give each its own")
+        place_of_text = TextPlace(problems.source, *spot)
+        found.append(Expectation(name, settings["that"].value, place_of_text))
+    return tuple(found)
+
+
+def _check_times(
+    steps: Sequence[Step],
+    parameters: Mapping[str, Parameter],
+    duration: float,
+    tables: Sequence[str],
+    problems: Problems,
+) -> None:
+    """Note steps behind the end, and two that set one thing at one time."""
+    taken: dict[tuple[object, ...], str] = {}
+    for step, table in zip(steps, tables, strict=True):
+        at = seconds(step.at, parameters)
+        place = problems.place(table, "at_s")
+        if at > duration:
+            wrong = f"{at:g} s is after the end at {duration:g} s"
+            problems.add(place, f"{wrong}; give an earlier time or a longer duration_s")
+        thing = (
+            type(step),
+            getattr(step, "kind", ""),
+            getattr(step, "target", ""),
+            round(at * 1e9),
+        )
+        if thing in taken:
+            wrong = f"does what {taken[thing]} does at {at:g} s, too"
+            problems.add(place, f"{wrong}; give one of them")
+        taken.setdefault(thing, table)

@@ -1,0 +1,166 @@
+"""Requirements held against a recording, of the bench or of a machine."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.scenario.column_checks import check_columns
+from hil_bench.abilities.scenario.judgement import Judgement, judge
+from hil_bench.abilities.scenario.load import load_requirements
+from hil_bench.abilities.scenario.reach import names_in
+from hil_bench.abilities.scenario.records import ticks_of
+from hil_bench.abilities.scenario.resolve import Requirement, compile_texts
+from hil_bench.abilities.scenario.sliding import Floats
+from hil_bench.abilities.scenario.vocabulary import channel_vocabulary
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+
+_JITTER = 0.25  # of a tick that a row may be off its grid
+_MOST_TICKS = 100_000_000
+_FAR = 2.0**53  # ticks: a start that is further off is as good as this
+
+
+class Trace(NamedTuple):
+    """A recording on the grid of its ticks.
+
+    Attributes:
+        columns: the values of each signal, NaN in the ticks without a row.
+        ticks: how many.
+        tick_ns: time between two [ns].
+        planned: how many the run has, behind these unknown; None for a run that ends with these.
+        start: when its first tick is on the clock of the recording [s].
+        note: what of the recording is outside of the run; empty for nothing.
+    """
+
+    columns: dict[str, Floats]
+    ticks: int
+    tick_ns: int
+    planned: int | None = None
+    start: float = 0.0
+    note: str = ""
+
+
+class Finding(NamedTuple):
+    """What a recording says of a requirement.
+
+    Attributes:
+        requirement: which.
+        judgement: what.
+    """
+
+    requirement: Requirement
+    judgement: Judgement
+
+
+class Judged(NamedTuple):
+    """What a recording says of some requirements, and the recording on its ticks."""
+
+    findings: list[Finding]
+    trace: Trace
+
+
+def judge_with_trace(
+    requirements: Path, signals: Recording, source: str, start: float | None = None
+) -> Judged:
+    """Return what a recording says of each requirement of a file, and the recording on its ticks.
+
+    Args:
+        requirements: a file with ``[[expect]]``: a scenario, or that alone.
+        signals: the recording, in the bench's units, as `read_recording` returns it.
+        source: how messages name it.
+        start: when the run begins on the recording's clock [s]; None for 0 where the file states a
+            duration, else for the first row.
+
+    What cannot be judged, by its unit for one, raises a `ConfigError`.
+    """
+    expectations, parameters, duration = load_requirements(requirements)
+    vocabulary = channel_vocabulary(recording_channels(signals), parameters)
+    trace = lay_on_ticks(signals, source, start, duration)
+    longest = math.inf if duration is None else duration
+    compiled = compile_texts(expectations, vocabulary, longest)
+    check_columns(compiled, signals, source)
+    return Judged([judge_trace(each, trace) for each in compiled], trace)
+
+
+def judge_trace(requirement: Requirement, trace: Trace) -> Finding:
+    """Return what a recording on its ticks says of a requirement, by the signals that it names."""
+    columns = {name: trace.columns[name] for name in names_in([requirement.condition])}
+    judgement = judge(
+        requirement.condition,
+        columns,
+        ticks=trace.ticks,
+        tick_ns=trace.tick_ns,
+        planned=trace.planned,
+    )
+    return Finding(requirement, judgement)
+
+
+def lay_on_ticks(
+    signals: Recording, source: str, start: float | None = None, duration: float | None = None
+) -> Trace:
+    """Return a recording on the grid of its ticks; what lacks a row is unknown there.
+
+    Args:
+        signals: the recording.
+        source: how messages name it.
+        start: when the run begins on its clock [s]; None for 0 with a duration, else for its first
+            row.
+        duration: of the run [s]; None for up to the last row.
+
+    A `ConfigError` says that its rows are too few, or lie on no grid.
+    """
+    times = np.asarray(signals[TIME.name], dtype=np.float64)
+    rows, tick_ns = _number_rows(times, source)
+    if start is None:
+        start = float(times[0]) if duration is None else 0.0
+    before = (float(times[0]) - start) * 1e9 / tick_ns
+    rows += round(min(max(before, -_FAR), _FAR))
+    planned = None if duration is None else ticks_of(duration, tick_ns)
+    end = int(rows[-1]) + 1 if planned is None else planned
+    is_inside = (rows >= 0) & (rows < end)
+    places = rows[is_inside]
+    ticks = int(places[-1]) + 1 if len(places) else 0
+    _check_span(ticks, source)
+    columns = {}
+    for name in signals.dtype.names or ():
+        columns[name] = np.full(ticks, np.nan)
+        columns[name][places] = signals[name][is_inside]
+    begin = float(times[0]) - int(rows[0]) * tick_ns / 1e9
+    is_apart = not is_inside.all() or (planned is not None and rows[0] > 0)
+    note = _outside(times, begin, None if planned is None else (planned - 1) * tick_ns / 1e9)
+    return Trace(columns, ticks, tick_ns, planned, begin, note if is_apart else "")
+
+
+def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int]:
+    """Return the tick of each row, counted from the first one, and the time between two [ns].
+
+    Raises:
+        ConfigError: the rows are too few, or lie on no grid.
+    """
+    steps = np.diff(times)
+    if not len(steps) or not np.isfinite(times).all() or steps.min() <= 0.0:
+        raise ConfigError(f"{source}: times do not go on; give a recording of two rows or more")
+    tick_ns = round(float(np.median(steps)) * 1e9)
+    places = (times - times[0]) / (tick_ns * 1e-9) if tick_ns else times
+    rows = np.rint(places)
+    if not tick_ns or np.abs(places - rows).max() > _JITTER or len(np.unique(rows)) < len(rows):
+        raise ConfigError(f"{source}: its rows are not evenly spaced; give one with a row a tick")
+    _check_span(rows[-1] + 1, source)
+    return rows.astype(np.int64), tick_ns
+
+
+def _check_span(ticks: float, source: str) -> None:
+    if ticks > _MOST_TICKS:
+        raise ConfigError(f"{source}: spans {ticks:.0f} ticks; give at most {_MOST_TICKS}")
+
+
+def _outside(times: Floats, start: float, length: float | None) -> str:
+    """Return which rows a recording has, and which times are judged, of its clock."""
+    end = times[-1] if length is None else start + length
+    return (
+        f"its rows are from {times[0]:.9g} to {times[-1]:.9g} s; judged are {start:.9g} to "
+        f"{end:.9g} s, --start S says where that begins"
+    )

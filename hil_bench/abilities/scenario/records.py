@@ -1,0 +1,238 @@
+"""A scenario: what is done to a bench and when, and what is expected of it.
+
+The records hold what the file says, in the units of its keys. A number may be the name of a
+parameter. `hil_bench.abilities.scenario.resolve` puts the numbers in and turns times into ticks.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from hil_bench.abilities.scenario.dimensions import unit_of_name
+from hil_bench.units import Unit
+
+
+class Reference(NamedTuple):
+    """The name of a parameter, in the place of a number."""
+
+    name: str
+
+
+Amount = float | Reference
+"""A number, or the parameter that holds it."""
+
+
+def ticks_of(duration: float, tick_ns: int) -> int:
+    """Return how many ticks a run has: that at its beginning, and all up to its end.
+
+    Args:
+        duration: of the run [s].
+        tick_ns: time between two ticks [ns].
+    """
+    return round(duration * 1e9) // tick_ns + 1
+
+
+class NmtVerb(StrEnum):
+    """What an NMT master may ask of a node (CiA 301)."""
+
+    START = "start"
+    STOP = "stop"
+    PRE_OPERATIONAL = "pre_operational"
+    RESET_NODE = "reset_node"
+    RESET_COMMUNICATION = "reset_communication"
+
+
+class FirmwareCommand(StrEnum):
+    """What may happen to the controller's process."""
+
+    START = "start"
+    KILL = "kill"
+    RESTART = "restart"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number with a name, which ends in its unit.
+
+    Attributes:
+        name: as in ``target_mm``.
+        value: what it is unless a run says otherwise.
+        span: lowest and highest value for campaigns; None for a constant.
+    """
+
+    name: str
+    value: float
+    span: tuple[float, float] | None = None
+
+    @property
+    def unit(self) -> Unit:
+        """Its unit."""
+        return unit_of_name(self.name).unit
+
+
+@dataclass(frozen=True, slots=True)
+class SetStep:
+    """A signal of the controller's side, a load, an object or a register gets a value.
+
+    Attributes:
+        at: when [s].
+        target: its name.
+        value: in SI, or as the object has it; the last one of a course.
+        over: time of the ramp to the value [s]; 0 for at once.
+        table: the file of a course of many points; empty for none.
+        points: that course: time after `at` [s] and value.
+        unit: symbol of the unit in which the value was given; empty for a bare number.
+        place: how messages name the step: file, line and column; so of all kinds of steps.
+    """
+
+    at: Amount
+    target: str
+    value: Amount
+    over: Amount = 0.0
+    table: str = ""
+    points: tuple[tuple[float, Amount], ...] = ()
+    unit: str = field(default="", compare=False)
+    place: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultStep:
+    """A fault of docs/faults.md.
+
+    Attributes:
+        at: when [s].
+        kind: as in ``drop_supply``.
+        target: what has it.
+        values: the other keys with their values, sorted, as `[[faults]]` has them.
+    """
+
+    at: Amount
+    kind: str
+    target: str
+    values: tuple[tuple[str, object], ...] = ()
+    place: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class NmtStep:
+    """An NMT command to a node; ``all`` is every node."""
+
+    at: Amount
+    command: NmtVerb
+    target: str
+    place: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class SyncStep:
+    """The controller's SYNC goes on or off."""
+
+    at: Amount
+    is_on: bool
+    place: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareStep:
+    """The controller's process is started, killed or both."""
+
+    at: Amount
+    command: FirmwareCommand
+    place: str = field(default="", compare=False)
+
+
+Step = SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Who drives the bench.
+
+    Attributes:
+        firmware: a command line; ``{bus}`` and names of parameters stand for their values.
+        example: the name of a controller of the package; empty for none.
+    """
+
+    firmware: tuple[str, ...] = ()
+    example: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What is expected.
+
+    Attributes:
+        id: of the requirement.
+        that: in the language of docs/expectations.md.
+        place: how messages name its text: file, line and column.
+    """
+
+    id: str
+    that: str
+    place: "TextPlace" = field(default_factory=lambda: TextPlace("", 1, 1), compare=False)
+
+
+class TextPlace(NamedTuple):
+    """Where a text stands in a file.
+
+    Attributes:
+        source: the file.
+        line: of its first character, from 1.
+        column: likewise.
+    """
+
+    source: str
+    line: int
+    column: int
+
+    def at(self, line: int, column: int) -> str:
+        """Return the place of a character of the text, as a message begins with it."""
+        shift = self.column - 1 if line == 1 else 0
+        return f"{self.source}:{self.line + line - 1}:{column + shift}"
+
+
+class RequirementsFile(NamedTuple):
+    """What a file requires, of whatever run.
+
+    Attributes:
+        expectations: one or more.
+        parameters: the SI value of each parameter.
+        duration: of the run of which they speak [s]; None where the file does not say it.
+    """
+
+    expectations: tuple[Expectation, ...]
+    parameters: dict[str, float]
+    duration: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A whole scenario.
+
+    Attributes:
+        path: its file; it names other files from there.
+        title: in words.
+        bench: the file of the bench; None for the built-in one.
+        duration: how long it runs [s].
+        requirement_ids: the requirements that it is about.
+        controller: who drives; None for the steps alone.
+        parameters: in the order of the file.
+        steps: in the order of the file.
+        expectations: one or more.
+    """
+
+    path: Path = field(compare=False)
+    title: str
+    bench: str | None
+    duration: float
+    requirement_ids: tuple[str, ...]
+    controller: Controller | None
+    parameters: tuple[Parameter, ...]
+    steps: tuple[Step, ...]
+    expectations: tuple[Expectation, ...]
+
+    @property
+    def bench_path(self) -> Path | None:
+        """The file of the bench as seen from here; None for the built-in one."""
+        return self.path.parent / self.bench if self.bench else None

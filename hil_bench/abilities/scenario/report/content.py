@@ -1,0 +1,190 @@
+"""What a report holds: a chapter a run, and the tables over all of them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from hil_bench.abilities.scenario.judgement import WORST_FIRST, Judgement, RequirementOutcome
+
+NOT_JUDGED = "not judged"
+"""Of a requirement that a scenario is about without expecting anything under its id."""
+
+_WORST_FIRST = (*WORST_FIRST[:-1], NOT_JUDGED, WORST_FIRST[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLine:
+    """A frame in words.
+
+    Attributes:
+        time: [s].
+        bus: its number.
+        raw: identifier and data as candump has them.
+        direction: seen from the bench; empty where it is not known.
+        name: whose frame and which.
+        meaning: what it says; empty for nothing.
+    """
+
+    time: float
+    bus: int
+    raw: str
+    direction: str
+    name: str
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTable:
+    """Some frames of a run.
+
+    Attributes:
+        title: which.
+        lines: oldest first.
+    """
+
+    title: str
+    lines: tuple[FrameLine, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Exhibit:
+    """What shows how a requirement came to its outcome.
+
+    Attributes:
+        violated: begin and end of each time in which it is violated [s].
+        frames: those around the instant that decides.
+        picture: an SVG file; empty for none.
+    """
+
+    violated: tuple[tuple[float, float], ...] = ()
+    frames: tuple[FrameTable, ...] = ()
+    picture: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """A requirement in one run.
+
+    Attributes:
+        id: of the requirement.
+        that: its text.
+        judgement: what the run says of it.
+        reason: the same in a line.
+        exhibit: None for a requirement that is passed.
+    """
+
+    id: str
+    that: str
+    judgement: Judgement
+    reason: str
+    exhibit: Exhibit | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Chapter:
+    """A run: a scenario that was played, or a recording that was judged.
+
+    Attributes:
+        source: its file.
+        title: in words.
+        requirement_ids: the requirements that it is about.
+        facts: seed, bench, parameters and the like: name and text.
+        configuration: settings of the bench that are not its defaults, a line each.
+        command: repeats it.
+        problems: what went wrong beside the requirements.
+        proofs: its requirements.
+    """
+
+    source: str
+    title: str
+    requirement_ids: tuple[str, ...]
+    facts: tuple[tuple[str, str], ...]
+    configuration: tuple[str, ...]
+    command: str
+    problems: tuple[str, ...]
+    proofs: tuple[Proof, ...]
+
+    @property
+    def name(self) -> str:
+        """The name of its file, without folder and suffixes."""
+        name = PurePath(self.source).name
+        return name.partition(".")[0] or name
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A requirement over all runs.
+
+    Attributes:
+        id: of the requirement.
+        texts: what is expected under this id, in the order of the runs, each once.
+        outcome: the worst of all runs.
+        margin: the lowest of all runs, as a share of the tolerance; None where none has a size.
+        proven: numbers of the chapters in which it is passed, from 1.
+        cells: the outcome in each chapter; empty where a chapter does not have it.
+    """
+
+    id: str
+    texts: tuple[str, ...]
+    outcome: str
+    margin: float | None
+    proven: tuple[int, ...]
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A whole report.
+
+    Attributes:
+        title: in words.
+        facts: versions and the like: name and text.
+        chapters: one a run.
+    """
+
+    title: str
+    facts: tuple[tuple[str, str], ...]
+    chapters: tuple[Chapter, ...]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """A row a requirement, in the order in which the runs name them."""
+        names = [name for chapter in self.chapters for name in _names(chapter)]
+        return tuple(_row(name, self.chapters) for name in dict.fromkeys(names))
+
+    @property
+    def outcome(self) -> str:
+        """The worst outcome; failed where a run had a problem."""
+        if any(chapter.problems for chapter in self.chapters):
+            return RequirementOutcome.FAILED
+        return _worst([row.outcome for row in self.rows])
+
+
+def _names(chapter: Chapter) -> Iterator[str]:
+    yield from chapter.requirement_ids
+    yield from (proof.id for proof in chapter.proofs)
+
+
+def _row(name: str, chapters: Sequence[Chapter]) -> Row:
+    cells = tuple(_cell(name, chapter) for chapter in chapters)
+    proofs = [proof for chapter in chapters for proof in chapter.proofs if proof.id == name]
+    margins = [p.judgement.margin for p in proofs if p.judgement.margin is not None]
+    return Row(
+        name,
+        tuple(dict.fromkeys(proof.that for proof in proofs)),
+        _worst([cell for cell in cells if cell]),
+        min(margins, default=None),
+        tuple(number for number, cell in enumerate(cells, 1) if cell == RequirementOutcome.PASSED),
+        cells,
+    )
+
+
+def _cell(name: str, chapter: Chapter) -> str:
+    found = [proof.judgement.outcome.value for proof in chapter.proofs if proof.id == name]
+    if not found and name in chapter.requirement_ids:
+        return NOT_JUDGED
+    return _worst(found) if found else ""
+
+
+def _worst(outcomes: Sequence[str]) -> str:
+    return min(outcomes, key=_WORST_FIRST.index, default=NOT_JUDGED)

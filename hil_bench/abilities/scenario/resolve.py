@@ -1,0 +1,258 @@
+"""A scenario with its numbers in: steps as actions at ticks, expectations as typed trees."""
+
+import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from hil_bench.abilities.scenario.dimensions import unit_of_name
+from hil_bench.abilities.scenario.nodes import Condition
+from hil_bench.abilities.scenario.parse import parse_expectation
+from hil_bench.abilities.scenario.reach import reach
+from hil_bench.abilities.scenario.records import (
+    Amount,
+    Expectation,
+    FaultStep,
+    FirmwareStep,
+    NmtStep,
+    Reference,
+    Scenario,
+    SetStep,
+    SyncStep,
+)
+from hil_bench.abilities.scenario.syntax import ExpectationError
+from hil_bench.abilities.scenario.vocabulary import Vocabulary
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.faults import build_fault, check_amount
+from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.config.document import give
+from hil_bench.config.settings import Origin, Problems, read_table
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.kinds import SENSOR_KINDS, FaultKind
+from hil_bench.errors import ConfigError
+from hil_bench.units import ONE, Unit
+
+
+class SetAction(NamedTuple):
+    """A target gets a value.
+
+    Attributes:
+        target: its name.
+        value: the value, of a course the last one.
+        over_ticks: length of the straight ramp from the present value; 0 for at once.
+        course: ticks after the action's own and values, straight lines between; empty for none.
+        units: symbols of the units in which its values are given; bare numbers have none.
+    """
+
+    target: str
+    value: float
+    over_ticks: int = 0
+    course: tuple[tuple[int, float], ...] = ()
+    units: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values that the target gets, without what is between them."""
+        return (self.value, *(value for _, value in self.course))
+
+    def points(self, tick: int, present: float) -> tuple[tuple[int, float], ...]:
+        """Return ticks and values, straight lines between.
+
+        Args:
+            tick: that of the action.
+            present: the value then.
+        """
+        if self.course:
+            return tuple((tick + after, value) for after, value in self.course)
+        if self.over_ticks:
+            return (tick, present), (tick + self.over_ticks, self.value)
+        return ((tick, self.value),)
+
+
+Action = SetAction | FaultConfig | NmtStep | SyncStep | FirmwareStep
+
+
+class TimedAction(NamedTuple):
+    """What a runner does at the start of a tick.
+
+    Attributes:
+        tick: its number, from 0.
+        action: what.
+        place: how messages name the step: file, line and column.
+    """
+
+    tick: int
+    action: Action
+    place: str = ""
+
+
+class Requirement(NamedTuple):
+    """An expectation that is ready to be judged.
+
+    Attributes:
+        id: of the requirement.
+        that: its text.
+        condition: its tree.
+    """
+
+    id: str
+    that: str
+    condition: Condition
+
+
+def parameter_values(
+    scenario: Scenario, given: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Return the SI value of each parameter.
+
+    Args:
+        scenario: which has them.
+        given: values in the parameters' own units that win over the file's.
+
+    Raises:
+        ConfigError: a value is given to what is no parameter.
+    """
+    names = [each.name for each in scenario.parameters]
+    for name in given or {}:
+        if name not in names:
+            near = f"the nearest is {find_nearest(name, names)}; or " if names else ""
+            wrong = f"{quote(name)} is not in [parameters]; {near}add it there"
+            raise ConfigError(f"{scenario.path}: {wrong}")
+    own = {each.name: each.value for each in scenario.parameters} | dict(given or {})
+    return {each.name: each.unit.to_si(own[each.name]) for each in scenario.parameters}
+
+
+def resolve_steps(
+    scenario: Scenario,
+    tick_ns: int,
+    values: Mapping[str, float],
+    sensor_units: Mapping[str, Unit | None] = MappingProxyType({}),
+) -> tuple[TimedAction, ...]:
+    """Return the steps as actions, in the order of time, and of the file within a tick.
+
+    A step between two ticks acts at the later one.
+
+    Args:
+        scenario: whose steps.
+        tick_ns: time between two ticks [ns].
+        values: the SI value of each parameter.
+        sensor_units: those in which faults have their amounts, as in a `BenchConfig`; steps that
+            disturb a sensor without one are not checked.
+
+    A fault that lacks its amount, or has it in another unit than its sensor measures, is a
+    `ConfigError`.
+    """
+    resolver = _Resolver(scenario, tick_ns, values, sensor_units)
+    actions = [
+        TimedAction(resolver.ticks(step.at), resolver.action(step), step.place)
+        for step in scenario.steps
+    ]
+    return tuple(sorted(actions, key=lambda each: each.tick))
+
+
+def compile_expectations(scenario: Scenario, vocabulary: Vocabulary) -> tuple[Requirement, ...]:
+    """Return the expectations, parsed.
+
+    Args:
+        scenario: whose expectations.
+        vocabulary: the names they may use, the parameters among them.
+
+    What is wrong comes as one `ConfigError`, a line a problem, with file, line and column.
+    """
+    return compile_texts(scenario.expectations, vocabulary, scenario.duration)
+
+
+def compile_texts(
+    expectations: Iterable[Expectation], vocabulary: Vocabulary, duration: float = math.inf
+) -> tuple[Requirement, ...]:
+    """Return expectations, parsed.
+
+    Args:
+        expectations: which.
+        vocabulary: the names they may use, the parameters among them.
+        duration: of the run [s].
+
+    Raises:
+        ConfigError: a line a problem, each with file, line and column.
+    """
+    found, wrong = [], []
+    for each in expectations:
+        try:
+            condition = parse_expectation(each.that, vocabulary)
+        except ExpectationError as error:
+            wrong.append(f"{each.place.at(*error.position)}: {each.id}: {error.what}")
+            continue
+        needed = reach(condition) / 1e9
+        if needed > duration:
+            right = "give shorter windows or a longer duration_s"
+            wrong.append(
+                f"{each.place.at(1, 1)}: {each.id}: needs {needed:g} s to be decided, and the "
+                f"scenario lasts {duration:g} s; {right}"
+            )
+        found.append(Requirement(each.id, each.that, condition))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    return tuple(found)
+
+
+class _Resolver:
+    """Puts numbers in."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        tick_ns: int,
+        values: Mapping[str, float],
+        sensor_units: Mapping[str, Unit | None],
+    ) -> None:
+        self._source, self._sensor_units = str(scenario.path), sensor_units
+        self._tick_ns, self._values = tick_ns, values
+
+    def ticks(self, time: Amount) -> int:
+        """Return the first tick at a time [s] or after it."""
+        return -(-round(self._number(time) * 1e9) // self._tick_ns)
+
+    def action(self, step: SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep) -> Action:
+        """Return what a step does."""
+        match step:
+            case SetStep():
+                course = tuple(
+                    (self.ticks(time), self._number(amount)) for time, amount in step.points
+                )
+                value = self._number(step.value)
+                amounts = (step.value, *(amount for _, amount in step.points))
+                units = {step.unit, *(_unit(amount) for amount in amounts)} - {""}
+                over = self.ticks(step.over)
+                return SetAction(step.target, value, over, course, tuple(sorted(units)))
+            case FaultStep():
+                return self._fault(step)
+            case _:
+                return step
+
+    def _number(self, amount: Amount) -> float:
+        return self._values[amount.name] if isinstance(amount, Reference) else amount
+
+    def _fault(self, step: FaultStep) -> FaultConfig:
+        own = {name: self._in_unit_of(name, value) for name, value in step.values}
+        given = {"kind": step.kind, "target": step.target, "at_s": self._number(step.at), **own}
+        problems = Problems(self._source)
+        keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(step.kind)])
+        table = f"step {step.kind} {step.target}"
+        found = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+        problems.raise_any()
+        if FaultKind(step.kind) in SENSOR_KINDS and step.target in self._sensor_units:
+            check_amount(found, self._sensor_units[step.target], problems)
+        problems.raise_any()
+        return build_fault(found)
+
+    def _in_unit_of(self, key: str, value: object) -> object:
+        """Return the value of a key, in the key's unit."""
+        if isinstance(value, Reference):
+            return unit_of_name(key).unit.from_si(self._values[value.name])
+        return value
+
+
+def _unit(amount: Amount) -> str:
+    """Return the symbol of the unit of a parameter; empty where it has none, and for a number."""
+    unit = unit_of_name(amount.name).unit if isinstance(amount, Reference) else ONE
+    return "" if unit is ONE else unit.symbol

@@ -1,0 +1,153 @@
+"""What came of a scenario, in words and as a JUnit file."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hil_bench.abilities.scenario.evidence import Evidence
+from hil_bench.abilities.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
+from hil_bench.errors import HilBenchError, about_file, whole_file
+
+_EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a sign but no size
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioResult:
+    """What came of a scenario.
+
+    Attributes:
+        path: its file.
+        title: in words.
+        requirement_ids: the requirements that it is about.
+        seed: of all that is random.
+        parameters: their values in SI.
+        duration: how long the run was [s].
+        ending: how the controller ended before the run did; empty where it did not.
+        problem: why there was no whole run; empty where there was.
+        findings: the judgement on each requirement; empty where there is a problem.
+        evidence: for a report; None where none was asked for.
+        is_interrupted: whether somebody pressed Ctrl-C.
+    """
+
+    path: str
+    title: str
+    requirement_ids: tuple[str, ...]
+    seed: int
+    parameters: dict[str, float]
+    duration: float = 0.0
+    ending: str = ""
+    problem: str = ""
+    findings: tuple[Finding, ...] = ()
+    evidence: Evidence | None = field(default=None, compare=False)
+    is_interrupted: bool = field(default=False, compare=False)
+
+    @property
+    def outcomes(self) -> set[RequirementOutcome]:
+        """All outcomes; failed where there is a problem."""
+        if self.problem:
+            return {RequirementOutcome.FAILED}
+        return {finding.judgement.outcome for finding in self.findings}
+
+
+def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> ScenarioResult:
+    """Play a scenario; a firmware that fails, or a step that cannot act, is a result too."""
+    scenario = prepared.scenario
+    duration, ending, problem = 0.0, "", ""
+    findings: tuple[Finding, ...] = ()
+    evidence: Evidence | None = None
+    try:
+        run = play(prepared, options)
+    except HilBenchError as error:
+        problem = str(error)
+    else:
+        duration, ending, findings = run.duration, run.ending, run.findings
+        evidence = run.evidence
+    return ScenarioResult(
+        str(scenario.path),
+        scenario.title,
+        scenario.requirement_ids,
+        prepared.config.seed,
+        dict(prepared.parameters),
+        duration,
+        ending,
+        problem,
+        findings,
+        evidence,
+    )
+
+
+def reason_of(judgement: Judgement) -> str:
+    """Return why a requirement has its outcome, and how much of its time was seen, in a line."""
+    parts = [judgement.reason] if judgement.reason else []
+    if judgement.first is not None:
+        lasting = f", for {judgement.duration:.9g} s in all" if judgement.duration else ""
+        parts.append(f"first violated at {judgement.first:.9g} s{lasting}")
+    deciding = judgement.deciding
+    if deciding is not None:
+        when = f"{deciding.rank} at {deciding.time:.9g} s".lstrip()
+        parts.append(f"{when}: {deciding.fact}{_share(judgement.margin)}")
+    return "; ".join([*parts, str(judgement.coverage)])
+
+
+def _share(margin: float | None) -> str:
+    """Return a margin in words; nothing for one without a size, or where both sides are equal."""
+    if margin is None or abs(margin) < _EQUAL:
+        return ""
+    return f" ({margin:+.2g} of the tolerance)"
+
+
+def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
+    """Write a JUnit file: a suite a scenario, a case a requirement.
+
+    One that cannot be written is a `ConfigError`.
+    """
+    root = ET.Element("testsuites")
+    for result in results:
+        _add_suite(root, result)
+    ET.indent(root)
+    with about_file(path), whole_file(path) as file:
+        ET.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
+
+
+def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:
+    """Return what a JUnit file says of a requirement, beside its outcome."""
+    judgement = finding.judgement
+    margin = "" if judgement.margin is None else f"{judgement.margin:.6g}"
+    return [
+        ("requirement_id", finding.requirement.id),
+        ("expectation", finding.requirement.that),
+        ("outcome", judgement.outcome.value),
+        ("margin", margin),
+        ("deciding", reason_of(judgement)),
+        ("seen", f"{judgement.coverage.share:.6g}"),
+        ("seed", str(result.seed)),
+    ]
+
+
+def _add_suite(root: ET.Element, result: ScenarioResult) -> None:
+    suite = ET.SubElement(root, "testsuite", name=result.title)
+    if result.problem:
+        case = ET.SubElement(suite, "testcase", classname=result.path, name="run")
+        ET.SubElement(case, "error", message=_xml_text(result.problem))
+    for finding in result.findings:
+        name = finding.requirement.id
+        case = ET.SubElement(suite, "testcase", classname=result.path, name=name)
+        properties = ET.SubElement(case, "properties")
+        for key, value in junit_properties(result, finding):
+            ET.SubElement(properties, "property", name=key, value=_xml_text(value))
+        outcome = finding.judgement.outcome
+        if outcome is not RequirementOutcome.PASSED:
+            message = _xml_text(f"{outcome}: {reason_of(finding.judgement)}")
+            ET.SubElement(case, "failure", type=outcome.value, message=message)
+    suite.set("tests", str(len(suite)))
+    for kind, tag in (("failures", "failure"), ("errors", "error")):
+        suite.set(kind, str(len(suite.findall(f"testcase/{tag}"))))
+
+
+def _xml_text(text: str) -> str:
+    """Return a text without the characters that XML 1.0 cannot hold."""
+    return "".join(c if c in "\t\n" or c.isprintable() else "�" for c in text)

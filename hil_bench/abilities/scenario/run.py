@@ -1,0 +1,247 @@
+"""Runs of a scenario on a virtual bench: steps at their ticks, then the judgement.
+
+`prepare` reads a scenario against its bench and refuses what cannot be; `play` does it, as often as
+one likes, each time on a fresh bench.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from hil_bench.abilities.scenario.controllers import CONTROLLERS
+from hil_bench.abilities.scenario.driving import (
+    ExampleDriver,
+    FirmwareDriver,
+    NobodyDriver,
+    Timekeeper,
+)
+from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
+from hil_bench.abilities.scenario.resolve import (
+    Requirement,
+    SetAction,
+    TimedAction,
+    compile_expectations,
+    parameter_values,
+    resolve_steps,
+)
+from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.abilities.scenario.targets import Targets
+from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
+from hil_bench.abilities.scenario.witness import bench_vocabulary
+from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
+from hil_bench.bench.fault_points import schedule_faults
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.errors import ConfigError
+from hil_bench.scratch import scratch_folder
+from hil_bench.session.fault_spans import fault_spans
+from hil_bench.session.recording import NO_RECORDING, RecordingWish
+from hil_bench.session.session import Session, open_session
+from hil_bench.session.virtual_bench import VirtualBench
+
+
+def _alone(_bench: VirtualBench, _stage: Stage) -> AbstractContextManager[object]:
+    return nullcontext()
+
+
+class PlayOptions(NamedTuple):
+    """How to play.
+
+    Attributes:
+        stops_at_failure: whether a run ends when the first requirement has failed.
+        record: what to record in files.
+        keeps_evidence: whether the run keeps what a report shows.
+        reader: makes what reads the frames of the bench, as a part of the evidence.
+        beside: open while the run goes on; given the bench, and the scenario on it.
+    """
+
+    stops_at_failure: bool = False
+    record: RecordingWish = NO_RECORDING
+    keeps_evidence: bool = False
+    reader: Callable[[VirtualBench], FrameReader] | None = None
+    beside: Callable[[VirtualBench, Stage], AbstractContextManager[object]] = _alone
+
+
+PLAIN = PlayOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run found.
+
+    Attributes:
+        findings: the judgement on each requirement, in the order of the file.
+        duration: how long it was [s].
+        is_early: whether it ended before the scenario does.
+        ending: how the controller ended before the run did; empty where it did not.
+        evidence: for a report; None where none was asked for.
+    """
+
+    findings: tuple[Finding, ...]
+    duration: float
+    is_early: bool
+    ending: str
+    evidence: Evidence | None = field(default=None, compare=False)
+
+
+def prepare(
+    scenario: Scenario,
+    given: Mapping[str, float] | None = None,
+    *,
+    seed: int | None = None,
+    tables: Mapping[str, object] | None = None,
+) -> PreparedScenario:
+    """Return a scenario with its numbers in, checked against its bench.
+
+    Args:
+        scenario: as loaded.
+        given: values of parameters, in their own units, that win over the file's.
+        seed: takes the place of the bench's own.
+        tables: tables of the bench's file, nested; their keys win over its own.
+
+    A `ConfigError` has a line for each problem.
+    """
+    config = load_config(scenario.bench_path, seed=seed, tables=tables)
+    values = parameter_values(scenario, given)
+    return prepare_on(config, scenario, values)
+
+
+def prepare_on(
+    config: BenchConfig, scenario: Scenario, values: Mapping[str, float]
+) -> PreparedScenario:
+    """Return a scenario with its numbers in, checked against a bench.
+
+    Args:
+        config: the bench, whatever the scenario names.
+        scenario: as loaded.
+        values: the SI value of each parameter.
+
+    Raises:
+        ConfigError: something does not fit; a line a problem.
+    """
+    actions = resolve_steps(scenario, config.tick_ns, values, config.sensor_units)
+    session = open_session(config)
+    requirements: tuple[Requirement, ...] = ()
+    problems = [
+        *_controller_problems(scenario),
+        *usage_problems(scenario),
+        *_step_problems(actions, config, session),
+    ]
+    if not problems:
+        problems += idle_steps(scenario, actions, config)
+    try:
+        requirements = compile_expectations(scenario, bench_vocabulary(config, session, values))
+    except ConfigError as error:
+        problems.append(str(error))
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return PreparedScenario(scenario, config, values, actions, requirements)
+
+
+def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
+    """Play a scenario on a fresh bench, and judge; a `ControllerError` says that firmware failed.
+
+    A `ConfigError` says that a step cannot do what it is to do.
+    """
+    config, last_tick = prepared.config, prepared.last_tick
+    with (
+        _open_bench(prepared, options) as bench,
+        _driver(prepared, bench) as driver,
+    ):
+        stage = Stage(
+            prepared,
+            bench.session,
+            driver.on_firmware,
+            stops_at_failure=options.stops_at_failure,
+        )
+        with options.beside(bench, stage):
+            ending = driver.drive(stage.director, last_tick)
+        witness = stage.witness
+        evidence = None
+        if options.keeps_evidence:
+            evidence = Evidence(
+                bench.signals[: witness.ticks],
+                witness.columns(),
+                witness.ticks,
+                config.tick_ns,
+                tuple(fault_spans(bench)),
+                tuple(bench.frames),
+                options.reader(bench) if options.reader is not None else None,
+                last_tick + 1,
+            )
+    findings = stage.judge()
+    duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
+    return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)
+
+
+def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
+    config = prepared.config
+    kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.001
+    frames = MOST_FRAMES if options.reader is not None else 0
+    return VirtualBench(config, recorded_time=kept, logged_frames=frames, record=options.record)
+
+
+@contextmanager
+def _driver(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Timekeeper]:
+    controller = prepared.scenario.controller
+    if controller is None:
+        yield NobodyDriver(bench)
+    elif controller.example:
+        yield ExampleDriver(bench, controller.example, prepared.parameters)
+    else:
+        values = {
+            each.name: each.unit.from_si(prepared.parameters[each.name])
+            for each in prepared.scenario.parameters
+        }
+        words = [_filled(word, values) for word in controller.firmware]
+        starts = [s.command for s in prepared.scenario.steps if isinstance(s, FirmwareStep)]
+        with scratch_folder() as directory:
+            driver = FirmwareDriver(bench, words, directory, starts[:1])
+            try:
+                yield driver
+            finally:
+                driver.close()
+
+
+def _filled(word: str, values: Mapping[str, float]) -> str:
+    for name, value in values.items():
+        word = word.replace("{" + name + "}", f"{value:.12g}")
+    return word
+
+
+def _controller_problems(scenario: Scenario) -> Iterator[str]:
+    controller = scenario.controller
+    if controller is not None and controller.example and controller.example not in CONTROLLERS:
+        near = find_nearest(controller.example, CONTROLLERS)
+        wrong = f"{quote(controller.example)} is no example; the nearest is {near}"
+        yield f"{scenario.path}: controller.example: {wrong}"
+    is_firmware = controller is not None and bool(controller.firmware)
+    for step in scenario.steps:
+        if isinstance(step, FirmwareStep) and not is_firmware:
+            yield f"{step.place}: there is no firmware; give it in [controller]"
+        if isinstance(step, SyncStep) and is_firmware:
+            wrong = "the firmware's SYNC lets bench time pass, so it cannot be switched"
+            yield f"{step.place}: {wrong}; kill the firmware instead"
+
+
+def _step_problems(
+    actions: tuple[TimedAction, ...], config: BenchConfig, session: Session
+) -> Iterator[str]:
+    targets = Targets(config, session)
+    for _, action, place in actions:
+        try:
+            match action:
+                case SetAction():
+                    target = targets.find(action.target)
+                    targets.check_units(action.target, action.units)
+                    for value in action.values:
+                        targets.check(target, value)
+                case FaultConfig():
+                    schedule_faults(session.bench.faults, (action,))
+                case NmtStep():
+                    targets.check_node(action.target)
+        except ConfigError as error:
+            yield f"{place}: {error}"

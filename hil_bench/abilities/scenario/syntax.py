@@ -1,0 +1,105 @@
+"""The text of an expectation to a tree of words, by the grammar in ``expectations.lark``."""
+
+from functools import cache, lru_cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from hil_bench.abilities.scenario.nodes import Position
+from hil_bench.errors import ConfigError
+
+if TYPE_CHECKING:
+    from lark import Lark, Token, Tree
+    from lark.exceptions import UnexpectedInput
+
+LONGEST = 4000
+"""Characters that an expectation may have."""
+
+DEEPEST = 60
+"""Levels that an expectation may have."""
+
+_MOST_EXPECTED = 4
+_SHOWN = {"NUMBER": "a number", "NAME": "a name", "TEXT": "a text in quotes", "UNIT": "a unit"}
+_START = Position(1, 1)
+
+
+class ExpectationError(ConfigError):
+    """An expectation is wrong.
+
+    Attributes:
+        position: where, in its text.
+        what: what is wrong, and what would be right.
+    """
+
+    def __init__(self, position: Position, what: str) -> None:
+        super().__init__(f"line {position.line}, column {position.column}: {what}")
+        self.position = position
+        self.what = what
+
+
+@lru_cache(maxsize=64)  # a campaign reads the same ones for each run
+def read_syntax(text: str) -> "Tree[Token]":
+    """Return the tree of an expectation, which nobody changes.
+
+    Raises:
+        ExpectationError: the text does not follow the grammar, or is too long.
+    """
+    from lark.exceptions import UnexpectedInput  # noqa: PLC0415 - lark takes time to load
+
+    if not text.strip():
+        raise ExpectationError(_START, 'is empty; give for example "always axis1.P_A < 250 bar"')
+    if len(text) > LONGEST:
+        right = f"give at most {LONGEST}, and split it into several expectations"
+        raise ExpectationError(_START, f"has {len(text)} characters; {right}")
+    try:
+        return _parser().parse(text)
+    except UnexpectedInput as error:
+        position, what = _explain(text, error)
+        raise ExpectationError(position, what) from None
+
+
+@cache
+def _parser() -> "Lark":
+    from lark import Lark  # noqa: PLC0415 - see above
+
+    grammar = files("hil_bench.abilities.scenario").joinpath("expectations.lark").read_text("utf-8")
+    return Lark(grammar, parser="lalr", propagate_positions=True, maybe_placeholders=False)
+
+
+def _explain(text: str, error: "UnexpectedInput") -> tuple[Position, str]:
+    """Return what is wrong at the place where the grammar could not go on."""
+    offset = getattr(error, "pos_in_stream", 0)
+    if getattr(getattr(error, "token", None), "type", "") == "$END":
+        offset = len(text.rstrip())
+    before = text[:offset]
+    position = Position(before.count("\n") + 1, offset - (before.rfind("\n") + 1) + 1)
+    rest = text[offset:].split(maxsplit=1)
+    right = _right(text, offset, error)
+    if not rest:
+        return (position, f"ends too early; {right}")
+    return (position, f'"{rest[0][:20]}" does not fit here; {right}')
+
+
+def _right(text: str, offset: int, error: "UnexpectedInput") -> str:
+    if text[offset : offset + 1] == "," and text[:offset][-1:].isdigit():
+        return "write decimals with a point, as in 1.5"
+    if text[offset : offset + 1] == "=":
+        return "write == to compare"
+    expected = getattr(error, "accepts", None) or getattr(error, "expected", None)
+    names = sorted({_show(name) for name in expected or getattr(error, "allowed", None) or ()})
+    words = [name for name in names if name]
+    if not words or len(words) > _MOST_EXPECTED:
+        return _guess(words)
+    return f"{' or '.join(words)} is right"
+
+
+def _guess(words: list[str]) -> str:
+    if "a name" in words or not words:
+        return "a signal, a number or a condition is right"
+    return "an operator such as <, and, or, until is right, or the end"
+
+
+def _show(name: str) -> str:
+    if name in _SHOWN:
+        return _SHOWN[name]
+    words = {"RPAR": '")"', "LPAR": '"("', "COMMA": '","', "$END": "the end"}
+    return words.get(name, f'"{name.lower()}"')

@@ -1,0 +1,114 @@
+"""Parameters and steps of a scenario that do nothing."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+
+from hil_bench.abilities.scenario.controllers import ControllerSettings
+from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
+from hil_bench.abilities.scenario.registers import MODBUS
+from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.config.values import find_nearest
+from hil_bench.kinds.auxiliary_valve import SET_POINT
+from hil_bench.kinds.registry import VALVE
+
+_WORD = re.compile(r"\w+")
+_ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
+"""The control word of a valve, and its switch to the local set-point."""
+
+
+def unused_parameters(scenario: Scenario) -> Iterator[str]:
+    """Yield the names of the parameters that no step, no expectation and no controller takes."""
+    used = {*_names_in_steps(scenario), *_settings(scenario)}
+    for each in scenario.expectations:
+        used.update(_WORD.findall(each.that))
+    if scenario.controller is not None:
+        for word in scenario.controller.firmware:
+            used.update(_WORD.findall(word))
+    yield from (each.name for each in scenario.parameters if each.name not in used)
+
+
+def usage_problems(scenario: Scenario) -> Iterator[str]:
+    """Yield a line for each parameter that nothing takes."""
+    own = _settings(scenario)
+    for name in unused_parameters(scenario):
+        right = "name it in a step, an expectation or the firmware's words"
+        if own:
+            right = f"the nearest of the controller's is {find_nearest(name, own)}"
+        yield f"{scenario.path}: parameters.{name}: does nothing; {right}"
+
+
+def idle_steps(
+    scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
+) -> Iterator[str]:
+    """Yield a line for each step that cannot change anything, whatever the run does.
+
+    Args:
+        scenario: with its controller.
+        actions: its steps, in the order of time.
+        config: of the bench.
+    """
+    yield from _idle_switches(scenario, actions)
+    if scenario.controller is None or scenario.controller.example:
+        yield from _idle_valves(scenario, actions, config)
+
+
+def _idle_switches(scenario: Scenario, actions: Sequence[TimedAction]) -> Iterator[str]:
+    """Yield the steps that switch SYNC to what it is already."""
+    is_on = scenario.controller is not None
+    for _, action, place in actions:
+        if not isinstance(action, SyncStep):
+            continue
+        if action.is_on == is_on:
+            now = "on" if is_on else "off"
+            yield f"{place}: SYNC is {now} already; leave the step out"
+        is_on = action.is_on
+
+
+def _idle_valves(
+    scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
+) -> Iterator[str]:
+    """Yield the set-points of valves that nobody enables."""
+    names = {target for target, _ in _targets(actions)}
+    enabled = {name.partition(".")[0] for name in names if _ENABLES.search(name)}
+    units = config.modbus.units if config.modbus is not None else ()
+    enabled |= {
+        unit.node
+        for unit in units
+        if any(name.startswith(f"{MODBUS}.{unit.name}.") for name in names)
+    }
+    has_example = scenario.controller is not None
+    first = config.first_axis.name if has_example else ""
+    for valve in (node for node in config.nodes if node.kind is VALVE):
+        if valve.name in enabled or getattr(valve, "axis", None) == first:
+            continue
+        for target, place in _targets(actions):
+            if target in {f"{valve.name}.{SET_POINT}", f"{valve.name}.0x6300.01"}:
+                who = f"the example sets up {first} only" if has_example else "no step enables it"
+                right = f'nmt = "start" and set = {{ "{valve.name}.0x6040" = 1 }}, then 3, then 7'
+                yield f"{place}: {valve.name} is not enabled: {who}; give steps with {right}"
+
+
+def _targets(actions: Sequence[TimedAction]) -> Iterator[tuple[str, str]]:
+    """Yield target and place of each step that sets a value."""
+    for _, action, place in actions:
+        if isinstance(action, SetAction):
+            yield action.target, place
+
+
+def _settings(scenario: Scenario) -> list[str]:
+    """Return what the example controller takes; nothing where another one controls."""
+    if scenario.controller is None or not scenario.controller.example:
+        return []
+    return [field.name for field in fields(ControllerSettings)]
+
+
+def _names_in_steps(scenario: Scenario) -> Iterator[str]:
+    for step in scenario.steps:
+        values = [getattr(step, field.name) for field in fields(step)]
+        if isinstance(step, FaultStep):
+            values += [value for _, value in step.values]
+        if isinstance(step, SetStep):
+            values += [value for _, value in step.points]
+        yield from (value.name for value in values if isinstance(value, Reference))

@@ -1,0 +1,111 @@
+"""`hil-bench judge`: requirements held against recordings."""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from hil_bench.abilities.scenario.reach import names_in
+from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
+from hil_bench.abilities.scenario.verbs.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    recording_chapter,
+    write_report,
+)
+from hil_bench.abilities.scenario.verbs.verdicts import (
+    exit_code_for,
+    finding_content,
+    finding_lines,
+)
+from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.exit_codes import Ending
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.outside.recording.column_units import find_doubts
+from hil_bench.outside.recording.files import read_recording
+
+_EXAMPLES = """\
+A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
+the language. With duration_s in it, what a recording lacks of that time is unknown.
+
+exit code 1 where a requirement failed; 6 where none did, but one could not be decided, or its
+trigger never became true
+
+examples:
+  hil-bench judge requirements.toml run.mf4
+  hil-bench judge sag.scenario.toml run1.csv run2.csv --json
+  hil-bench judge requirements.toml run.mf4 --report report.html
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "judge",
+        description="Judge recordings of the bench or of a machine by requirements: verdict,\n"
+        "margin, and the comparison that decides.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument(
+        "requirements", type=Path, metavar="REQUIREMENTS", help="requirements, .toml or .csv"
+    )
+    parser.add_argument(
+        "recordings", type=Path, nargs="+", metavar="RECORDING", help="recording, .mf4 or .csv"
+    )
+    parser.add_argument(
+        "--start",
+        type=_seconds,
+        metavar="S",
+        help="time of the recordings at which the run begins, in s\n"
+        "(default: 0 where the requirements have duration_s, else the first row)",
+    )
+    add_report_argument(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Judge each recording and print what was found."""
+    check_report_argument(args)
+    judged: dict[Path, Judged] = {}
+    chapters = []
+    for path in args.recordings:
+        signals = read_recording(path)
+        judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
+        names = names_in(each.requirement.condition for each in judged[path].findings)
+        warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
+        if args.report:
+            chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
+    content = {str(path): finding_content(each.findings) for path, each in judged.items()}
+    outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
+    ending = Ending(args)
+    ending.take(exit_code_for(outcomes))
+    with ending.going_on():
+        print_results(args, _lines(judged), content)
+    if args.report:
+        with ending.going_on():
+            write_report(args, f"Judgement by {args.requirements}", chapters)
+    return ending.code
+
+
+def _seconds(text: str) -> float:
+    """Return a time.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no finite number.
+    """
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise argparse.ArgumentTypeError(f"{text}: give a time in s, such as 12.5")
+    return time
+
+
+def _lines(judged: dict[Path, Judged]) -> Iterator[str]:
+    for path, (findings, trace) in judged.items():
+        yield f"{path}:"
+        if trace.note:
+            yield f"  {trace.note}"
+        yield from finding_lines(findings)

@@ -1,0 +1,70 @@
+"""What `hil-bench run` has for scenarios; nothing here imports what plays them."""
+
+import argparse
+from pathlib import Path
+
+from hil_bench.abilities.scenario.verbs.scenario_arguments import add_parameter_argument, has_bus
+from hil_bench.errors import ConfigError
+
+_NEVER = ("config", "duration", "lockstep", "fault")
+_WITH_A_BUS = (
+    "modbus",
+    "strict_timing",
+    "histograms",
+    "realtime",
+    "realtime_priority",
+    "realtime_cpu",
+    "overrun",
+    "whole_bus",
+    "hub_unlimited",
+)
+_INSTEAD = {
+    "config": ("bench.toml", "the scenario names its bench"),
+    "duration": ("--duration", "the scenario has its duration_s"),
+    "lockstep": ("--lockstep", "give [controller] firmware in the scenario"),
+    "fault": ("--fault", "make it a step of the scenario"),
+}
+
+
+def add_options(group: "argparse._ActionsContainer") -> None:
+    """Add what concerns a bench that plays a scenario."""
+    group.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
+        "own controller drives, with one the controller there",
+    )
+    add_parameter_argument(group)
+
+
+def take_over(args: argparse.Namespace) -> int | None:
+    """Play a scenario in place of a run where one is given.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.scenario is None:
+        if args.given:
+            raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
+        return None
+    _refuse_others(args)
+    from hil_bench.abilities.scenario.verbs import scenario_run  # noqa: PLC0415 - brings much
+
+    return scenario_run.run(args)
+
+
+def _refuse_others(args: argparse.Namespace) -> None:
+    """Refuse what does not go with a scenario.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    for name in _NEVER:
+        if getattr(args, name):
+            option, right = _INSTEAD[name]
+            raise ConfigError(f"{option}: not with --scenario; {right}")
+    for name in () if has_bus(args) else _WITH_A_BUS:
+        if getattr(args, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")

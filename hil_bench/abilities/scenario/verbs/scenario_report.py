@@ -1,0 +1,222 @@
+"""`--report`: the HTML file of `hil-bench test` and `judge`, and the same as JSON beside it."""
+
+import argparse
+import json
+import platform
+import shlex
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import hil_bench
+from hil_bench.abilities.eyes.frame_words import meaning_of
+from hil_bench.abilities.scenario.evidence import Evidence
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.recorded import Finding, Judged
+from hil_bench.abilities.scenario.report.content import Chapter, Proof, Report
+from hil_bench.abilities.scenario.report.exhibits import is_near, make_exhibit, moments_of
+from hil_bench.abilities.scenario.report.html import report_html
+from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.identifiers import function_of
+from hil_bench.cli.results import plain
+from hil_bench.config.settings import Origin
+from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
+from hil_bench.outside.recording.channels import TIME, Recording
+from hil_bench.outside.recording.formats import FRAME_SUFFIXES
+from hil_bench.outside.recording.frames import read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.units import ONE
+
+_SUFFIX = ".html"
+_MOST_TEXT = 200  # characters of a setting
+
+
+class PlainReader:
+    """Reads the frames of a recording, of whose bench nothing is known."""
+
+    def name(self, frame: Frame) -> str:
+        """Return the function of its identifier and its node, in the predefined set of CiA 301."""
+        name, node_id = function_of(frame.can_id)
+        return name if node_id is None else f"node {node_id} {name}"
+
+    def meaning(self, frame: Frame) -> str:
+        """Return the meaning of the frame, as far as its identifier reveals it."""
+        return meaning_of(frame.can_id, frame.data)
+
+    def news(self, frames: Sequence[LoggedFrame]) -> Iterable[LoggedFrame]:
+        """Return all frames."""
+        return frames
+
+    def latest(self, _frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
+        """Return none."""
+        return iter(())
+
+
+def add_report_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --report."""
+    parser.add_argument(
+        "--report",
+        type=Path,
+        metavar="FILE",
+        help="write a report that opens offline in any browser (.html), and the same as .json",
+    )
+
+
+def check_report_argument(args: argparse.Namespace) -> None:
+    """Refuse, before anything runs, a report that could not be written.
+
+    Raises:
+        ConfigError: its name, its folder or a library is wrong.
+    """
+    if args.report is None:
+        return
+    if args.report.suffix.lower() != _SUFFIX:
+        raise ConfigError(f"--report {args.report}: give the name of an {_SUFFIX} file")
+    if not args.report.parent.is_dir():
+        raise ConfigError(
+            f"--report {args.report}: there is no folder {args.report.parent}; make it first"
+        )
+    for path in (args.report, args.report.with_suffix(".json")):
+        check_replaceable(path)
+    if find_spec("jinja2") is None:
+        raise ConfigError("--report needs Jinja2: pip install 'hil-bench[report]'")
+
+
+def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapter]) -> None:
+    """Write the report as HTML, and as JSON beside it."""
+    versions = {"hil-bench": hil_bench.__version__, "Python": platform.python_version()}
+    facts = (*versions.items(), *((name, version(name)) for name in ("numpy", "canopen")))
+    report = Report(title, facts, tuple(chapters))
+    texts = {
+        args.report: report_html(report),
+        args.report.with_suffix(".json"): json.dumps(
+            plain(_content(report)), indent=2, ensure_ascii=False, allow_nan=False
+        ),
+    }
+    for path, text in texts.items():
+        with about_file(path), whole_file(path) as file:
+            file.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def run_chapter(
+    prepared: PreparedScenario, result: ScenarioResult, given: Sequence[str]
+) -> Chapter:
+    """Return the chapter of a report on a scenario that was played.
+
+    Args:
+        prepared: the scenario.
+        result: what came of it, with its evidence.
+        given: parameters of the command line.
+    """
+    config, evidence = prepared.config, result.evidence
+    words = ["hil-bench", "test", result.path, "--seed", str(result.seed)]
+    words += [word for text in given for word in ("--set", text)]
+    return Chapter(
+        result.path,
+        result.title,
+        result.requirement_ids,
+        (
+            ("Bench", str(config.path or "built-in bench")),
+            ("Seed", str(result.seed)),
+            ("Length", f"{result.duration:g} s, a tick of {config.tick_ns * 1e-6:g} ms"),
+            *(("Parameter", text) for text in _parameters(prepared)),
+            *((("Controller", result.ending),) if result.ending else ()),
+        ),
+        tuple(_settings(config)),
+        shlex.join(words),
+        (result.problem,) if result.problem else (),
+        tuple(_proof(finding, evidence) for finding in result.findings),
+    )
+
+
+def recording_chapter(
+    requirements: Path, path: Path, signals: Recording, judged: Judged
+) -> Chapter:
+    """Return the chapter of a report on a recording that was judged.
+
+    Args:
+        requirements: their file.
+        path: of the recording.
+        signals: what it holds.
+        judged: what it says.
+    """
+    findings, trace = judged
+    times, start = signals[TIME.name], trace.start
+    shifted = signals.copy()
+    shifted[TIME.name] -= start
+    evidence = Evidence(
+        shifted,
+        trace.columns,
+        trace.ticks,
+        trace.tick_ns,
+        frames=tuple(_frames_near(path, findings, round(start * 1e9))),
+        reader=PlainReader(),
+        planned=trace.planned,
+    )
+    length = f"{times[-1] - times[0]:g} s from {times[0]:g} s, a row a {trace.tick_ns * 1e-6:g} ms"
+    words = ["hil-bench", "judge", str(requirements), str(path)]
+    return Chapter(
+        str(path),
+        path.name,
+        (),
+        (
+            ("Requirements", str(requirements)),
+            ("Length", length),
+            *((("Judged", trace.note),) if trace.note else ()),
+        ),
+        (),
+        shlex.join(words),
+        (),
+        tuple(_proof(finding, evidence) for finding in findings),
+    )
+
+
+def _proof(finding: Finding, evidence: Evidence | None) -> Proof:
+    (name, that, _), judgement = finding
+    is_passed = judgement.outcome is RequirementOutcome.PASSED
+    exhibit = None if is_passed or evidence is None else make_exhibit(finding, evidence)
+    return Proof(name, that, judgement, reason_of(judgement), exhibit)
+
+
+def _frames_near(path: Path, findings: Sequence[Finding], start: int) -> Iterator[LoggedFrame]:
+    """Yield the frames of a recording that its exhibits can show, its first row at 0."""
+    wrong = [f.judgement for f in findings if f.judgement.outcome is RequirementOutcome.FAILED]
+    moments = [moment for judgement in wrong for moment in moments_of(judgement).values()]
+    if not moments or path.suffix.lower() not in FRAME_SUFFIXES:
+        return
+    for logged in read_frames(path):
+        if is_near(logged.now - start, moments):
+            yield logged._replace(now=logged.now - start)
+
+
+def _parameters(prepared: PreparedScenario) -> Iterator[str]:
+    for each in prepared.scenario.parameters:
+        symbol = "" if each.unit is ONE else f" {each.unit.symbol}"
+        yield f"{each.name} = {each.unit.from_si(prepared.parameters[each.name]):g}{symbol}"
+
+
+def _settings(config: BenchConfig) -> Iterator[str]:
+    for setting in config.settings:
+        if setting.origin is not Origin.DEFAULT:
+            value = json.dumps(setting.value, ensure_ascii=False, default=str)[:_MOST_TEXT]
+            yield f"{setting.table}.{setting.key.name} = {value}  ({setting.origin})"
+
+
+def _content(report: Report) -> dict[str, Any]:
+    """Return a report for a program: without pictures."""
+    content = asdict(report)
+    for chapter in content["chapters"]:
+        for proof in chapter["proofs"]:
+            if proof["exhibit"] is not None:
+                del proof["exhibit"]["picture"]
+    return {
+        "outcome": report.outcome,
+        "requirements": [asdict(row) for row in report.rows],
+        **content,
+    }

@@ -1,0 +1,92 @@
+"""Scenarios as those see them who watch: which one runs, and the verdicts so far."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
+from hil_bench.abilities.scenario.resolve import Action, SetAction
+from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
+from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.bench.configuration import FaultConfig
+from hil_bench.cli.feed_side import ShownWork
+from hil_bench.cli.work_side import WorkView
+from hil_bench.errors import ConfigError
+from hil_bench.session.work_feed import WorkItem, WorkState
+
+
+def show_results(
+    view: WorkView, results: Sequence[ScenarioResult], total: int, now: str = ""
+) -> None:
+    """Show those who watch what came of the scenarios so far, what failed first."""
+    items = [
+        _item(each, f"{Path(result.path).name} ") for result in results for each in result.findings
+    ]
+    items += [
+        WorkItem(Path(result.path).name, "stopped", result.problem)
+        for result in results
+        if result.problem
+    ]
+    items.sort(key=lambda item: item.verdict == RequirementOutcome.PASSED)
+    counts = Counter(item.verdict for item in items)
+    verdict = "" if now else _verdict(items)
+    view.show(now=now, done=len(results), total=total, counts=counts, items=items, verdict=verdict)
+
+
+def shown_stage(prepared: PreparedScenario, stage: Stage) -> ShownWork:
+    """Return a scenario on a bench that runs, for those who watch."""
+    scenario = prepared.scenario
+    tick = prepared.config.tick_ns * 1e-9
+    steps = [
+        WorkItem(f"{each.tick * tick:.3f} s", "", _action_text(each.action))
+        for each in prepared.actions
+    ]
+    asked = [WorkItem(each.id, "", each.that) for each in prepared.requirements]
+
+    def state() -> WorkState:
+        done = stage.director.done
+        findings, left = asked, steps[done:]
+        if stage.director.is_over:
+            try:
+                findings = [_item(each) for each in stage.judge()]
+            except ConfigError as error:
+                findings = [WorkItem("step", "stopped", str(error))]
+        return WorkState(
+            now="" if stage.director.is_over else scenario.title,
+            done=done,
+            total=len(steps),
+            items=[*findings, *(each._replace(verdict="done") for each in steps[:done]), *left],
+            verdict=_verdict(findings) if stage.director.is_over else "",
+        )
+
+    return ShownWork("scenario", str(scenario.path), state)
+
+
+def _item(finding: Finding, prefix: str = "") -> WorkItem:
+    judgement = finding.judgement
+    return WorkItem(
+        f"{prefix}{finding.requirement.id}", str(judgement.outcome), reason_of(judgement)
+    )
+
+
+def _verdict(items: Sequence[WorkItem]) -> str:
+    """Return the verdict on all items: passed, or their other outcomes."""
+    bad = {item.verdict for item in items} - {RequirementOutcome.PASSED}
+    return ", ".join(sorted(bad)) or str(RequirementOutcome.PASSED)
+
+
+def _action_text(action: Action) -> str:
+    match action:
+        case SetAction():
+            return f"set {action.target} = {action.value:g}"
+        case FaultConfig():
+            return f"{action.kind} {action.target}"
+        case NmtStep():
+            return f"NMT {action.command} {action.target}"
+        case SyncStep():
+            return "SYNC on" if action.is_on else "SYNC off"
+        case FirmwareStep():
+            return f"firmware: {action.command}"

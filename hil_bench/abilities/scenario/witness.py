@@ -1,0 +1,180 @@
+"""What a run tells the expectations: signals, states, objects, registers, events, tick by tick."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+
+from hil_bench.abilities.scenario.ecu_readings import ecu_names, ecu_reader
+from hil_bench.abilities.scenario.registers import RegisterTarget, name_registers, name_shared
+from hil_bench.abilities.scenario.sliding import Floats
+from hil_bench.abilities.scenario.targets import is_number
+from hil_bench.abilities.scenario.vocabulary import EMCY, FRAME, Vocabulary
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.cob_id import DISABLED, can_id
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.config.objects import name_object
+from hil_bench.devices.valve_state_machine import ValveState
+from hil_bench.session.session import Session
+
+_EMCY_OBJECT = 0x1014
+_NMT_STATES: Mapping[str, int] = MappingProxyType({state.name: int(state) for state in NmtState})
+_VALVE_STATES: Mapping[str, int] = MappingProxyType(
+    {state.value: number for number, state in enumerate(ValveState)}
+)
+
+
+def bench_vocabulary(
+    config: BenchConfig, session: Session, parameters: Mapping[str, float]
+) -> Vocabulary:
+    """Return all that expectations may name on a virtual bench.
+
+    Args:
+        config: the bench.
+        session: that bench.
+        parameters: the SI value of each parameter.
+    """
+    bench = session.bench
+    names = tuple(node.name for node in config.nodes)
+    signals = {channel.name: channel.unit for channel in session.channels}
+    registers = name_registers(session.modbus)
+    signals |= {name: each.entry.register.unit.symbol for name, each in registers.items()}
+    states: dict[str, Mapping[str, int]] = {f"{name}.nmt": _NMT_STATES for name in names}
+    for name, node, fitting in zip(names, bench.nodes, bench.fittings, strict=True):
+        signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
+        if fitting.state is not None:
+            states[f"{name}.state"] = _VALVE_STATES
+    own_signals, own_states = ecu_names(session.ecus)
+    shared = name_shared(registers)
+    return Vocabulary(
+        signals | own_signals,
+        states | own_states,
+        names,
+        True,
+        parameters,
+        shared,
+        tuple(session.ecus),
+    )
+
+
+class Witness:
+    """Takes down what expectations need of a run.
+
+    Args:
+        config: the bench.
+        session: that bench.
+        names: of signals, states and events.
+        last_tick: number of the last tick that counts.
+
+    Attributes:
+        ticks: how many it has seen.
+    """
+
+    def __init__(
+        self, config: BenchConfig, session: Session, names: Iterable[str], last_tick: int
+    ) -> None:
+        self._last_tick, self._tick = last_tick, config.tick_ns * 1e-9
+        self._rows: list[list[float]] = []
+        self._heard: set[str] = set()
+        self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
+        self._registers = name_registers(session.modbus)
+        self._buses = number_buses(config)
+        self._names = sorted(names)
+        places = {channel.name: number for number, channel in enumerate(session.channels, 1)}
+        states = {
+            node.name: fitting.state
+            for node, fitting in zip(config.nodes, session.bench.fittings, strict=True)
+        }
+        self._readers = [
+            ecu_reader(session.ecus, name) or self._reader(name, places, states)
+            for name in self._names
+        ]
+        self._hears = any(name.startswith((f"{EMCY}(", f"{FRAME}(")) for name in self._names)
+        session.watch(frames=self._hear if self._hears else None, rows=self._note)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks it has seen."""
+        return len(self._rows)
+
+    def columns(self, start: int = 0) -> dict[str, Floats]:
+        """Return the values of each name from a tick on."""
+        rows = self._rows[start:]
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._names))
+        return {name: table[:, number].copy() for number, name in enumerate(self._names)}
+
+    def _note(self, row: Sequence[float]) -> None:
+        number = round(row[0] / self._tick)
+        while len(self._rows) < min(number, self._last_tick + 1):
+            self._rows.append([math.nan] * len(self._names))  # a tick that the loop left out
+        if number <= self._last_tick:
+            self._rows.append([read(row) for read in self._readers])
+        self._heard.clear()
+
+    def _hear(self, received: Sequence[Frame], sent: Sequence[Frame], _now: int) -> None:
+        heard = self._heard
+        heard.update(f"{FRAME}(0x{frame.can_id:X})" for frame in (*received, *sent))
+        for frame in sent:
+            for name in self._senders_of_emcy(frame):
+                heard.add(f"{EMCY}({name})")
+                code = int.from_bytes(frame.data[:2], "little")
+                heard.add(f"{EMCY}({name}, 0x{code:04X})")
+
+    def _senders_of_emcy(self, frame: Frame) -> Iterator[str]:
+        if 0x80 < frame.can_id < 0x780 and len(frame.data) == 8:
+            for name, node in self._nodes.items():
+                identifier = node.object_dictionary.number(_EMCY_OBJECT, absent=DISABLED)
+                if can_id(identifier) == frame.can_id and self._buses[name] == frame.bus:
+                    yield name
+
+    def _reader(
+        self,
+        name: str,
+        places: Mapping[str, int],
+        states: Mapping[str, Callable[[], str] | None],
+    ) -> Callable[[Sequence[float]], float]:
+        if name in places:
+            place = places[name]
+            return lambda row: row[place]
+        if name in self._registers:
+            return partial(_shown, self._registers[name])
+        owner, _, rest = name.partition(".")
+        if rest == "nmt" and owner in self._nodes:
+            return partial(_nmt, self._nodes[owner])
+        state = states.get(owner)
+        if rest == "state" and state is not None:
+            return partial(_state, state)
+        if owner in self._nodes:
+            wanted = [v for v in _numbers(self._nodes[owner]) if _is_named(v, rest)]
+            return partial(_held, wanted[0])
+        return lambda _row: float(name in self._heard)
+
+
+def _numbers(node: Node) -> Iterator[Variable]:
+    return (variable for variable in node.object_dictionary if is_number(variable.data_type))
+
+
+def _is_named(variable: Variable, name: str) -> bool:
+    return name_object(variable.index, variable.subindex) == name
+
+
+def _held(variable: Variable, _row: Sequence[float]) -> float:
+    return math.nan if variable.value is None else float(variable.value)
+
+
+def _shown(target: RegisterTarget, _row: Sequence[float]) -> float:
+    return target.read()
+
+
+def _nmt(node: Node, _row: Sequence[float]) -> float:
+    return float(node.state)
+
+
+def _state(read: Callable[[], str], _row: Sequence[float]) -> float:
+    return float(_VALVE_STATES.get(read(), math.nan))

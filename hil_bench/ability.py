@@ -1,0 +1,121 @@
+"""An ability of the bench: all that it can do beside running a plant behind its devices.
+
+An ability is a package that declares itself by an `Ability`. The core looks through them, and
+names none of them. Those of the bench are the packages of `hil_bench.abilities` that `OWN` lists;
+other distributions declare theirs as entry points of the group `hil_bench.abilities`. See
+docs/abilities.md.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import NamedTuple
+
+from hil_bench.registry import Registry
+
+OWN = (
+    "analysis",
+    "campaign",
+    "commissioning",
+    "conformance",
+    "demo",
+    "doctor",
+    "evidence",
+    "eyes",
+    "fmu",
+    "identification",
+    "panel",
+    "replay",
+    "scenario",
+    "shadow",
+)
+"""The abilities of the bench, each a package of `hil_bench.abilities`."""
+
+GROUPS = ("start", "run", "test", "bus", "machine", "more")
+"""The groups of verbs, as the help shows them."""
+
+
+class Verb(NamedTuple):
+    """A verb of the command line.
+
+    Attributes:
+        group: one of `GROUPS`.
+        place: in its group, from the top.
+        summary: its line in the help.
+        module: has ``add_parser(subparsers)`` and ``run(args) -> int``; imported when it is called.
+    """
+
+    group: str
+    place: int
+    summary: str
+    module: str
+
+
+@dataclass(frozen=True)
+class Ability:
+    """A package's declaration of what it adds to the bench.
+
+    It has names only, so that nothing else of the package is imported before use.
+
+    Attributes:
+        name: by which other abilities need it.
+        needs: the abilities that it imports.
+        verbs: of the command line, by name.
+        options: what it adds to verbs of the core: modules by verb, each with
+            ``add_options(group)`` and ``take_over(args) -> int | None``, which runs the verb where
+            one of its options asks for it, and returns None where none does.
+        collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
+            that it makes tests of.
+        frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
+            failed tests.
+        exports: names that ``hil_bench`` exports, and the modules that have them.
+    """
+
+    name: str
+    needs: tuple[str, ...] = ()
+    verbs: Mapping[str, Verb] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
+    collectors: Mapping[str, str] = field(default_factory=dict)
+    frame_reader: str = ""
+    exports: Mapping[str, str] = field(default_factory=dict)
+
+
+def own_abilities() -> list[Ability]:
+    """The abilities of the bench itself."""
+    return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+
+
+def load(place: str) -> object:
+    """The object that ``module:name`` stands for."""
+    module, _, name = place.partition(":")
+    found: object = getattr(import_module(module), name)
+    return found
+
+
+def other_abilities() -> tuple[list[Ability], list[str]]:
+    """The abilities of other distributions, and a line for each that cannot be used."""
+    registry = abilities()
+    found = list(registry.extensions())
+    usable = [registry.find(each.name) for each in found if not each.problem]
+    return [ability for ability in usable if ability], [
+        each.problem for each in found if each.problem
+    ]
+
+
+def abilities() -> Registry[Ability]:
+    """All abilities by name."""
+    own = {ability.name: ability for ability in own_abilities()}
+    return Registry("hil_bench.abilities", Ability, own, _find_fault)
+
+
+def _find_fault(ability: Ability) -> str:
+    """The fault of an ability from elsewhere; empty where there is none."""
+    for name in ("options", "collectors", "frame_reader", "exports"):
+        if getattr(ability, name):
+            return f"has {name}; of other distributions only verbs are taken"
+    for name, verb in ability.verbs.items():
+        if verb.group not in GROUPS:
+            right = ", ".join(GROUPS)
+            return f'puts its verb {name} into the group "{verb.group}"; one of {right} is right'
+    missing = [name for name in ability.needs if name not in OWN]
+    return f"needs {missing[0]}, which hil-bench does not have" if missing else ""

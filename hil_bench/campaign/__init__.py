@@ -1,1 +1,0 @@
-"""Thousands of runs of scenarios, and a search for what makes a requirement fail."""

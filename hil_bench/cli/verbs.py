@@ -1,0 +1,66 @@
+"""The verbs of the command line: the core's own, and those of the abilities."""
+
+from collections.abc import Iterable, Mapping
+
+from hil_bench.ability import GROUPS, Verb, other_abilities, own_abilities
+
+CORE = {
+    "new": Verb(
+        "start",
+        20,
+        "write a bench.toml from data sheets, and print what the axis can do",
+        "hil_bench.cli.new",
+    ),
+    "check": Verb(
+        "start",
+        30,
+        "check a bench.toml, and print each value with its origin",
+        "hil_bench.cli.check",
+    ),
+    "devices": Verb(
+        "start", 40, "print the device table: node-IDs, profiles, PDOs", "hil_bench.cli.devices"
+    ),
+    "plot": Verb("start", 50, "draw a recording", "hil_bench.cli.plot"),
+    "run": Verb("run", 10, "run the bench in real time on a CAN bus", "hil_bench.cli.run"),
+    "ctl": Verb(
+        "run", 20, "read, set and break a running bench, from a shell", "hil_bench.cli.ctl"
+    ),
+    "watch": Verb(
+        "run", 30, "watch a running bench or any bus, in the terminal", "hil_bench.cli.watch"
+    ),
+    "registers": Verb(
+        "bus", 110, "print the register maps of the Modbus units", "hil_bench.cli.registers"
+    ),
+    "completion": Verb(
+        "more",
+        40,
+        "print the script by which a shell completes verbs and options",
+        "hil_bench.cli.completion",
+    ),
+}
+"""The verbs of the core."""
+
+
+def own_verbs() -> dict[str, Verb]:
+    """Every verb of the bench itself."""
+    return _in_order([CORE, *(ability.verbs for ability in own_abilities())])
+
+
+def all_verbs() -> tuple[dict[str, Verb], list[str]]:
+    """Every verb, those of other distributions included, and a line for each problem of these."""
+    verbs = own_verbs()
+    others, problems = other_abilities()
+    for ability in others:
+        for name, verb in ability.verbs.items():
+            if name in verbs:
+                there = f"is there already, in {verbs[name].module}"
+                problems.append(f"ability {ability.name}: its verb {name} {there}; rename it")
+            else:
+                verbs[name] = verb
+    return _in_order([verbs]), problems
+
+
+def _in_order(parts: Iterable[Mapping[str, Verb]]) -> dict[str, Verb]:
+    found = {name: verb for part in parts for name, verb in part.items()}
+    by_place = sorted(found.items(), key=lambda item: (GROUPS.index(item[1].group), item[1].place))
+    return dict(by_place)

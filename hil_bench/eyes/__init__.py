@@ -1,1 +1,0 @@
-"""Reads the frames of a CANopen bus: what each says in words, and what went wrong."""

@@ -1,6 +1,0 @@
-"""Checks whether a device keeps to CiA 301 and CiA 305, from the controller's side of the bus.
-
-A check is a function that sends raw frames and judges what comes back; it gets the device under
-test, and with it the wire and its clock, so it does the same in virtual time and on a machine. The
-checks are kept by subject, each with the clause that it stands for; `suite` runs them.
-"""

@@ -1,1 +1,0 @@
-"""Identification: the plant's parameters, and what is known of them, from a recording."""

@@ -1,3 +1,0 @@
-"""The panel: a web page that shows a running bench and breaks it, from a process of its own."""
-
-DEFAULT_PORT = 8408

@@ -1,1 +1,0 @@
-"""Scenarios and requirements: tests over time, in files that read like a test plan."""

@@ -1,0 +1,229 @@
+"""Runs in processes of their own, which are killed where they take too long.
+
+A worker leads a process group that its firmware is in, so that both end together. One that dies
+costs the run that it was at, and another one takes its place.
+"""
+
+import enum
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from time import monotonic
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
+
+from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.session.virtual_bench import VirtualBench
+
+
+class TaskEnd(enum.Enum):
+    """How a task ended that gave no result."""
+
+    TIMED_OUT = enum.auto()
+    CRASHED = enum.auto()
+
+
+class Spec(Protocol):
+    """A task that a pool can do."""
+
+    @property
+    def timeout(self) -> float:
+        """The time limit of a run [s]."""
+
+
+SpecT = TypeVar("SpecT", bound=Spec)
+ResultT = TypeVar("ResultT")
+
+_START_TIME = 120.0  # that a worker may take to start [s]
+_LONGEST_WAIT = 0.5  # [s]
+
+
+class _Task(NamedTuple):
+    spec: Any
+    deadline: float
+
+
+class Pool(Generic[SpecT, ResultT]):
+    """Processes that do runs, or other tasks.
+
+    Args:
+        jobs: how many, 1 or more.
+        perform: does a task; a function of a module. Its `ConfigError` ends all.
+        failed: makes the result of a task that was ended by a time-out or a crash.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        perform: Callable[[SpecT], ResultT],
+        failed: Callable[[SpecT, TaskEnd, str], ResultT],
+    ) -> None:
+        self._jobs = jobs
+        self._perform, self._failed = perform, failed
+        self._idle: list[_Worker[SpecT, ResultT]] = []
+        self._busy: list[_Worker[SpecT, ResultT]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all processes, whatever they do."""
+        for worker in (*self._idle, *self._busy):
+            worker.kill()
+        self._idle, self._busy = [], []
+
+    def __call__(self, specs: Iterable[SpecT]) -> Iterator[ResultT]:
+        """Do tasks.
+
+        Yields:
+            What came of each, in the order in which they end.
+        """
+        waiting = iter(specs)
+        is_exhausted = False
+        while True:
+            while not is_exhausted and len(self._busy) < self._jobs:
+                spec = next(waiting, None)
+                if spec is None:
+                    is_exhausted = True
+                else:
+                    worker = self._idle.pop() if self._idle else self._start()
+                    worker.give(spec)
+                    self._busy.append(worker)
+            if not self._busy:
+                return
+            yield from self._collect()
+
+    def _start(self) -> "_Worker[SpecT, ResultT]":
+        return _Worker(self._perform, self._failed)
+
+    def _collect(self) -> Iterator[ResultT]:
+        """Wait for the next that end.
+
+        Yields:
+            What came of them.
+        """
+        until = min(worker.deadline for worker in self._busy)
+        ready = [worker.fileno() for worker in self._busy]
+        wait(ready, min(max(until - monotonic(), 0.0), _LONGEST_WAIT))
+        for worker in list(self._busy):
+            result = worker.look()
+            if result is not None:
+                self._busy.remove(worker)
+                if worker.is_alive:
+                    self._idle.append(worker)
+                yield result
+
+
+class _Worker(Generic[SpecT, ResultT]):
+    """A process that does one task after the other; see `Pool`."""
+
+    def __init__(
+        self,
+        perform: Callable[[SpecT], ResultT],
+        failed: Callable[[SpecT, TaskEnd, str], ResultT],
+    ) -> None:
+        self._failed = failed
+        self._process = HelperProcess(_work, (perform,), name="hil-bench worker")
+        self._process.start()
+        self._task: _Task | None = None
+        self._is_ready = False
+
+    @property
+    def is_alive(self) -> bool:
+        """True if the worker can take another run."""
+        return self._process.alive
+
+    @property
+    def deadline(self) -> float:
+        """When its run has taken too long, on the machine's clock [s]."""
+        return self._task.deadline if self._task else monotonic()
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when it has a result."""
+        return self._process.fileno()
+
+    def give(self, spec: SpecT) -> None:
+        """Let it do a task."""
+        patience = spec.timeout if self._is_ready else _START_TIME
+        self._task = _Task(spec, monotonic() + patience)
+        self._process.send(spec)
+
+    def look(self) -> ResultT | None:
+        """Return the outcome of its task; None where that is still open.
+
+        Raises:
+            ConfigError: the files are not those of the campaign, or no process can start.
+        """
+        if self._task is None:
+            return None
+        spec: SpecT = self._task.spec
+        try:
+            answer = self._process.receive(0.0)
+        except TimeoutError:
+            if monotonic() < self._task.deadline:
+                return None
+            self.kill()
+            problem = f"has taken more than {spec.timeout:g} s"
+            return self._failed(spec, TaskEnd.TIMED_OUT, problem)
+        except EOFError:
+            self.kill()
+            ending = self._process.ending()
+            if not self._is_ready:
+                right = 'a script needs `if __name__ == "__main__":`; jobs=0 needs no process'
+                raise ConfigError(
+                    f"a process for runs {ending} before its first run; {right}"
+                ) from None
+            return self._failed(spec, TaskEnd.CRASHED, f"its process {ending}")
+        if isinstance(answer, str):
+            raise ConfigError(answer)
+        if answer is None:  # the process has started, and the time of its first run begins
+            self._is_ready = True
+            self._task = _Task(spec, monotonic() + spec.timeout)
+            return None
+        self._task = None
+        result: ResultT = answer
+        return result
+
+    def kill(self) -> None:
+        """End it, and all that it has started."""
+        if self._process.pid is not None:
+            with suppress(OSError):  # it has not become a leader yet, or is gone
+                os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.stop(0.0)
+
+
+def _work(perform: Callable[[Any], object], connection: Connection) -> None:
+    """Do the tasks that come, until the parent lets go."""
+    os.setsid()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    logging.getLogger().setLevel(logging.CRITICAL)  # thousands of runs say what one would say
+    with suppress(HilBenchError), VirtualBench() as bench:
+        bench.run(0.002)  # compiles the plant, which is no run's time
+    connection.send(None)
+    with suppress(EOFError):
+        while True:
+            connection.send(_answer(perform, connection.recv()))
+    os.killpg(0, signal.SIGKILL)
+
+
+def _answer(perform: Callable[[Any], object], spec: object) -> object:
+    try:
+        return perform(spec)
+    except ConfigError as error:
+        return str(error)
+
+
+def _end_with_parent() -> None:
+    """End this process, and all that it has started, once its parent is gone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os.killpg(0, signal.SIGKILL)

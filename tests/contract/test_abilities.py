@@ -1,0 +1,178 @@
+"""The contract between the core and its abilities: each says what it needs, and each can go."""
+
+import importlib
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support.distribution import PLUGIN, declare
+
+from hil_bench.ability import OWN, Ability, own_abilities
+from hil_bench.cli import main
+from hil_bench.cli.verbs import own_verbs
+
+ROOT = Path(__file__).resolve().parents[2]
+ABILITIES = {ability.name: ability for ability in own_abilities()}
+GOLDEN = {
+    "analysis": "analysis",
+    "commissioning": "commissioning",
+    "demo": "demo",
+    "demo_modbus": "demo",
+    "shadow": "shadow",
+}
+"""The golden runs that an ability makes; the core makes the others."""
+
+
+def imported(ability: Ability) -> set[str]:
+    """Return the other abilities that the sources of one name."""
+    folder = ROOT / "hil_bench" / "abilities" / ability.name
+    sources = (path.read_text(encoding="utf-8") for path in folder.rglob("*.py"))
+    found = {name for text in sources for name in re.findall(r"hil_bench\.abilities\.(\w+)", text)}
+    return found - {ability.name}
+
+
+def gone_with(name: str) -> set[str]:
+    """Return an ability, and those that need it."""
+    gone = {name}
+    while more := {a.name for a in ABILITIES.values() if {*a.needs} & gone} - gone:
+        gone |= more
+    return gone
+
+
+@pytest.fixture
+def without(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Return what makes a copy of the packages without some abilities, and runs Python on it."""
+
+    def run(gone: set[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+        package = tmp_path / "hil_bench"
+        if not package.exists():
+            (package / "abilities").mkdir(parents=True)
+            for path in (ROOT / "hil_bench").iterdir():
+                if path.name not in {"abilities", "ability.py", "__pycache__"}:
+                    (package / path.name).symlink_to(path)
+            for path in (ROOT / "hil_bench" / "abilities").iterdir():
+                if path.name not in gone | {"__pycache__"}:
+                    (package / "abilities" / path.name).symlink_to(path)
+            text = (ROOT / "hil_bench" / "ability.py").read_text(encoding="utf-8")
+            for name in gone:
+                text, count = re.subn(rf'^    "{name}",\n', "", text, flags=re.MULTILINE)
+                assert count == 1
+            (package / "ability.py").write_text(text, encoding="utf-8")
+        environment = os.environ | {"PYTHONPATH": str(tmp_path), "COLUMNS": "100"}
+        return subprocess.run(  # noqa: S603 - our own program
+            [sys.executable, "-P", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=ROOT,
+            env=environment,
+        )
+
+    return run
+
+
+def test_each_folder_of_an_ability_is_listed():
+    folders = {path.parent.name for path in ROOT.glob("hil_bench/abilities/*/__init__.py")}
+    assert {*OWN} == folders
+    assert [ability.name for ability in own_abilities()] == [*OWN]
+
+
+@pytest.mark.parametrize("ability", ABILITIES.values(), ids=lambda ability: ability.name)
+def test_an_ability_needs_what_it_imports(ability):
+    assert {*ability.needs} == imported(ability)
+
+
+def test_the_core_names_no_ability():
+    """No import, no text: but for the list of them, which is the one line that goes with each."""
+    named = re.compile(rf"abilities[./]({'|'.join(OWN)})\b")
+    core = [
+        path
+        for path in (ROOT / "hil_bench").rglob("*.py")
+        if "abilities" not in path.relative_to(ROOT / "hil_bench").parts
+    ]
+    found = [str(path) for path in core if named.search(path.read_text(encoding="utf-8"))]
+    assert found == []
+
+
+BENCH = "examples/machines/crane.toml"
+PROGRAM = f"""
+import sys
+from hil_bench.cli import main
+print([int(main([*words])) for words in (["--help"], ["check", "{BENCH}"])])
+print([int(main([verb])) for verb in sys.argv[1:]])
+"""
+
+
+@pytest.mark.long  # a process each, without what is imported already
+@pytest.mark.parametrize("name", OWN)
+def test_an_ability_can_go(name, without, capsys):
+    """Help has the other verbs, a bench is checked as ever, and a verb that is gone is unknown."""
+    gone = gone_with(name)
+    lost = {verb for other in gone for verb in ABILITIES[other].verbs}
+    done = without(gone, "-c", PROGRAM, *lost)
+    shown, _, checked = done.stdout.partition("[bench]")
+    verbs = set(re.findall(r"^    ([a-z][a-z-]+) ", shown, re.MULTILINE))
+    assert verbs & own_verbs().keys() == own_verbs().keys() - lost
+    assert main(["check", BENCH]) == 0
+    _, _, whole = capsys.readouterr().out.partition("[bench]")
+    assert checked == f"{whole}[0, 0]\n{[2] * len(lost)}\n", done.stderr
+    for verb in lost:
+        assert f"'{verb}' is unknown" in done.stderr
+
+
+@pytest.mark.long  # some 20 s each: all golden runs
+@pytest.mark.parametrize("name", OWN)
+def test_the_golden_runs_stay_when_an_ability_goes(name, without, tmp_path):
+    gone = gone_with(name)
+    run = "tests/golden/test_golden.py::test_a_run_leaves_the_bytes_that_it_left"
+    left = [f"--deselect={run}[{each}]" for each, needed in GOLDEN.items() if needed in gone]
+    assert (
+        str(tmp_path) in without(gone, "-c", "import hil_bench; print(hil_bench.__file__)").stdout
+    )
+    done = without(gone, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/golden", *left)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_verb_of_another_distribution_runs(spring_rig, capsys):  # noqa: ARG001 - is installed
+    """The example's mass of 10 kg on 1000 N/m swings with 10 rad/s = 1.59 Hz."""
+    assert main(["springs", str(PLUGIN / "bench.toml"), "--json"]) == 0
+    (swing,) = json.loads(capsys.readouterr().out).values()
+    assert swing["frequency_hz"] == pytest.approx(10.0 / (2.0 * math.pi))
+    assert main(["--help"]) == 0
+    assert "\n    springs " in capsys.readouterr().out
+
+
+NEW, ODD = 'Verb("more", 1, "do", "act")', 'Verb("odd", 1, "do", "act")'
+
+
+@pytest.mark.parametrize(
+    ("ability", "problem"),
+    [
+        (f'Ability("own", verbs={{"run": {NEW}}})', "its verb run is there already"),
+        ('Ability("own", ("nowhere",))', "needs nowhere, which hil-bench does not have"),
+        ('Ability("own", options={"run": "act"})', "has options; of other distributions only"),
+        (f'Ability("own", verbs={{"act": {ODD}}})', 'the group "odd"; one'),
+        ("1 / 0", "cannot be imported: ZeroDivisionError"),
+        ('Ability("other")', "calls itself 'other'; both names must be the same"),
+    ],
+)
+def test_a_broken_ability_is_a_line_and_the_rest_runs(ability, problem, site, capsys):
+    source = f"from hil_bench.ability import Ability, Verb\nOWN = {ability}\n"
+    (site / "maker.py").write_text(source, encoding="utf-8")
+    declare(site, "maker", "1.0", {"hil_bench.abilities": {"own": "maker:OWN"}})
+    importlib.invalidate_caches()
+    sys.modules.pop("maker", None)
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr()
+    (line,) = shown.err.splitlines()
+    assert line.startswith("hil-bench: warning: ")
+    assert problem in line
+    assert "\n    run " in shown.out
+    assert main(["check"]) == 0  # says nothing of what it does not concern
+    assert capsys.readouterr().err == ""

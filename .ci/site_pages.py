@@ -21,9 +21,11 @@ from mkdocs.structure.pages import Page
 import hil_bench
 import hil_drivers
 from hil_bench import cli
+from hil_bench.cli.verbs import own_verbs
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+VERBS = own_verbs()
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 _FROM_A_HOST = re.compile(
     r"""<(?:(?:script|img|iframe|source)\b[^>]*\bsrc|link\b(?=[^>]*\brel="?(?:stylesheet|icon|preload|preconnect))[^>]*\bhref)="?((?:https?:)?//[^">\s]+)"""
@@ -157,8 +159,8 @@ def _block(path: Path) -> str:
 
 def command_line() -> str:
     """Return each verb's help as it is printed."""
-    parts = ["# Command line\n", f"```text\n{cli.build_parser([]).format_help()}```\n"]
-    for verb in cli.VERBS:
+    parts = ["# Command line\n", f"```text\n{cli.build_parser((), VERBS).format_help()}```\n"]
+    for verb in VERBS:
         parts.extend((f"## {verb}\n", f"```text\n{_parser(verb).format_help()}```\n"))
     return "\n".join(parts)
 
@@ -167,7 +169,7 @@ def _parser(verb: str) -> argparse.ArgumentParser:
     """Return the parser of a verb."""
     (verbs,) = (
         action
-        for action in cli.build_parser([verb])._actions  # noqa: SLF001 - argparse names no other way
+        for action in cli.build_parser((verb,), VERBS)._actions  # noqa: SLF001 - argparse names no other way
         if isinstance(action, argparse._SubParsersAction)  # noqa: SLF001
     )
     return verbs.choices[verb]

@@ -28,6 +28,7 @@ from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
+from hil_bench.cli.verbs import own_verbs
 from hil_bench.outside.recording.frames import message_of, open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener
@@ -92,7 +93,7 @@ class _Messages:
 
 def listen(messages: Sequence[can.Message]) -> None:
     """Take messages as python-can has them, and make their lines."""
-    arguments = build_parser(["monitor"]).parse_args(["monitor"])
+    arguments = build_parser(["monitor"], own_verbs()).parse_args(["monitor"])
     lines, decoder = SightLines(arguments), Decoder(nodes_of(load_config()))
     listener = Listener(cast("can.BusABC", _Messages(messages)), "messages")
     for _ in messages:

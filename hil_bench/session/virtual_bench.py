@@ -34,7 +34,7 @@ from hil_bench.session.joined import (
 )
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
-from hil_bench.session.session import open_session
+from hil_bench.session.session import Session, open_session
 
 if TYPE_CHECKING:
     from hil_bench.outside.transports.modbus.embedded import EmbeddedLink
@@ -60,6 +60,7 @@ class VirtualBench:
         logged_frames: how many frames `frames` reaches back.
         pacer: holds the ticks back to real time; without it they follow at once.
         stimuli: what else to record, each a function of bench time [s], such as a set-point.
+        session: of `config`, not yet powered on; without it, a new one.
         record: a file to record all signals and frames in, up to the end of the `with` block; or
             more than one, or from a trigger on.
 
@@ -86,10 +87,11 @@ class VirtualBench:
         logged_frames: int = LOGGED_FRAMES,
         pacer: Pacer | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
+        session: Session | None = None,
         record: Path | str | RecordingWish = NO_RECORDING,
     ) -> None:
         self.config = config or load_config()
-        self.session = open_session(self.config, stimuli)
+        self.session = session or open_session(self.config, stimuli)
         self.bench = self.session.bench
         self.nodes = self.session.nodes
         self.ecus = self.session.ecus

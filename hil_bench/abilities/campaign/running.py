@@ -41,7 +41,9 @@ def play_spec(spec: RunSpec, options: PlayOptions = PLAIN) -> Run:
         options: how to play.
     """
     tables = nested(spec.tolerances)
-    prepared = prepare(spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables)
+    prepared = prepare(
+        spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables, keeps_session=True
+    )
     return play(prepared, options)
 
 

@@ -93,6 +93,7 @@ def prepare(
     *,
     seed: int | None = None,
     tables: Mapping[str, object] | None = None,
+    keeps_session: bool = False,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
@@ -101,16 +102,21 @@ def prepare(
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
         tables: tables of the bench's file, nested; their keys win over its own.
+        keeps_session: keep the bench that it was checked on for the run that follows.
 
     A `ConfigError` has a line for each problem.
     """
     config = load_config(scenario.bench_path, seed=seed, tables=tables)
     values = parameter_values(scenario, given)
-    return prepare_on(config, scenario, values)
+    return prepare_on(config, scenario, values, keeps_session=keeps_session)
 
 
 def prepare_on(
-    config: BenchConfig, scenario: Scenario, values: Mapping[str, float]
+    config: BenchConfig,
+    scenario: Scenario,
+    values: Mapping[str, float],
+    *,
+    keeps_session: bool = False,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against a bench.
 
@@ -118,6 +124,7 @@ def prepare_on(
         config: the bench, whatever the scenario names.
         scenario: as loaded.
         values: the SI value of each parameter.
+        keeps_session: as in `prepare`.
 
     Raises:
         ConfigError: something does not fit; a line a problem.
@@ -138,7 +145,8 @@ def prepare_on(
         problems.append(str(error))
     if problems:
         raise ConfigError("\n".join(problems))
-    return PreparedScenario(scenario, config, values, actions, requirements)
+    sessions = [session] if keeps_session else []
+    return PreparedScenario(scenario, config, values, actions, requirements, sessions)
 
 
 def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
@@ -181,7 +189,13 @@ def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBenc
     config = prepared.config
     kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.001
     frames = MOST_FRAMES if options.reader is not None else 0
-    return VirtualBench(config, recorded_time=kept, logged_frames=frames, record=options.record)
+    return VirtualBench(
+        config,
+        recorded_time=kept,
+        logged_frames=frames,
+        session=prepared.sessions.pop() if prepared.sessions else None,
+        record=options.record,
+    )
 
 
 @contextmanager
@@ -230,7 +244,7 @@ def _controller_problems(scenario: Scenario) -> Iterator[str]:
 def _step_problems(
     actions: tuple[TimedAction, ...], config: BenchConfig, session: Session
 ) -> Iterator[str]:
-    targets = Targets(config, session)
+    targets, faults = Targets(config, session), session.bench.faults.rehearsal()
     for _, action, place in actions:
         try:
             match action:
@@ -240,7 +254,7 @@ def _step_problems(
                     for value in action.values:
                         targets.check(target, value)
                 case FaultConfig():
-                    schedule_faults(session.bench.faults, (action,))
+                    schedule_faults(faults, (action,))
                 case NmtStep():
                     targets.check_node(action.target)
         except ConfigError as error:

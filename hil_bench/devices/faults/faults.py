@@ -117,10 +117,15 @@ class Faults(PhysicalFaults):
         self, points: FaultPoints | None = None, *, tick_ns: int = 1_000_000, seed: int = 0
     ) -> None:
         super().__init__(points or FaultPoints(), tick_ns)
+        self._tick_ns = tick_ns
         self.lines = {}
         self.babbles: list[Babble] = []
         self._seed = seed
         self._streams: Counter[str] = Counter()
+
+    def rehearsal(self) -> "Faults":
+        """Faults of the same bench to try a schedule on; those that are tried here never begin."""
+        return Faults(self._points, tick_ns=self._tick_ns, seed=self._seed)
 
     @property
     def targets(self) -> dict[str, list[str]]:

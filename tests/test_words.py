@@ -12,16 +12,6 @@ QUESTION = re.compile(
     r"(What|Whether|Which|Who|Whose|Where|How|Have it|"
     r"Returns? (what|whether|which|how|who|whose|where))\b"
 )
-NOT_YET = {
-    "drivers",
-    "hil_bench/abilities",
-    "hil_bench/abilities/eyes",
-    "hil_bench/kinds",
-    "hil_bench/outside",
-    "hil_bench/plants",
-    "hil_bench/pytest_plugin",
-    "hil_bench/session",
-}
 
 
 def packages() -> Iterator[str]:
@@ -47,7 +37,7 @@ def questions(source: str) -> Iterator[str]:
                 yield f"{node.body[0].lineno}: {text.splitlines()[0]}"
 
 
-@pytest.mark.parametrize("package", [name for name in packages() if name not in NOT_YET])
+@pytest.mark.parametrize("package", [*packages()])
 def test_docstrings_open_with_what_a_thing_is_or_does(package: str) -> None:
     """No docstring of the package opens with a question word."""
     found = [

@@ -1,4 +1,4 @@
-"""What the drivers of position sensors (CiA 406) have in common."""
+"""The base of the drivers of position sensors (CiA 406)."""
 
 import math
 from collections.abc import Sequence

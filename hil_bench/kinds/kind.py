@@ -1,4 +1,4 @@
-"""What a kind of device is: one object says all that the bench needs to know of it."""
+"""The contract of a kind of device: one object has all that the bench needs to know of it."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from hil_bench.plants.kind import AxisSettings
 
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
-    """What every CANopen node has.
+    """The common settings of every CANopen node.
 
     Attributes:
         name: the node, as in ``[nodes.NAME]``.
@@ -119,7 +119,7 @@ class DeviceKind(ABC, Generic[ConfigT]):
         return MappingProxyType({})
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
-        """Return what of a node of that name may have a sensor's faults, with its SI unit."""
+        """Return a node's signals that may have a sensor's faults, with SI units."""
         return {} if self.chain_unit is None else {name: self.chain_unit}
 
 

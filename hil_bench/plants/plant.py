@@ -1,11 +1,11 @@
-"""What a bench asks of a plant, whatever it is."""
+"""The contract between a bench and its plants."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 
 class Influenced(Protocol):
-    """What something may act on from outside."""
+    """An object with influences from outside."""
 
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on it from outside [SI]; None lets it be what it was.

@@ -1,4 +1,4 @@
-"""What the report of a failed test says of its bench."""
+"""The bench in the report of a failed test."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ class FrameReader(Protocol):
     """Frames in words; an ability has it."""
 
     def name(self, frame: Frame) -> str:
-        """Return whose frame it is, and which."""
+        """Return a frame's sender and name."""
 
     def meaning(self, frame: Frame) -> str:
         """Return the content of a frame in words."""
@@ -79,7 +79,7 @@ def attach_files(
 
 
 def _fault_events(faults: Faults) -> str:
-    """Return which faults began and ended when."""
+    """Return the faults with their begins and ends."""
     return "\n".join(
         f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
         for time, kind, target, is_begin in faults.events

@@ -1,4 +1,4 @@
-"""What a bench in virtual time puts on a bus, and how long each frame waits there."""
+"""The traffic of a bench in virtual time, and the wait of each frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,7 @@ _DRIFT: Final = 100
 
 @dataclass(slots=True)
 class MeasuredTraffic:
-    """What passed a simulated bus.
+    """The traffic of a simulated bus.
 
     Attributes:
         worst: longest time from a frame's release to the bus being free again [ns], by identifier.

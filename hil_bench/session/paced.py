@@ -38,7 +38,7 @@ _VIRTUAL_CHANNELS = ("vcan", "vxcan")
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """What a paced run did.
+    """The report of a paced run.
 
     Attributes:
         ticks: statistics of the loop.
@@ -93,7 +93,7 @@ def run_paced(
 
 
 def frames_per_tick(period: int) -> int:
-    """Return how many frames a tick takes from the bus at most.
+    """Return the largest number of frames that a tick takes from the bus.
 
     It is never more than an SDO server can queue, so that a flood of requests is answered in full.
 

@@ -13,7 +13,7 @@ STATE_TIMEOUT = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Returned:
-    """What was done to the nodes, and undone.
+    """The changes of nodes, made and undone.
 
     Attributes:
         settings: those that held something else meanwhile, or still do.

@@ -47,7 +47,7 @@ GUARDING_PATIENCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class NodeDescription:
-    """What a node says of itself; None for what it does not have or refuses.
+    """The identity of a node by its objects; None for those that it lacks or refuses.
 
     Attributes:
         node_id: its node-ID.
@@ -94,7 +94,7 @@ class NodeDescription:
 
 
 def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> NodeDescription:
-    """Return what a node says of itself; nothing where two answer, whose words would mix.
+    """Read the identity of a node; nothing where two answer, whose words would mix.
 
     Args:
         network: the network that the node was seen on.
@@ -156,7 +156,7 @@ def _guarded_state(reading: "_Reading", node_id: int, network: Network) -> NmtSt
 
 
 class _Reading:
-    """What is read of a node, within bounds that no honest one meets."""
+    """The reading of a node, within bounds that no honest one meets."""
 
     def __init__(self, node: Node, network: Network) -> None:
         self._node = node
@@ -188,7 +188,7 @@ class _Reading:
         return tuple(codes)
 
     def _read(self, index: int, subindex: int) -> bytes | None:
-        """Return what an object holds; None if the node refuses it.
+        """Read an object; None if the node refuses it.
 
         Raises:
             DriverTimeoutError: the time for all is over.

@@ -1,4 +1,4 @@
-"""What every step of a commissioning has at hand, and the first of them."""
+"""The equipment of every step of a commissioning, and the first of them."""
 
 import math
 from dataclasses import dataclass, field
@@ -40,7 +40,7 @@ _NEAR_ENOUGH = 2e-3
 
 @dataclass
 class Procedure:
-    """What the steps share.
+    """The common equipment of the steps.
 
     Attributes:
         network: of the drivers.

@@ -68,7 +68,7 @@ _DECISIVE = {StepKind.COMMUNICATION, StepKind.DIRECTION}
 
 @dataclass(frozen=True, slots=True)
 class Commissioning:
-    """What a commissioning found.
+    """The result of a commissioning.
 
     Attributes:
         axis: the axis.
@@ -194,7 +194,7 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
 
 
 def _ask(console: Console) -> tuple[bool, str]:
-    """Return whether there may be motion, and why not."""
+    """Return the answer to the question for motion, and the reason of a no."""
     try:
         is_confirmed = console.confirm()
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""How a check ends other than well."""
+"""The endings of a check other than well."""
 
 from hil_bench.errors import HilBenchError
 

@@ -1,4 +1,4 @@
-"""What this machine can do for a bench in real time, and what to change where it could do more.
+"""The real-time abilities of this machine, and the changes that would improve them.
 
 Each module looks at one topic and gives findings; none of them changes anything.
 """

@@ -1,4 +1,4 @@
-"""How late this machine wakes the bench's loop, measured."""
+"""The lateness with which this machine wakes the bench's loop, measured."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ class LatenessTest(NamedTuple):
 def measure_lateness(
     config: BenchConfig, seconds: float, policies: list[RealtimePolicy], clock: Clock
 ) -> list[LatenessTest]:
-    """Return what the whole bench did on a silent bus, once with each policy.
+    """Measure the whole bench on a silent bus, once with each policy.
 
     Args:
         config: the bench.

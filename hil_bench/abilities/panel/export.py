@@ -1,4 +1,4 @@
-"""What the scope shows, as a file of measured data: MF4, written as recordings are."""
+"""The content of the scope as a file of measured data: MF4, written as recordings are."""
 
 import json
 

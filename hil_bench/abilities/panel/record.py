@@ -25,7 +25,7 @@ _VERDICTS = {0: "passed", 1: "failed", 6: "undecided"}
 
 
 class RecordForm(NamedTuple):
-    """What a form says of a test.
+    """The content of a form for a test.
 
     Attributes:
         file: its name, without folder and suffix.

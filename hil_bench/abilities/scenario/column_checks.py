@@ -1,4 +1,4 @@
-"""What a file says of the columns that requirements name: units that they can be judged in."""
+"""The check of a file's columns that requirements name: units in which they can be judged."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

@@ -38,7 +38,7 @@ _LAW = ControllerParameters()
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """What the parameters of a scenario say to its controller, each by its own name.
+    """The parameters of a scenario for its controller, each by its own name.
 
     Attributes:
         target_mm: where the piston is to go [m].
@@ -64,7 +64,7 @@ class ControllerSettings:
 
 
 def settings_of(parameters: Mapping[str, float]) -> ControllerSettings:
-    """Return what the parameters [SI] that a controller knows say; it leaves out all others.
+    """Return the values of the parameters [SI] that a controller knows, without all others.
 
     Raises:
         ConfigError: no valve has such a full speed or dead zone.

@@ -103,7 +103,7 @@ class _Table:
                     read(row[0], cell, later)
 
     def _column(self, head: Cell) -> Callable[[Cell, Cell, Cell | None], None]:
-        """Return what reads the cells of a column."""
+        """Return the reader of a column's cells."""
         name = head.text
         if name.startswith("fault:"):
             match = _FAULT.fullmatch(name)

@@ -23,7 +23,7 @@ FirmwareHook = Callable[[FirmwareCommand], None]
 
 
 class RunPlan(NamedTuple):
-    """What to do in a run.
+    """The plan of a run.
 
     Attributes:
         actions: in the order of time.
@@ -96,7 +96,7 @@ class Director:
 
     @property
     def done(self) -> int:
-        """How many actions have begun, the first ones of the plan."""
+        """The number of actions that have begun, the first ones of the plan."""
         return len(self._plan.actions) - len(self._waiting)
 
     def __call__(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:

@@ -1,4 +1,4 @@
-"""What a run leaves for its report: signals, faults and frames."""
+"""The evidence of a run for its report: signals, faults and frames."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ class FrameReader(Protocol):
     """Puts frames in words."""
 
     def name(self, frame: Frame) -> str:
-        """Return whose frame it is and which."""
+        """Return a frame's sender and name."""
 
     def meaning(self, frame: Frame) -> str:
-        """Return what a frame says."""
+        """Return the content of a frame in words."""
 
     def news(self, frames: Sequence[LoggedFrame]) -> Iterable[LoggedFrame]:
         """Yield what did not come cyclically."""
@@ -32,7 +32,7 @@ class FrameReader(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What is known of a run.
+    """The evidence of a run.
 
     Attributes:
         signals: a row a tick; without rows where nothing was recorded.

@@ -77,7 +77,7 @@ def _smallest_of(*values: MeasuredValue) -> float:
 
 
 def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
-    """Return what two values measure, where that is the same.
+    """Return the dimension of two values, where that is the same.
 
     Raises:
         ExpectationError: it is not.

@@ -1,4 +1,4 @@
-"""What a requirement needs of a run: how far it looks, and at which signals."""
+"""The reach of a requirement: the time and the signals that it needs of a run."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

@@ -86,7 +86,7 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
 
 
 def read_requirements(document: Document, problems: LocatedProblems) -> RequirementsFile:
-    """Return what a document requires.
+    """Return the requirements of a document.
 
     Args:
         document: the tables; of a scenario, all else is left out.

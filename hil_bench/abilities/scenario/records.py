@@ -24,7 +24,7 @@ Amount = float | Reference
 
 
 def ticks_of(duration: float, tick_ns: int) -> int:
-    """Return how many ticks a run has: that at its beginning, and all up to its end.
+    """Return the number of ticks of a run: that at its beginning, and all up to its end.
 
     Args:
         duration: of the run [s].
@@ -34,7 +34,7 @@ def ticks_of(duration: float, tick_ns: int) -> int:
 
 
 class NmtVerb(StrEnum):
-    """What an NMT master may ask of a node (CiA 301)."""
+    """The commands of an NMT master to a node (CiA 301)."""
 
     START = "start"
     STOP = "stop"
@@ -44,7 +44,7 @@ class NmtVerb(StrEnum):
 
 
 class FirmwareCommand(StrEnum):
-    """What may happen to the controller's process."""
+    """The commands to the controller's process."""
 
     START = "start"
     KILL = "kill"
@@ -147,7 +147,7 @@ Step = SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """Who drives the bench.
+    """The controller of the bench.
 
     Attributes:
         firmware: a command line; ``{bus}`` and names of parameters stand for their values.
@@ -160,7 +160,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What is expected.
+    """An expectation.
 
     Attributes:
         id: of the requirement.
@@ -174,7 +174,7 @@ class Expectation:
 
 
 class TextPlace(NamedTuple):
-    """Where a text stands in a file.
+    """The place of a text in a file.
 
     Attributes:
         source: the file.
@@ -193,7 +193,7 @@ class TextPlace(NamedTuple):
 
 
 class RequirementsFile(NamedTuple):
-    """What a file requires, of whatever run.
+    """The requirements of a file, of whatever run.
 
     Attributes:
         expectations: one or more.

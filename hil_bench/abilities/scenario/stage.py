@@ -15,7 +15,7 @@ _BLOCK = 64  # ticks between two looks at whether a requirement has failed
 
 
 class Stage:
-    """What a scenario does to a session, and sees of it, whoever lets time pass there.
+    """A scenario on a session: its actions and its observations, whoever lets time pass there.
 
     Args:
         prepared: the scenario.

@@ -1,4 +1,4 @@
-"""What the devices of a bus say, in SI units, from their TPDOs alone."""
+"""The values of the devices of a bus, in SI units, from their TPDOs alone."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What a write request is to the loop."""
+"""The assignments of a write request, for the loop."""
 
 from typing import NamedTuple
 

@@ -18,7 +18,7 @@ _LOW_WORD = 0xFFFF
 
 
 class RowSink(Protocol):
-    """Where the rows go."""
+    """A sink of rows."""
 
     def write(self, values: Sequence[float]) -> None:
         """Publish one row."""

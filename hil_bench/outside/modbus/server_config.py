@@ -1,4 +1,4 @@
-"""Where a Modbus server is found: all that its process needs to know of a configuration."""
+"""The settings of a Modbus server: all that its process needs of a configuration."""
 
 from dataclasses import dataclass
 from enum import StrEnum

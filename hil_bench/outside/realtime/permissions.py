@@ -1,4 +1,4 @@
-"""What this process may ask of the operating system, and what to grant where it may not."""
+"""The permissions of this process, and those to grant where it lacks some."""
 
 import sys
 from collections.abc import Iterable

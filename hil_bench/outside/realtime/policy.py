@@ -1,4 +1,4 @@
-"""How a paced loop runs: what is asked of the operating system, and what an overrun does."""
+"""The policy of a paced loop: its demands on the operating system, its treatment of overruns."""
 
 from dataclasses import dataclass
 from enum import StrEnum

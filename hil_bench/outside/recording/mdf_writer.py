@@ -132,7 +132,7 @@ class MdfFile(BlockFile):
 
 
 class _Group:
-    """Where a data group stands in the file, and what it holds.
+    """A data group in the file: place and content.
 
     Attributes:
         dg: address of its DG block.

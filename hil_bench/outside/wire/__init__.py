@@ -1,1 +1,1 @@
-"""What copper does to frames: their length to the bit, and who sends first (ISO 11898-1)."""
+"""Frames on copper: their length to the bit, and their arbitration (ISO 11898-1)."""

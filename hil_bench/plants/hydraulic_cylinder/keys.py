@@ -51,14 +51,14 @@ class Friction(StrEnum):
 
 
 class Supply(StrEnum):
-    """What stands behind port P."""
+    """The supply behind port P."""
 
     CONSTANT = "constant"
     UNIT = "unit"
 
 
 def supply(value: object) -> str:
-    """Return what stands behind port P: a `Supply`, or the name of a ``[supply.NAME]``.
+    """Return the supply behind port P: a `Supply`, or the name of a ``[supply.NAME]``.
 
     Raises:
         ConfigError: the value is no name.
@@ -70,7 +70,7 @@ def supply(value: object) -> str:
 
 
 class PumpControl(StrEnum):
-    """What a pump holds."""
+    """The controlled quantity of a pump."""
 
     FIXED = "fixed"
     PRESSURE = "pressure-compensated"

@@ -1,4 +1,4 @@
-"""What `hil-bench check` has for the devices on a bus."""
+"""The options of `hil-bench check` for the devices on a bus."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is wrong in an EDS file, line by line (CiA 306), beyond what loaders notice.
+"""Errors in an EDS file, line by line (CiA 306), beyond those that loaders notice.
 
 >>> for finding in check_eds(Path("vendor.eds")):
 ...     print(finding)

@@ -1,4 +1,4 @@
-"""What CiA 306 asks of an object's section and no loader needs."""
+"""The demands of CiA 306 on an object's section that no loader makes."""
 
 from collections.abc import Iterator
 from typing import Final

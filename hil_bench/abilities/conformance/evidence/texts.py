@@ -1,4 +1,4 @@
-"""What the pack says of the tool itself: known defects, notes on classification."""
+"""The pack's texts about the tool itself: known defects, notes on classification."""
 
 import tomllib
 from importlib.resources import files
@@ -8,7 +8,7 @@ _PACKAGE = "hil_bench.abilities.conformance.evidence"
 
 
 def known_defects() -> list[dict[str, str]]:
-    """Return what is known to be wrong or missing: id, subject, text, consequence."""
+    """Return the known defects and gaps: id, subject, text, consequence."""
     defects: list[dict[str, str]] = _load("known_defects.toml")["defect"]
     return defects
 

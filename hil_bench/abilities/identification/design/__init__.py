@@ -1,1 +1,1 @@
-"""Which manoeuvre would tell more of a machine: candidates, what each would tell, a scenario."""
+"""The design of manoeuvres that tell more of a machine: candidates, their yield, a scenario."""

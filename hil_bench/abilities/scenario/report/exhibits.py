@@ -1,4 +1,4 @@
-"""What shows how a requirement came to its outcome: times, frames and a picture."""
+"""The evidence for a requirement's outcome: times, frames and a picture."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,7 +34,7 @@ def is_near(now: int, moments: Iterable[float]) -> bool:
 
 
 def make_exhibit(finding: Finding, evidence: Evidence) -> Exhibit:
-    """Return what shows how a requirement came to its outcome."""
+    """Make the evidence for a requirement's outcome."""
     requirement, judgement = finding
     tick = evidence.tick_ns * 1e-9
     examination = Examination(

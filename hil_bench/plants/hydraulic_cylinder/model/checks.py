@@ -1,4 +1,4 @@
-"""What a plant refuses: states that it cannot be in, parameters that do not go together."""
+"""The refusals of a plant: impossible states, parameters that do not go together."""
 
 import math
 

@@ -247,7 +247,7 @@ class FullOrderPlant:
 
     @property
     def defects(self) -> Defects:
-        """What is worn or broken; what is written holds until it is written again."""
+        """The present defects; those written hold until they are written again."""
         return self._defects
 
     @defects.setter

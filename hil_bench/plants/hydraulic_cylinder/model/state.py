@@ -1,4 +1,4 @@
-"""What enters the plant, what it remembers and what it shows."""
+"""The input, the state and the output of the plant."""
 
 from typing import NamedTuple
 

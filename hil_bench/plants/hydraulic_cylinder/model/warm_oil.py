@@ -1,4 +1,4 @@
-"""What the temperature of the oil changes at a plant: the constants of its equations."""
+"""The effects of the oil's temperature on a plant: the constants of its equations."""
 
 from dataclasses import replace
 from typing import Final, NamedTuple

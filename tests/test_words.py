@@ -48,6 +48,33 @@ def test_docstrings_open_with_what_a_thing_is_or_does(package: str) -> None:
     assert not found, "\n".join(found)
 
 
+PHRASE = re.compile(r"(can(not| not)|could not|to) be had|\b(tells?|told)\b(?! apart)")
+"""Phrases that nobody would say beside a machine."""
+
+
+def messages(source: str) -> Iterator[str]:
+    """Yield line and text of each string that is no docstring, where it has such a phrase."""
+    tree = ast.parse(source)
+    alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+            if PHRASE.search(node.value):
+                yield f"{node.lineno}: {node.value}"
+
+
+def test_messages_are_said_as_an_engineer_would() -> None:
+    """No message of the bench or of the drivers has such a phrase."""
+    folders = (ROOT / "hil_bench", ROOT / "drivers")
+    found = [
+        f"{path.relative_to(ROOT)}:{message}"
+        for folder in folders
+        for path in sorted(folder.rglob("*.py"))
+        for message in messages(path.read_text(encoding="utf-8"))
+    ]
+    assert not found, "\n".join(found)
+    assert [*messages('"""Told."""\na = "told"\nb = "they cannot be told apart"\n')] == ["2: told"]
+
+
 @pytest.mark.parametrize(
     "text", ["What it does.", "Whether it is.", "Return which is.", "Have it done.", "How it goes."]
 )

@@ -204,7 +204,9 @@ class _Reading:
         except DriverTimeoutError as error:
             if self._network.now() < self._deadline:
                 raise
-            told = f"has not told all in {LONGEST_READING:g} s; {object_name(index, subindex)} was"
+            told = (
+                f"has not answered all in {LONGEST_READING:g} s; {object_name(index, subindex)} was"
+            )
             raise DriverTimeoutError(f"{self._node}: {told} the last") from error
         finally:
             sdo.most_bytes, sdo.longest_transfer = bounds

@@ -160,7 +160,9 @@ class DeviceUnderTest:
         """
         variable = self.objects.find(*HEARTBEAT_TIME)
         if variable is None and 0x100C not in self.objects and self.guard() is None:
-            raise NotApplicable("the device tells its NMT state neither by heartbeat nor guarding")
+            raise NotApplicable(
+                "the device reports its NMT state neither by heartbeat nor guarding"
+            )
         if variable is None or not variable.access.writable:
             yield
             return

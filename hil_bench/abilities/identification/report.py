@@ -137,7 +137,7 @@ def to_toml(found: Identification, source: str) -> str:
     """
     lines = [
         f"# Identified by hil-bench from {source!r}; standard deviations in the comments.",
-        "# What the record does not tell is not here, and stays as it is in your file.",
+        "# What the record does not identify is not here, and stays as it is in your file.",
         *_doubts(found),
         f"[plant.{found.record.axis}]",
     ]

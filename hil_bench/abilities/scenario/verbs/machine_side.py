@@ -88,7 +88,7 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         "--record",
         type=Path,
         metavar="FILE",
-        help="record what the drivers tell while the scenario plays; the suffix gives the format: "
+        help="record what the drivers receive while the scenario plays; the suffix gives the format: "
         ".mf4 signals and frames, .csv signals",
     )
     parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)

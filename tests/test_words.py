@@ -57,9 +57,9 @@ def messages(source: str) -> Iterator[str]:
     tree = ast.parse(source)
     alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
-            if PHRASE.search(node.value):
-                yield f"{node.lineno}: {node.value}"
+        text = getattr(node, "value", None) if isinstance(node, ast.Constant) else None
+        if isinstance(text, str) and id(node) not in alone and PHRASE.search(text):
+            yield f"{node.lineno}: {text}"
 
 
 def test_messages_are_said_as_an_engineer_would() -> None:

@@ -7,8 +7,8 @@ docs/abilities.md.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib import import_module
+from types import MappingProxyType
 from typing import NamedTuple
 
 from hil_bench.registry import Registry
@@ -51,8 +51,10 @@ class Verb(NamedTuple):
     module: str
 
 
-@dataclass(frozen=True)
-class Ability:
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class Ability(NamedTuple):
     """A package's declaration of what it adds to the bench.
 
     It has names only, so that nothing else of the package is imported before use.
@@ -73,11 +75,11 @@ class Ability:
 
     name: str
     needs: tuple[str, ...] = ()
-    verbs: Mapping[str, Verb] = field(default_factory=dict)
-    options: Mapping[str, str] = field(default_factory=dict)
-    collectors: Mapping[str, str] = field(default_factory=dict)
+    verbs: Mapping[str, Verb] = MappingProxyType({})
+    options: Mapping[str, str] = _NOTHING
+    collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
-    exports: Mapping[str, str] = field(default_factory=dict)
+    exports: Mapping[str, str] = _NOTHING
 
 
 def own_abilities() -> list[Ability]:

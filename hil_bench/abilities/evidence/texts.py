@@ -4,7 +4,7 @@ import tomllib
 from importlib.resources import files
 from typing import Any
 
-_PACKAGE = "hil_bench.abilities.conformance.evidence"
+_PACKAGE = "hil_bench.abilities.evidence"
 
 
 def known_defects() -> list[dict[str, str]]:

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hil_bench.abilities.conformance.evidence.versions import sha256_of
+from hil_bench.abilities.evidence.versions import sha256_of
 from hil_bench.errors import ConfigError, about_file
 
 MANIFEST = "manifest.json"

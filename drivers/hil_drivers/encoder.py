@@ -1,4 +1,4 @@
-"""The base of the drivers of position sensors (CiA 406)."""
+"""Common parts of the drivers of position sensors (CiA 406)."""
 
 import math
 from collections.abc import Sequence

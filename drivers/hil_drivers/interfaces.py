@@ -1,4 +1,4 @@
-"""The interfaces of the drivers of sensors, the same on every bus.
+"""Protocols of the sensor drivers, the same on every bus.
 
 A controller that is written against these protocols does not care which bus that is: the classes of
 `hil_drivers` are CANopen's, those of `hil_drivers.modbus` Modbus'.

@@ -170,7 +170,7 @@ class Network:
         self._services.append(service)
 
     def remove_service(self, service: Service) -> None:
-        """End a service; one that is not done is left alone."""
+        """Remove a service; without effect where it is not registered."""
         if service in self._services:
             self._services.remove(service)
 

@@ -153,7 +153,7 @@ class Node(canopen.RemoteNode):
         self._patiently(lambda: self.upload(0x1000))
 
     def _patiently(self, read: Callable[[], _T]) -> _T:
-        """Read, again and again until the device answers.
+        """Return the result of a read, repeated until the device answers.
 
         Raises:
             DriverTimeoutError: it did not within 2 s.
@@ -250,7 +250,7 @@ class Node(canopen.RemoteNode):
         self.download(index, subindex, raw)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Read an object from the device, whether or not the EDS knows it.
+        """Return the bytes of an object in the device, even of one that is not in the EDS.
 
         What it may bring at most, and how long it may take, say `sdo.most_bytes` and
         `sdo.longest_transfer`.

@@ -86,7 +86,7 @@ class PositionController:
 
 
 class CycleRecord(NamedTuple):
-    """The inputs and outputs of one cycle.
+    """The measured values and the command of one cycle.
 
     Attributes:
         time: since the start of the run [s].

@@ -1,1 +1,1 @@
-"""The abilities of the bench beside running, a folder each; see `hil_bench.ability`."""
+"""The bench's abilities beside running, a folder each; see `hil_bench.ability`."""

@@ -1,4 +1,4 @@
-"""The contract of a kind of device: one object has all that the bench needs to know of it."""
+"""A kind of device: one object describes it completely to the bench."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from hil_bench.plants.kind import AxisSettings
 
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
-    """The common settings of every CANopen node.
+    """The settings common to all CANopen nodes.
 
     Attributes:
         name: the node, as in ``[nodes.NAME]``.
@@ -119,7 +119,7 @@ class DeviceKind(ABC, Generic[ConfigT]):
         return MappingProxyType({})
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
-        """Return a node's signals that may have a sensor's faults, with SI units."""
+        """Return the signals of a node that accept a sensor's faults, with their SI units."""
         return {} if self.chain_unit is None else {name: self.chain_unit}
 
 

@@ -1,4 +1,4 @@
-"""The base of the kinds of devices that command the spool of their axis."""
+"""Common parts of the kinds of devices that command the spool of their axis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The contract of a kind of plant: one object has all that the bench needs to know of it."""
+"""A kind of plant: one object describes it completely to the bench."""
 
 import math
 from abc import ABC, abstractmethod
@@ -71,7 +71,7 @@ class AxisConfig:
 
     @property
     def defects(self) -> tuple[Influence, ...]:
-        """The possible defects of its plant, as amounts that are 0 where it is sound."""
+        """The defects of its plant, as amounts that are 0 where it is sound."""
         return ()
 
     def limits(self, quantity: str) -> tuple[float, float]:
@@ -130,7 +130,7 @@ class PlantKind(ABC, Generic[AxisT]):
         """
 
     def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
-        """Return the group that moves several such plants at once; None to move each by itself.
+        """Return the group that moves several plants of this kind at once; None for no group.
 
         Args:
             plants: that `build` has returned, two or more, in the order of their axes. They stay
@@ -170,7 +170,7 @@ class PlantKind(ABC, Generic[AxisT]):
         yield from ()
 
     def summarise(self, axis: AxisT, tick_us: int, step_us: int) -> Sequence[Fact]:
-        """Return the first checks of an axis."""
+        """Return the key figures of an axis that an engineer checks first."""
         return ()
 
     def full_scale(self, settings: Settings) -> float:
@@ -202,7 +202,7 @@ class PlantKind(ABC, Generic[AxisT]):
 
     @property
     def takes_valve(self) -> bool:
-        """True if a valve may command it: by a ratio, or by a length as that of a spool."""
+        """Return True if a valve may command it: by a ratio, or by a length as that of a spool."""
         return self.command.unit in {"-", "m"}
 
     @cached_property

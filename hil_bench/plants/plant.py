@@ -1,11 +1,11 @@
-"""The contract between a bench and its plants."""
+"""The interface between the bench and any plant."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 
 class Influenced(Protocol):
-    """An object with influences from outside."""
+    """A thing that accepts influences from outside."""
 
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on it from outside [SI]; None lets it be what it was.

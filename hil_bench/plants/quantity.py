@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Shown(NamedTuple):
-    """The form of a quantity in the status line.
+    """The format of a quantity in the status line.
 
     Attributes:
         template: for `str.format`, with the symbol and the unit.

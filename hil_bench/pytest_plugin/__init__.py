@@ -142,7 +142,7 @@ def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Col
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
-    """Return the bench that the fixtures will bind, where anything of it was chosen."""
+    """Return the chosen options and the versions for the header; None without chosen options."""
     chosen = chosen_options(config)
     return f"hil-bench: {chosen}; {versions()}" if chosen else None
 
@@ -432,7 +432,7 @@ def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: s
 
 
 def _properties(config: pytest.Config, bench: "BenchConfig") -> list[tuple[str, object]]:
-    """Return the properties of a test's bench for a JUnit file."""
+    """List the properties of a test's bench for a JUnit file."""
     bus = [option(config, name) for name in ("interface", "channel")]
     return [
         ("hil_config", shown_path(config, bench.path) if bench.path else "built-in bench"),

@@ -1,4 +1,4 @@
-"""The bench in the report of a failed test."""
+"""The bench's sections in the report of a failed test."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ class FrameReader(Protocol):
     """Frames in words; an ability has it."""
 
     def name(self, frame: Frame) -> str:
-        """Return a frame's sender and name."""
+        """Return the names of a frame's device and of its message."""
 
     def meaning(self, frame: Frame) -> str:
         """Return the content of a frame in words."""
@@ -79,7 +79,7 @@ def attach_files(
 
 
 def _fault_events(faults: Faults) -> str:
-    """Return the faults with their begins and ends."""
+    """List the begins and ends of faults with their times, a line each."""
     return "\n".join(
         f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
         for time, kind, target, is_begin in faults.events

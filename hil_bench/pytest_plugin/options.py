@@ -92,13 +92,13 @@ def is_on(config: pytest.Config, name: str) -> bool:
 
 
 def chosen_options(config: pytest.Config) -> str:
-    """Return the choices, as in "seed 5, realtime"; empty where there was none."""
+    """Return the chosen options, as in "seed 5, realtime"; empty without any."""
     chosen = [f"{name} {value}" for name in _OPTIONS if (value := option(config, name))]
     return ", ".join([*chosen, *(name for name in _SWITCHES if is_on(config, name))])
 
 
 def versions() -> str:
-    """Return the versions under the fixtures, as in "hil-bench 1.0.0, python-can 4.6.1"."""
+    """Return the versions in use, as in "hil-bench 1.0.0, python-can 4.6.1"."""
     from importlib.metadata import version
 
     return ", ".join(f"{name} {version(name)}" for name in ("hil-bench", "python-can"))

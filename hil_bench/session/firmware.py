@@ -88,7 +88,7 @@ class FirmwareBus:
             self._hub.__exit__(None, None, None)
 
     def report(self) -> str:
-        """Return the ending of each program, or that it runs, and the end of its output."""
+        """Return the state of each program, with its exit code, and the end of its output."""
         return "\n".join(program.epitaph() for program in self._programs)
 
     def _check(self) -> None:
@@ -130,7 +130,7 @@ class FirmwareBus:
 
 
 def _environment(address: str) -> dict[str, str]:
-    """Return the environment that names the bus to a program without an argument."""
+    """Return the environment variables that give a program its bus without an argument."""
     host, _, port = address.rpartition(":")
     if not host:
         return {"HIL_BENCH_BUS": address, "CAN_INTERFACE": "socketcan", "CAN_CHANNEL": address}
@@ -194,12 +194,12 @@ class Firmware:
 
     @property
     def stdout(self) -> str:
-        """The text on its standard output so far."""
+        """The program's standard output so far."""
         return self._output.stdout.read_text(encoding="utf-8", errors="replace")
 
     @property
     def stderr(self) -> str:
-        """The text on its standard error so far."""
+        """The program's standard error so far."""
         return self._output.stderr.read_text(encoding="utf-8", errors="replace")
 
     def wait(self, timeout: float) -> int:
@@ -235,7 +235,7 @@ class Firmware:
         return self.process.wait()
 
     def epitaph(self) -> str:
-        """Return its ending, or that it runs, and the end of its output."""
+        """Return the state of the program, with its exit code, and the end of its output."""
         code = self.process.poll()
         state = "runs" if code is None else f"has ended, exit code {code}"
         return f"{' '.join(self._command)}: {state}\n{self.tail()}".rstrip()

@@ -1,4 +1,4 @@
-"""The passage of a bench's time when its controller is another program on a bus.
+"""The time base of a bench whose controller is another program on a bus.
 
 In lock-step the controller's SYNC does; in real time the clock does, and the controller keeps up.
 Both are the same to who waits: `advance` returns when bench time has come to a moment.
@@ -21,7 +21,7 @@ __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 
 class Patience(NamedTuple):
-    """The time that a controller in lock-step may send no SYNC.
+    """The longest time that a controller in lock-step may send no SYNC.
 
     Attributes:
         longest: time after which it is given up [s].

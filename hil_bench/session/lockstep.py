@@ -33,7 +33,7 @@ FRAMES_AT_ONCE: Final = 64
 
 
 class Stepped(Protocol):
-    """The part of a session that lock-step needs."""
+    """The parts of a session that lock-step needs."""
 
     @property
     def bench(self) -> Any:  # noqa: ANN401 - whose `wiring` alone is asked for
@@ -167,7 +167,7 @@ class SyncWatch:
 
 @dataclass(frozen=True, slots=True)
 class LockStepReport:
-    """The report of a run in lock-step.
+    """The result of a run in lock-step.
 
     Attributes:
         now: bench time at its end [ns].

@@ -1,4 +1,4 @@
-"""The traffic of a bench in virtual time, and the wait of each frame."""
+"""Measured traffic of a bench in virtual time: frames, bus load and waiting times."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,7 @@ _DRIFT: Final = 100
 
 @dataclass(slots=True)
 class MeasuredTraffic:
-    """The traffic of a simulated bus.
+    """The measured traffic of a simulated bus.
 
     Attributes:
         worst: longest time from a frame's release to the bus being free again [ns], by identifier.

@@ -38,7 +38,7 @@ _VIRTUAL_CHANNELS = ("vcan", "vxcan")
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """The report of a paced run.
+    """The result of a paced run.
 
     Attributes:
         ticks: statistics of the loop.

@@ -134,7 +134,7 @@ class Session:
             self._tick_observers.remove(ticks)
 
     def _at_their_times(self, observe: FrameObserver) -> FrameObserver:
-        """Return an observer that gets each frame at its own time where a bus is of copper."""
+        """Return an observer that passes on each frame at its own time where a bus is simulated."""
         bench = self.bench
         if not isinstance(bench, WiredBench):
             return observe

@@ -37,7 +37,7 @@ def sample(bench: Bench) -> list[float]:
 
 
 def recording_heading(config: BenchConfig, *, is_real_time: bool) -> Heading:
-    """Return the heading of a bench's recording."""
+    """Return the heading of a recording: version, bench file, seed and start time."""
     comment = (
         f"hil-bench {hil_bench.__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
     )

@@ -134,7 +134,7 @@ class VirtualBench:
 
     @property
     def recording(self) -> RecordingReport | None:
-        """The content of the files of `record`; None without such files."""
+        """The report on the files of `record`; None without such files."""
         return None if self._recording is None else self._recording.report
 
     @property

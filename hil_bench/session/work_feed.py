@@ -47,7 +47,7 @@ class WorkItem(NamedTuple):
 
 
 class WorkState(NamedTuple):
-    """The state of work.
+    """The progress of work.
 
     Attributes:
         now: what is being done; empty where nothing is.

@@ -1,4 +1,4 @@
-"""The base of the drivers of J1939 devices: the NAME, trouble codes, identification."""
+"""Common parts of the drivers of J1939 devices: NAME, trouble codes, component identification."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ _LEAST_DM1 = 6
 
 
 class TroubleCode(NamedTuple):
-    """A trouble code as a device reports it.
+    """A diagnostic trouble code that a device reports.
 
     Attributes:
         spn: number of the parameter.

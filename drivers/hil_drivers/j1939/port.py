@@ -84,7 +84,7 @@ class J1939Port:
 
     @property
     def state(self) -> ClaimState:
-        """The progress of our address claim."""
+        """The state of our address claim."""
         return self._claim.state
 
     def claim(self, *, timeout: float = 2.0) -> int:

@@ -1,4 +1,4 @@
-"""The common part of both ends of a long message (SAE J1939-21): sizes, times, control frames."""
+"""Common parts of both ends of a long message (SAE J1939-21): sizes, times, control frames."""
 
 from enum import IntEnum
 from typing import Final
@@ -48,7 +48,7 @@ class AbortReason(IntEnum):
 
 
 def packets_of(size: int) -> int:
-    """Return the number of packets of a message of so many bytes."""
+    """Return the number of packets of a message of `size` bytes."""
     return -(-size // PACKET_BYTES)
 
 

@@ -22,7 +22,7 @@ _LEAST_BYTES: Final = 5
 
 
 class FlowState(IntEnum):
-    """The state of a valve by its last message; other values are reserved."""
+    """The state of a valve's flow, by its last message; other values are reserved."""
 
     BLOCKED = 0
     EXTEND = 1
@@ -109,7 +109,7 @@ class AuxiliaryValve(J1939Device):
 
     @property
     def state(self) -> FlowState:
-        """The state that the valve reports."""
+        """The flow state that the valve reports."""
         self._check_age()
         return self._state
 

@@ -1,4 +1,4 @@
-"""The base of the Modbus drivers: identity, polling, freshness of values."""
+"""Common parts of the Modbus drivers: identity, polling, freshness of values."""
 
 import math
 from collections.abc import Sequence

@@ -15,7 +15,7 @@ _IDENTIFICATION = 0x2B
 
 
 class Framing(Protocol):
-    """The form of requests on the line, and of their responses in what comes back."""
+    """The framing of requests, and the search for their responses in the received bytes."""
 
     def wrap(self, unit_id: int, pdu: bytes) -> bytes:
         """Return the frame of a new request."""

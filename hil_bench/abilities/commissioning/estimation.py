@@ -26,7 +26,7 @@ def noise(time: Samples, values: Samples) -> float:
 
 
 class DeadBand(NamedTuple):
-    """The dead band of a valve, to each side.
+    """The spool positions at which a valve begins to open.
 
     Attributes:
         positive: spool position from which the piston extends [-].
@@ -226,7 +226,7 @@ def fit_mode(measured: FrequencyResponse) -> Mode:
 
 
 def rise_time(time: Samples, setpoint: Samples, actual: Samples) -> float:
-    """Return the time from the first change of a set-point to 63 % of the actual value [s].
+    """Return the time from a set-point's first change to 63 % of the actual value's change [s].
 
     Between two samples it is taken to move in a straight line; NaN where it never gets there.
     """

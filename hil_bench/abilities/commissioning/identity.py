@@ -47,7 +47,7 @@ GUARDING_PATIENCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class NodeDescription:
-    """The identity of a node by its objects; None for those that it lacks or refuses.
+    """The description that a node gives of itself; None for missing or refused objects.
 
     Attributes:
         node_id: its node-ID.
@@ -94,7 +94,7 @@ class NodeDescription:
 
 
 def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> NodeDescription:
-    """Read the identity of a node; nothing where two answer, whose words would mix.
+    """Return a node's description of itself; empty where two nodes answer.
 
     Args:
         network: the network that the node was seen on.
@@ -156,7 +156,7 @@ def _guarded_state(reading: "_Reading", node_id: int, network: Network) -> NmtSt
 
 
 class _Reading:
-    """The reading of a node, within bounds that no honest one meets."""
+    """The reading of a node, within bounds that no honest node meets."""
 
     def __init__(self, node: Node, network: Network) -> None:
         self._node = node
@@ -188,7 +188,7 @@ class _Reading:
         return tuple(codes)
 
     def _read(self, index: int, subindex: int) -> bytes | None:
-        """Read an object; None if the node refuses it.
+        """Return the bytes of an object; None if the node refuses it.
 
         Raises:
             DriverTimeoutError: the time for all is over.

@@ -1,4 +1,4 @@
-"""The journal of all that is written to the nodes of somebody else's machine, to restore it.
+"""The journal of writes to the nodes of somebody else's machine, and their restoration.
 
 Before the first write to an object the journal reads what it held, and notes it in a file, where a
 process that is killed leaves it behind. `restore` writes back what differs.

@@ -20,7 +20,7 @@ SAMPLE_CHANNELS = tuple(Channel(q.name, q.unit) for q in QUANTITIES if q.is_reco
 
 
 class Verdict(StrEnum):
-    """The ending of a step."""
+    """The verdict on a step."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -55,7 +55,7 @@ class Measure:
 
     @property
     def is_right(self) -> bool:
-        """True if it is within its limits; one with limits that could not be measured is not."""
+        """Return True within its limits or without any; with limits, unknown is not right."""
         return not self.is_judged or self.low <= self.value <= self.high
 
     def text(self) -> str:
@@ -123,7 +123,7 @@ class Curve:
 
 @dataclass(slots=True)
 class StepResult:
-    """The result of one step.
+    """The findings of one step.
 
     Attributes:
         kind: the step.

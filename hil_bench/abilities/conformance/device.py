@@ -117,7 +117,7 @@ class DeviceUnderTest:
             self.write(index, subindex, before)
 
     def variable(self, index: int, subindex: int = 0) -> Variable:
-        """Return the variable of an object by the EDS.
+        """Return the EDS entry of an object.
 
         Raises:
             NotApplicable: it does not have it.
@@ -128,7 +128,7 @@ class DeviceUnderTest:
         return variable
 
     def writable(self, index: int, subindex: int = 0) -> Variable:
-        """Return the variable of an object by the EDS, one that can be written.
+        """Return the EDS entry of a writable object.
 
         Raises:
             NotApplicable: it cannot.

@@ -1,4 +1,4 @@
-"""The endings of a check other than well."""
+"""Exceptions by which a check ends without passing."""
 
 from hil_bench.errors import HilBenchError
 

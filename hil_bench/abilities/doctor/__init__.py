@@ -1,4 +1,4 @@
-"""The real-time abilities of this machine, and the changes that would improve them.
+"""Examination of this machine for a bench in real time, with advice on improvements.
 
 Each module looks at one topic and gives findings; none of them changes anything.
 """

@@ -22,7 +22,7 @@ _MODULES = ("/lib/modules", "/usr/lib/modules")
 
 
 def examine_buses(read: Read) -> Topic:
-    """Look for CAN buses.
+    """Return the findings on CAN buses.
 
     Args:
         read: reads files of the kernel.

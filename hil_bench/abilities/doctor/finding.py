@@ -1,4 +1,4 @@
-"""Findings from one look at a machine, and the reading of the kernel's files."""
+"""The findings of an examination, and the reading of the kernel's files."""
 
 import sys
 from collections.abc import Callable, Iterable

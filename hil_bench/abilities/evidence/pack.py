@@ -86,7 +86,7 @@ def _manifest(files: Mapping[str, bytes]) -> bytes:
 
 
 def verify_pack(folder: Path, digest: str | None = None) -> list[str]:
-    """Return the differences from the manifest, a line a file; none where nothing has changed.
+    """List the differences from the manifest, a line a file; empty without any.
 
     Only files that the folder holds are opened, whatever the manifest names.
 

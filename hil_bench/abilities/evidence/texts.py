@@ -8,7 +8,7 @@ _PACKAGE = "hil_bench.abilities.evidence"
 
 
 def known_defects() -> list[dict[str, str]]:
-    """Return the known defects and gaps: id, subject, text, consequence."""
+    """List the known defects: id, subject, text, consequence."""
     defects: list[dict[str, str]] = _load("known_defects.toml")["defect"]
     return defects
 

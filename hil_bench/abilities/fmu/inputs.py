@@ -1,4 +1,4 @@
-"""The inputs of an FMU's axes, with the values at which they have no effect."""
+"""The inputs of an FMU's axes from outside, with their neutral values."""
 
 from typing import NamedTuple
 
@@ -29,12 +29,12 @@ class Acting(NamedTuple):
 
 
 def prefixes(axes: list[AxisConfig]) -> list[str]:
-    """Return the prefix of each axis' names in an FMU: none where it is the only one."""
+    """Return the prefixes of each axis' names in an FMU: empty for a single axis."""
     return [""] if len(axes) == 1 else [f"{axis.name}." for axis in axes]
 
 
 def find_inputs(config: BenchConfig, axes: list[AxisConfig]) -> list[Acting]:
-    """Return the inputs of the axes of an FMU; that of a supply that they share, once.
+    """Return the inputs that act on the axes of an FMU; those of a shared supply once.
 
     Raises:
         ConfigError: an axis is another plant than a cylinder or a motor.

@@ -1,4 +1,4 @@
-"""The sought and the held parameters: by the data sheet, the sensors' chains, and the user."""
+"""The choice of sought and held parameters: by data sheet, sensors' chains and user."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -90,7 +90,7 @@ def choose(
 
 
 def find_sensors(position: ChainParameters | None, pressure: ChainParameters | None) -> Sensors:
-    """Return the delays of sensors by their chains; a sample is half a period old."""
+    """Return the sensors' delays and lags by their chains; a sample is half a period old."""
     if position is None and pressure is None:
         return PROMPT
     return Sensors(*_late(position), *_late(pressure))

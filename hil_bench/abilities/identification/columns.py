@@ -1,4 +1,4 @@
-"""The quantities of a foreign table's columns: unit, gain, offset and polarity."""
+"""The mapping of a foreign table's columns to quantities: unit, gain, offset and polarity."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -80,7 +80,7 @@ Mapped = Mapping[str, Column]
 
 @dataclass(frozen=True, slots=True)
 class ColumnMap:
-    """The columns of recordings by their quantities.
+    """The columns of the recordings.
 
     Attributes:
         common: of all files.

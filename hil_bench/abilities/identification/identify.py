@@ -34,7 +34,7 @@ _REPEATS = 4  # of the fit, while it changes which pieces the model explains
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The estimate of one parameter from the record.
+    """The estimate of one parameter.
 
     Attributes:
         name: its symbol, as in `PlantParameters`.
@@ -99,12 +99,12 @@ class Identification:
 
     @property
     def told(self) -> list[Estimate]:
-        """The parameters that the record identifies."""
+        """The estimates of the identifiable parameters."""
         return [estimate for estimate in self.estimates if estimate.is_told]
 
     @property
     def not_told(self) -> list[Estimate]:
-        """Those that it does not identify."""
+        """The estimates of the parameters that are not identifiable from this record."""
         return [estimate for estimate in self.estimates if not estimate.is_told]
 
 

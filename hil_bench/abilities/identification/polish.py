@@ -254,7 +254,7 @@ class Polish:
         return np.asarray((variables - self.unknowns.start) / self.unknowns.spreads)
 
     def _free(self, variables: Values, pull: Values) -> Marks:
-        """Return the variables that may move: neither held, nor pressed against a bound."""
+        """Mark the variables that may move: neither held, nor pressed against a bound."""
         lowest, highest = self.unknowns.bounds
         is_held = ((variables <= lowest) & (pull > 0.0)) | ((variables >= highest) & (pull < 0.0))
         if self.held is not None:

@@ -117,12 +117,12 @@ class AxisRecord:
         return np.searchsorted(ends, rows, side="right").astype(np.int64)
 
     def has_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Return the presence of `SIGNALS` at each row, shape (rows, 3)."""
+        """Return the presence of each of `SIGNALS` at each row, shape (rows, 3)."""
         has = np.array([session.has for session in self.sessions], dtype=np.bool_)
         return np.asarray(has[self.session_of(rows)])
 
     def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Return the `SIGNALS` that are measured and not clipped, shape (*rows.shape, 3)."""
+        """Mark the measured and unclipped values of `SIGNALS`, shape (*rows.shape, 3)."""
         counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
         for without in (self.clipped, self.at_stop):
             if without is not None:
@@ -179,7 +179,7 @@ class AxisRecord:
         return replace(self, noise=np.maximum(noise, FLOORS))
 
     def rows_in(self, duration: float) -> int:
-        """Return the number of rows in a duration [s], 10 at least."""
+        """Return the number of rows that span a duration [s], 10 at least."""
         return max(10, round(duration / self.interval))
 
     @classmethod

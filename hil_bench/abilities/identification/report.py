@@ -245,7 +245,7 @@ def _trial_lines(found: Identification) -> list[str]:
 
 
 def _flow_lines(found: Identification) -> list[str]:
-    """Return the differences of each recording's flow from that of the first."""
+    """Compare the flow of each recording with that of the first, a line each."""
     if found.flows is None or found.flow_deviations is None:
         return []
     first, *others = found.record.sessions
@@ -259,7 +259,7 @@ def _flow_lines(found: Identification) -> list[str]:
 
 
 def _warnings(found: Identification) -> list[str]:
-    """Return the warnings that the user must see before using the result."""
+    """Return the warnings that the user must know before using the result."""
     lines = []
     if not found.is_reached and found.decrement <= _SHORT:
         lines.append(
@@ -300,7 +300,7 @@ def _warnings(found: Identification) -> list[str]:
 
 
 def _advice(found: Identification) -> list[str]:
-    """Return advice on a model that misses something."""
+    """Return the advice for a model that does not explain the record."""
     right = (
         f"at most {EXPLAINED:g} times the noise is right; check stroke, areas, volumes, supply "
         "pressure and the axis' options"
@@ -342,7 +342,7 @@ def _left_out(found: Identification) -> str:
 
 
 def _session_lines(record: AxisRecord) -> list[str]:
-    """Return the parameters of each recording, where there are several or a pressure is missing."""
+    """List each recording's signals, where there are several or where a pressure is missing."""
     if len(record.sessions) == 1 and record.has.all():
         return []
     return [

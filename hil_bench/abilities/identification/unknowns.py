@@ -30,7 +30,7 @@ _OFFSET_SCALE = 1e5  # [Pa]: the standard deviation that they are expected to ha
 
 
 class Kind(NamedTuple):
-    """The treatment of one unknown in the fit.
+    """The transformation and the bounds of one unknown.
 
     Attributes:
         is_log: whether as a logarithm, or else as a multiple of the scale.
@@ -100,7 +100,7 @@ _OFFSET = Kind(is_log=False, lowest=-20.0, highest=20.0, spread=1.0, step=5e-3, 
 
 
 class Sensors(NamedTuple):
-    """The delays of the sensors: each shows its quantity through a lag, a while later [s]."""
+    """The lag and the delay of each sensor [s]."""
 
     position_delay: float = 0.0
     position_lag: float = 0.0
@@ -112,7 +112,7 @@ PROMPT = Sensors()
 
 
 class Guess(NamedTuple):
-    """The values of a vector of free variables.
+    """The parameters that a vector of free variables stands for.
 
     Attributes:
         parameters: of the plant.
@@ -264,7 +264,7 @@ def check_names(names: Sequence[str], sessions: int) -> None:
 
 
 def scale_of(name: str, known: PlantParameters) -> float:
-    """Return the scale of a parameter's free variable.
+    """Return the unit that a free variable of a parameter counts in.
 
     It is the configured value, or Table I's where none is configured. Leakage counts in a
     thousandth of what the fully open valve lets through at supply pressure; F_s in the excess over

@@ -1,4 +1,4 @@
-"""The faults that a page offers: each kind with its targets, and the keys of each target."""
+"""The faults that a page offers: each kind with its targets and their keys."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -25,7 +25,7 @@ _VERDICTS = {0: "passed", 1: "failed", 6: "undecided"}
 
 
 class RecordForm(NamedTuple):
-    """The content of a form for a test.
+    """The contents of a test's form.
 
     Attributes:
         file: its name, without folder and suffix.

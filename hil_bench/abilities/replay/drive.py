@@ -37,7 +37,7 @@ def compared(axis: AxisConfig) -> list[Quantity]:
 
 
 class FrameDirection(StrEnum):
-    """The direction of a recording's frames, as seen by the one who recorded them."""
+    """The direction of a recording's frames, as seen by its recorder."""
 
     RECEIVED = "received"
     SENT = "sent"
@@ -50,7 +50,7 @@ class FrameDirection(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PlaybackReport:
-    """The report of a playback.
+    """The result of a playback.
 
     Attributes:
         frames: sent.
@@ -123,7 +123,7 @@ class SignalDeviation:
 
 
 def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
-    """Drive the plants of a configuration by the recorded spool set-points.
+    """Run the plants of a configuration under the recorded spool set-points.
 
     Args:
         config: the bench.

@@ -1,4 +1,4 @@
-"""The check of a file's columns that requirements name: units in which they can be judged."""
+"""Checks of the columns that requirements name: units that they can be judged in."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

@@ -38,7 +38,7 @@ _LAW = ControllerParameters()
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """The parameters of a scenario for its controller, each by its own name.
+    """The settings of a scenario's controller, each by its own name.
 
     Attributes:
         target_mm: where the piston is to go [m].
@@ -64,7 +64,7 @@ class ControllerSettings:
 
 
 def settings_of(parameters: Mapping[str, float]) -> ControllerSettings:
-    """Return the values of the parameters [SI] that a controller knows, without all others.
+    """Return the settings in the parameters [SI]; parameters of no controller are left out.
 
     Raises:
         ConfigError: no valve has such a full speed or dead zone.

@@ -115,7 +115,7 @@ def find_unit(symbol: str) -> MeasuredUnit | None:
 
 
 def dimension_of(symbol: str) -> Dimension:
-    """Return the dimension of a recorded signal; one of its own where its symbol is unknown."""
+    """Return the dimension of a recorded signal; one of its own for an unknown symbol."""
     found = find_unit(symbol)
     return found.dimension if found else ((symbol, 1),)
 
@@ -127,7 +127,7 @@ def unit_of_name(name: str) -> MeasuredUnit:
 
 
 def show_dimension(dimension: Dimension) -> str:
-    """Return the name of a dimension in a message: the units that a person would give."""
+    """Return the name of a dimension in messages: the units that a person would give."""
     symbols = [symbol for symbol, each in UNITS.items() if each.dimension == dimension]
     if dimension == NUMBER:
         return "a number"

@@ -1,4 +1,4 @@
-"""The drivers of a run's time: nobody but the runner, an example controller, or firmware."""
+"""The drivers of a run's time: the runner alone, an example controller, or firmware."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

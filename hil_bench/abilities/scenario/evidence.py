@@ -18,10 +18,10 @@ class FrameReader(Protocol):
     """Puts frames in words."""
 
     def name(self, frame: Frame) -> str:
-        """Return a frame's sender and name."""
+        """Return the names of a frame's device and of its message."""
 
     def meaning(self, frame: Frame) -> str:
-        """Return the content of a frame in words."""
+        """Return the meaning of a frame."""
 
     def news(self, frames: Sequence[LoggedFrame]) -> Iterable[LoggedFrame]:
         """Yield what did not come cyclically."""

@@ -74,7 +74,7 @@ class Deciding:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """The verdict of a run on a requirement.
+    """The judgement of a run on a requirement.
 
     Attributes:
         outcome: one of four.
@@ -106,7 +106,7 @@ def judge(
     tick_ns: int,
     planned: int | None = None,
 ) -> Judgement:
-    """Return the verdict of a run on a requirement.
+    """Judge a requirement by a run.
 
     Args:
         requirement: the condition.

@@ -1,4 +1,4 @@
-"""The online monitor of a requirement: decided as early as the run allows it.
+"""The monitor of a requirement: it decides as early as the run allows.
 
 A requirement is its condition at the first tick. What spans the run, as in ``always ...``, is not
 kept: a monitor holds the worst margin so far. So a violation is known a block after it is decided,
@@ -34,7 +34,7 @@ _UNKNOWN = (-math.inf, math.inf)
 
 
 class Violation(NamedTuple):
-    """The place where a requirement does not hold.
+    """The ticks at which a requirement does not hold.
 
     Attributes:
         first: number of the first tick.
@@ -66,7 +66,7 @@ class _Summary(Protocol):
         """Take the next ticks, and return what is known."""
 
     def finish(self) -> Pair:
-        """Return the verdict at the end of the run."""
+        """Return the bounds known at the end of the run."""
 
     def violation(self) -> Violation | None:
         """Return the ticks that violate it, where it is about ticks of their own."""

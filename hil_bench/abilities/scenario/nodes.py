@@ -8,7 +8,7 @@ from hil_bench.abilities.scenario.dimensions import Dimension
 
 
 class Position(NamedTuple):
-    """The place in the text of an expectation, both from 1."""
+    """The place of an element in the text of an expectation, both numbers from 1."""
 
     line: int
     column: int
@@ -144,7 +144,7 @@ class StateIs(Node):
 
 @dataclass(frozen=True, slots=True)
 class Event(Node):
-    """An event in the tick, such as ``frame(0x181)``."""
+    """The occurrence of an event in the tick, such as ``frame(0x181)``."""
 
     name: str
 

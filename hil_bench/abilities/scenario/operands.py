@@ -1,4 +1,4 @@
-"""The pieces of an expectation while it is read: values with a unit, states, texts."""
+"""The operands of an expectation while it is read: values with a unit, states, texts."""
 
 from typing import NamedTuple
 
@@ -94,7 +94,7 @@ def quantity_of(operand: Operand, word: str) -> MeasuredValue:
 
 
 def describe(operand: Operand) -> str:
-    """Return the description of an operand for a message."""
+    """Describe an operand for a message."""
     match operand:
         case MeasuredValue():
             return f"a value {show_dimension(operand.dimension)}".replace("value a ", "")

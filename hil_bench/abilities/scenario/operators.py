@@ -77,7 +77,7 @@ def _smallest_of(*values: MeasuredValue) -> float:
 
 
 def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
-    """Return the dimension of two values, where that is the same.
+    """Return the common dimension of two values.
 
     Raises:
         ExpectationError: it is not.

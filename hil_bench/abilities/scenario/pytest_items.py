@@ -45,7 +45,7 @@ class ScenarioFile(pytest.File):
             yield item
 
     def result(self) -> ScenarioResult:
-        """Return the result of the scenario."""
+        """Return the result of the scenario, which is played at the first call."""
         if self._result is None:
             self._result = played_once(self.config, self.path, self._play)
         return self._result
@@ -151,7 +151,7 @@ class ScenarioItem(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None
     ) -> str:
-        """Return the message of a failure, without a traceback through the bench."""
+        """Return the reason of a failure, without a traceback through the bench."""
         if isinstance(excinfo.value, ScenarioFailedError | HilBenchError):
             return str(excinfo.value)
         return str(super().repr_failure(excinfo, style))  # type: ignore[arg-type]

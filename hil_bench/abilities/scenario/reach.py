@@ -1,4 +1,4 @@
-"""The reach of a requirement: the time and the signals that it needs of a run."""
+"""The needs of a requirement in a run: its time span, and its signals."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

@@ -34,7 +34,7 @@ def ticks_of(duration: float, tick_ns: int) -> int:
 
 
 class NmtVerb(StrEnum):
-    """The commands of an NMT master to a node (CiA 301)."""
+    """A command of an NMT master to a node (CiA 301)."""
 
     START = "start"
     STOP = "stop"
@@ -44,7 +44,7 @@ class NmtVerb(StrEnum):
 
 
 class FirmwareCommand(StrEnum):
-    """The commands to the controller's process."""
+    """A command to the controller's process."""
 
     START = "start"
     KILL = "kill"
@@ -147,7 +147,7 @@ Step = SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """The controller of the bench.
+    """The controller that drives the bench.
 
     Attributes:
         firmware: a command line; ``{bus}`` and names of parameters stand for their values.
@@ -160,7 +160,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """An expectation.
+    """An expectation of a scenario.
 
     Attributes:
         id: of the requirement.
@@ -193,7 +193,7 @@ class TextPlace(NamedTuple):
 
 
 class RequirementsFile(NamedTuple):
-    """The requirements of a file, of whatever run.
+    """The requirements of a file, for any run.
 
     Attributes:
         expectations: one or more.

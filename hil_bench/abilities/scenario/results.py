@@ -114,7 +114,7 @@ def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
 
 
 def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:
-    """Return the properties of a requirement in a JUnit file, beside its outcome."""
+    """List a requirement's properties for a JUnit file, beside its outcome."""
     judgement = finding.judgement
     margin = "" if judgement.margin is None else f"{judgement.margin:.6g}"
     return [

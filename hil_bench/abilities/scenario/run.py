@@ -48,7 +48,7 @@ def _alone(_bench: VirtualBench, _stage: Stage) -> AbstractContextManager[object
 
 
 class PlayOptions(NamedTuple):
-    """The options of a run.
+    """The options of playing a scenario.
 
     Attributes:
         stops_at_failure: whether a run ends when the first requirement has failed.
@@ -70,7 +70,7 @@ PLAIN = PlayOptions()
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The result of a run.
+    """The findings of a run.
 
     Attributes:
         findings: the judgement on each requirement, in the order of the file.

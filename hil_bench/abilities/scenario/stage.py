@@ -15,7 +15,7 @@ _BLOCK = 64  # ticks between two looks at whether a requirement has failed
 
 
 class Stage:
-    """A scenario on a session: its actions and its observations, whoever lets time pass there.
+    """The stage of a scenario: its actions on a session and its view of it.
 
     Args:
         prepared: the scenario.

@@ -1,4 +1,4 @@
-"""The targets of steps: influences on a plant, objects, set-points of valves, J1939 signals.
+"""The targets of a step: influences on a plant, objects, set-points of valves, J1939 signals.
 
 And Modbus registers.
 """
@@ -66,7 +66,7 @@ class ObjectTarget(NamedTuple):
         return name_object(self.variable.index, self.variable.subindex)
 
     def raw(self, value: float) -> int | float | bool:
-        """Return the raw value of the object for a value; integers are rounded."""
+        """Return the object's raw value for a value; integers are rounded."""
         scaled = value * self.scale
         match self.variable.data_type:
             case BooleanType():
@@ -92,7 +92,7 @@ class SignalTarget(NamedTuple):
 
     @property
     def factor(self) -> float:
-        """The SI value of 1 of the signal's own unit."""
+        """The value of 1 of the signal's own unit in SI."""
         return si_unit(self.handle.values[self.name].unit)[1]
 
     def raw(self, value: float) -> float:
@@ -118,7 +118,7 @@ Target = PlantTarget | ObjectTarget | RegisterTarget | SignalTarget | ValveTarge
 
 
 class Targets:
-    """The targets on a bench, by name.
+    """The targets of a bench, by name.
 
     Args:
         config: the bench.

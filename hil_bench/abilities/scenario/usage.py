@@ -98,7 +98,7 @@ def _targets(actions: Sequence[TimedAction]) -> Iterator[tuple[str, str]]:
 
 
 def _settings(scenario: Scenario) -> list[str]:
-    """Return the settings of the example controller; none where another one controls."""
+    """List the settings of the example controller; empty for another controller."""
     if scenario.controller is None or not scenario.controller.example:
         return []
     return [field.name for field in fields(ControllerSettings)]

@@ -123,7 +123,7 @@ class AxisTwin:
         return POSITION in self._anchors and set(self._anchors) <= set(self._quantities.values())
 
     def missing(self, now: float) -> dict[str, str]:
-        """Return the unknown values at a time [s], and the reasons."""
+        """Return the unknown values at a time [s], with the reasons."""
         found = {}
         for name in self._needed:
             heard = self._heard.get(name)

@@ -1,4 +1,4 @@
-"""The values of the devices of a bus, in SI units, from their TPDOs alone."""
+"""Decoding of a bus' devices, in SI units, from their TPDOs alone."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -201,7 +201,7 @@ def number_text(value: float) -> str:
 
 
 def pack_value(value: object) -> object:
-    """Pack the value of an object as JSON can have it."""
+    """Return the value of an object in a form that JSON supports."""
     if isinstance(value, bytes):
         return {"hex": value.hex()}
     if isinstance(value, float) and not math.isfinite(value):
@@ -210,7 +210,7 @@ def pack_value(value: object) -> object:
 
 
 def unpack_value(value: object) -> Any:  # noqa: ANN401 - what an object may hold
-    """Unpack the value of an object, as `pack_value` makes it."""
+    """Return the value of an object from the form that `pack_value` makes."""
     return bytes.fromhex(value["hex"]) if isinstance(value, dict) else value
 
 

@@ -42,7 +42,7 @@ LOOK = 0.1
 
 
 class FeedPlan(NamedTuple):
-    """The plan of a server.
+    """The greeting, the row width and the queues of a server.
 
     Attributes:
         hello: what a client is greeted with, beside type and version.

@@ -1,4 +1,4 @@
-"""The assignments of a write request, for the loop."""
+"""An assignment: a part of a write request, in the form that the loop takes."""
 
 from typing import NamedTuple
 

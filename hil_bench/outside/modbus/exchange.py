@@ -18,7 +18,7 @@ _LOW_WORD = 0xFFFF
 
 
 class RowSink(Protocol):
-    """A sink of rows."""
+    """The destination of the rows."""
 
     def write(self, values: Sequence[float]) -> None:
         """Publish one row."""

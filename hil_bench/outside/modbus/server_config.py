@@ -1,4 +1,4 @@
-"""The settings of a Modbus server: all that its process needs of a configuration."""
+"""The configuration of a Modbus server's process: its addresses, its line and its TLS files."""
 
 from dataclasses import dataclass
 from enum import StrEnum

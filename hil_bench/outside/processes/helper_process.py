@@ -18,7 +18,7 @@ _WANT_OF_MEMORY = ", by somebody or for want of memory"
 
 
 class Failure(NamedTuple):
-    """The words of a helper that an exception has ended.
+    """The report of a helper that an exception has ended.
 
     Attributes:
         text: the exception in a line.

@@ -1,4 +1,4 @@
-"""The permissions of this process, and those to grant where it lacks some."""
+"""The real-time permissions of this process, and the remedies for missing ones."""
 
 import sys
 from collections.abc import Iterable

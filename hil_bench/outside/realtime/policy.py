@@ -1,4 +1,4 @@
-"""The policy of a paced loop: its demands on the operating system, its treatment of overruns."""
+"""The policy of a paced loop: requests to the operating system, and reaction to overruns."""
 
 from dataclasses import dataclass
 from enum import StrEnum

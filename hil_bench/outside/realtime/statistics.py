@@ -1,4 +1,4 @@
-"""The loop's lateness and work, in fixed memory however long the bench runs.
+"""Statistics of the loop's lateness and work, in fixed memory however long the bench runs.
 
 The histograms are those of HdrHistogram (Tene): bins whose width grows with the value, so that
 every duration from 1 ns to half an hour is known to better than 1 %. They may lie in memory that

@@ -1,4 +1,4 @@
-"""The formats of files by suffix."""
+"""The file formats of recordings, by suffix."""
 
 from collections.abc import Sequence
 from datetime import datetime

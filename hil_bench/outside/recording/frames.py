@@ -158,7 +158,7 @@ class _BlockBlfWriter(BLFWriter):
         self.start_timestamp = 0.0  # ours count from the recording's start, not the first frame
 
     def take_containers(self) -> bytes:
-        """Return the containers to append."""
+        """Return the bytes to append to the file."""
         while self._buffer_size:
             self._flush()
         return self._take()

@@ -132,7 +132,7 @@ class MdfFile(BlockFile):
 
 
 class _Group:
-    """A data group in the file: place and content.
+    """The addresses of a data group in the file, and its size so far.
 
     Attributes:
         dg: address of its DG block.

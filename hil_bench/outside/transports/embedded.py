@@ -23,7 +23,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class Pace(Protocol):
-    """The brake of the ticks to real time: `hil_bench.outside.realtime.pacer.Pacer`."""
+    """A pace that holds ticks back to real time, as `hil_bench.outside.realtime.pacer.Pacer`."""
 
     def wait(self) -> int:
         """Return when the next tick may start."""

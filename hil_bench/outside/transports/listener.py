@@ -83,7 +83,7 @@ class Listener:
 
     @property
     def losses(self) -> dict[str, int]:
-        """The losses of the bus by name: frames that could not be read; the bus is still open."""
+        """The counts of unreadable or lost frames, by name; the bus is still open."""
         return {
             "error frames": self.error_frames,
             "CAN FD frames left out": self.fd_frames,

@@ -171,7 +171,7 @@ def _open(settings: dict[str, Any], what: str) -> can.BusABC:
 
 
 def _why(settings: dict[str, Any], error: Exception) -> str:
-    """Return the cause, and the remedy where that is known."""
+    """Return the reason why a bus does not open, with a remedy where one is known."""
     if settings["interface"] == "socketcan" and isinstance(error, OSError):
         return _why_not_socketcan(str(settings["channel"]), error)
     if isinstance(error, TypeError):

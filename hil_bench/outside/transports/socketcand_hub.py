@@ -84,7 +84,7 @@ class HubCounters:
 
 
 class HubLimits(NamedTuple):
-    """The limits of clients on a hub.
+    """The limits on the clients of a hub.
 
     Attributes:
         bitrate: of each bus [bit/s]; None for no limit.
@@ -345,7 +345,7 @@ class _Told(NamedTuple):
 
 
 def _frame_of(command: bytes) -> _Told | None:
-    """Return the frame of a "send" command for the others; None where it is malformed."""
+    """Return the message of a "send" command to the others; None where it is malformed."""
     frame = parse_send(command)
     if frame is None:
         return None

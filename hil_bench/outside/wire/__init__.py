@@ -1,1 +1,1 @@
-"""Frames on copper: their length to the bit, and their arbitration (ISO 11898-1)."""
+"""The bus at bit level: exact lengths of frames, arbitration and errors (ISO 11898-1)."""

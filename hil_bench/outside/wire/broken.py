@@ -1,4 +1,4 @@
-"""The end of a transmission that an error breaks: who notices, and when the bus is free again.
+"""The end of a broken transmission: the stations that notice, and the time until the bus is free.
 
 ISO 11898-1: who notices an error sends six bits, dominant ones where it is error-active. These
 break the rule of stuffing, so that all others notice, and send six bits of their own. Eight
@@ -25,7 +25,7 @@ ACK_SLOT: Final = 1
 
 
 class ErrorKind(StrEnum):
-    """The kinds of errors."""
+    """The kind of an error on the bus."""
 
     BIT = "bit error"
     STUFF = "stuff error"

@@ -22,7 +22,7 @@ class Order(StrEnum):
 
 
 class CanState(StrEnum):
-    """The state of a station in the handling of errors."""
+    """The error state of a station."""
 
     ACTIVE = "error-active"
     PASSIVE = "error-passive"
@@ -50,7 +50,7 @@ Rule = Callable[[Frame], float | None]
 
 
 def priority(frame: Frame) -> int:
-    """Return the bits that arbitration compares, the lowest first: those up to the control field.
+    """Return the key of arbitration, the lowest first: the bits up to the control field.
 
     A data frame goes before a remote frame of its identifier, and one of 11 bits before one of 29
     bits that begins with them.
@@ -129,7 +129,7 @@ class Station:
 
     @property
     def state(self) -> CanState:
-        """The state in the handling of errors."""
+        """The error state of the station."""
         if self.is_off:
             return CanState.BUS_OFF
         return CanState.PASSIVE if self.is_passive else CanState.ACTIVE

@@ -1,4 +1,4 @@
-"""The description of an FMU, as far as this bench needs it."""
+"""The part of an FMU's model description that the bench needs."""
 
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -76,7 +76,7 @@ def require_fmpy() -> Any:  # noqa: ANN401 - a module without types
 
 
 def read_fmu(path: Path) -> FmuDescription:
-    """Read the description of an FMU.
+    """Return the model description of an FMU.
 
     Raises:
         ConfigError: it is none for co-simulation on this machine.

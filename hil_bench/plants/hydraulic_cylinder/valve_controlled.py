@@ -1,4 +1,4 @@
-"""The base of the kinds of plants that a spool valve controls: cylinder and motor."""
+"""Common parts of the kinds of plants that a spool valve controls: cylinder and motor."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,4 +1,4 @@
-"""The options of `hil-bench check` for the devices on a bus."""
+"""The arguments of `hil-bench check` for the devices on a bus."""
 
 import argparse
 from pathlib import Path

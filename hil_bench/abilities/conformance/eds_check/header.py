@@ -1,4 +1,4 @@
-"""The head of an EDS about itself and its device: FileInfo, DeviceInfo, DummyUsage (CiA 306)."""
+"""Checks of the EDS header: FileInfo, DeviceInfo, DummyUsage (CiA 306)."""
 
 import re
 from collections.abc import Iterator

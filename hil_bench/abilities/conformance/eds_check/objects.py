@@ -1,4 +1,4 @@
-"""The demands of CiA 306 on an object's section that no loader makes."""
+"""Checks of an object's section by CiA 306 that no loader makes."""
 
 from collections.abc import Iterator
 from typing import Final

@@ -1,4 +1,4 @@
-"""The options of `hil-bench watch` for a bus; nothing here imports the readers of its frames."""
+"""The options of `hil-bench watch` for a bus; nothing here imports its frame readers."""
 
 import argparse
 

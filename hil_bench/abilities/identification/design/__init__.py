@@ -1,1 +1,1 @@
-"""The design of manoeuvres that tell more of a machine: candidates, their yield, a scenario."""
+"""Design of informative manoeuvres: candidates, the information of each, a scenario."""

@@ -20,7 +20,7 @@ _MOST_BYTES = 10_000_000
 
 
 class Knowledge(NamedTuple):
-    """The findings of an identification.
+    """The knowledge from an identification.
 
     Attributes:
         values: of the identified parameters [SI], by name.
@@ -38,7 +38,7 @@ class Knowledge(NamedTuple):
 
     @classmethod
     def of(cls, found: Identification) -> "Knowledge":
-        """Return the findings of an identification."""
+        """Return the knowledge from an identification."""
         return cls(
             {one.name: one.value for one in found.told},
             {one.name: one.deviation for one in found.estimates},
@@ -66,7 +66,7 @@ class Knowledge(NamedTuple):
 
 
 def read_knowledge(path: Path) -> Knowledge:
-    """Read a file of `hil-bench identify --json`; a `ConfigError` if it is none."""
+    """Return the knowledge in a file of `hil-bench identify --json`; `ConfigError` for others."""
     with about_file(path, what="cannot be read"):
         content = path.read_bytes()[: _MOST_BYTES + 1]
     wrong = ConfigError(f"{path}: is no result of hil-bench identify --json")

@@ -26,7 +26,7 @@ _SPOOL_COUNTS = 1 << 14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """The stand-in for the machine, and for the logger that records it.
+    """The model of the machine and of its recording.
 
     Attributes:
         axis: its name.

@@ -1,4 +1,4 @@
-"""The options of `hil-bench run` for scenarios; nothing here imports the player."""
+"""The options of `hil-bench run` for scenarios; nothing here imports their player."""
 
 import argparse
 from pathlib import Path

@@ -12,7 +12,7 @@ from hil_bench.outside.transports.modbus.session import ModbusSession, serial_se
 
 
 class EmbeddedLink:
-    """A link for `hil_drivers.modbus.ModbusClient`.
+    """A link for `hil_drivers.modbus.ModbusClient` to a server in the same process.
 
     Args:
         server: answers the requests.
@@ -72,7 +72,7 @@ class EmbeddedLink:
         self._check_open()
 
     def receive(self, timeout: float) -> bytes:
-        """Return the bytes received, letting ticks run for up to `timeout` seconds until some come.
+        """Return the received bytes, after up to `timeout` seconds of ticks if there are none yet.
 
         `ConnectionResetError` where the link is cut or closed.
         """

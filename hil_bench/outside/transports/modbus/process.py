@@ -36,11 +36,11 @@ _REASONS = {
 
 
 class Plan(Protocol):
-    """The plan of a server: its values, and its address."""
+    """The plan of a server's process: its address, its units and its data."""
 
     @property
     def server(self) -> ServerConfig:
-        """The address of the server."""
+        """The configuration of its address."""
 
     @property
     def units(self) -> Mapping[int, UnitImage]:
@@ -56,7 +56,7 @@ class Plan(Protocol):
 
 
 class Endpoints(NamedTuple):
-    """The addresses at which clients find the server.
+    """The end points at which clients find the server.
 
     Attributes:
         port: TCP port, None where it is not on TCP.

@@ -24,7 +24,7 @@ _SHORT_LENGTH: Final = 0x80
 
 
 def server_context(config: TlsConfig) -> ssl.SSLContext:
-    """Return the context that opens the server's connections.
+    """Return the TLS context of the server's connections.
 
     Raises:
         BusError: a file cannot be read, or holds something else.

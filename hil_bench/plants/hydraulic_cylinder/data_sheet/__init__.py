@@ -1,1 +1,1 @@
-"""The data sheets of cylinder, valve, oil and pump, in their words, as parameters."""
+"""Parameters from the data sheets of cylinder, valve, oil and pump, in the sheets' terms."""

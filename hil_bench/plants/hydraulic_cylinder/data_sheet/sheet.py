@@ -1,4 +1,4 @@
-"""The values of a data sheet, and those that follow from it."""
+"""The values of a data sheet, and the values derived from them."""
 
 import math
 from collections.abc import Iterable, Iterator

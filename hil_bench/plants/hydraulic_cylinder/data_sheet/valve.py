@@ -41,7 +41,7 @@ def orifice_width(
 
 
 def step_response(angle: float, damping: float) -> float:
-    """Return the response of a second-order lag to a unit step at omega_0 t = angle."""
+    """Return the unit step response of a second-order lag at omega_0 t = angle."""
     root = math.sqrt(abs(1.0 - damping * damping))
     mu, decay = angle * root, math.exp(-damping * angle)
     if root < 1e-6:

@@ -1,4 +1,4 @@
-"""The refusals of a plant: impossible states, parameters that do not go together."""
+"""Checks of a plant: impossible states, and parameters that contradict each other."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The constants of the extended kernels beyond the paper's, and their further states."""
+"""Constants of the extended kernels beyond the paper's, and their further states."""
 
 import math
 from collections.abc import Sequence

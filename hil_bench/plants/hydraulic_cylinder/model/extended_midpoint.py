@@ -70,7 +70,7 @@ def find_bending(
     constants: Constants,
     bristles: BristleConstants,
 ) -> Bending:
-    """Return the bending of the bristles at the velocity in the middle of the step.
+    """Return the bristles' bending at the velocity in the middle of the step.
 
     Args:
         drive: force on the piston without friction, at the start of the step [N].

@@ -247,7 +247,7 @@ class FullOrderPlant:
 
     @property
     def defects(self) -> Defects:
-        """The present defects; those written hold until they are written again."""
+        """The defects; an assigned value holds until the next one."""
         return self._defects
 
     @defects.setter

@@ -1,4 +1,4 @@
-"""The models behind a bench's cylinder."""
+"""The models of a bench's cylinder."""
 
 from enum import StrEnum
 

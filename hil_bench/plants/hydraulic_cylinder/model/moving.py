@@ -22,7 +22,7 @@ def is_machine_code() -> bool:
 
 
 def describe_kernels() -> str:
-    """Return the origin of the kernels here, and the reason where it is not the wheel."""
+    """Return the kind of kernels in use, and why those of the wheel are not used."""
     carried = find_machine_code()
     if carried.bind is not None:
         return str(carried)

@@ -1,4 +1,4 @@
-"""The input, the state and the output of the plant."""
+"""Inputs, states and outputs of the plant."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The effects of the oil's temperature on a plant: the constants of its equations."""
+"""The influence of the oil's temperature on the constants of a plant's equations."""
 
 from dataclasses import replace
 from typing import Final, NamedTuple

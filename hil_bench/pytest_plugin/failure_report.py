@@ -2,38 +2,22 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 import pytest
 
 from hil_bench.ability import load, own_abilities
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus
+from hil_bench.session.frame_reader import FrameReader
 from hil_bench.session.virtual_bench import VirtualBench
 
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""
-
-
-class FrameReader(Protocol):
-    """Frames in words; an ability has it."""
-
-    def name(self, frame: Frame) -> str:
-        """Return the names of a frame's device and of its message."""
-
-    def meaning(self, frame: Frame) -> str:
-        """Return the content of a frame in words."""
-
-    def news(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
-        """Yield those that are not cyclic."""
-
-    def latest(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
-        """Yield the last one of each cyclic identifier."""
 
 
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:

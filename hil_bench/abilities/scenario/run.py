@@ -16,7 +16,7 @@ from hil_bench.abilities.scenario.driving import (
     NobodyDriver,
     Timekeeper,
 )
-from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
+from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
@@ -38,6 +38,7 @@ from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.fault_spans import fault_spans
+from hil_bench.session.frame_reader import FrameReader
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench

@@ -12,6 +12,7 @@ QUESTION = re.compile(
     r"(What|Whether|Which|Who|Whose|Where|How|Have it|"
     r"Returns? (what|whether|which|how|who|whose|where))\b"
 )
+OPENING = re.compile(rf"[\"']{{3}}\s*{QUESTION.pattern}")
 
 
 def packages() -> Iterator[str]:
@@ -30,6 +31,8 @@ def files(package: str) -> Iterator[Path]:
 
 def questions(source: str) -> Iterator[str]:
     """Yield line and opening of each docstring that opens with a question word."""
+    if not OPENING.search(source):
+        return  # without the second that it takes to parse all
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
@@ -54,6 +57,8 @@ PHRASE = re.compile(r"(can(not| not)|could not|to) be had|\b(tells?|told)\b(?! a
 
 def messages(source: str) -> Iterator[str]:
     """Yield line and text of each string that is no docstring, where it has such a phrase."""
+    if not PHRASE.search(source):
+        return
     tree = ast.parse(source)
     alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):

@@ -47,7 +47,7 @@ def gone_with(name: str) -> set[str]:
 
 @pytest.fixture
 def without(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Return what makes a copy of the packages without some abilities, and runs Python on it."""
+    """Return a function that copies the packages without some abilities, and runs Python on it."""
 
     def run(gone: set[str], *arguments: str) -> subprocess.CompletedProcess[str]:
         package = tmp_path / "hil_bench"

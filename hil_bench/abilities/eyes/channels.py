@@ -91,9 +91,7 @@ class BusChannels:
 
     def take(self, sight: Sight) -> bool:
         """Hold the values of a PDO or a message, and return whether there were some."""
-        if sight.message is not None:
-            return self._take_message(sight, sight.message)
-        has_values = False
+        has_values = sight.message is not None and self._take_message(sight, sight.message)
         for reading in sight.readings:
             place = self._places.get(_key(sight, reading))
             if place is None:

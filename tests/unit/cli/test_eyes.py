@@ -377,6 +377,20 @@ SPEED = 2.5 * 2.0 * math.pi / 60.0
 """7 · 0.5 - 1 = 2.5 rpm [rad/s]."""
 
 
+def test_a_j1939_message_of_nobody_known_becomes_channels_by_a_dbc(folder, capsys):
+    """PGN 65280 from address 5, behind its claim; a DBC marks 29-bit identifiers by bit 31."""
+    identifier = 0x18FF0005
+    vendor = VENDOR_DBC.replace("801", str(identifier | 1 << 31))
+    (folder / "vendor.dbc").write_text(vendor)
+    with can.TRCWriter("t.trc") as log:
+        claim = [1, 0, 0, 0, 0, 0, 0, 128]
+        log(can.Message(timestamp=1.7e9, arbitration_id=0x18EEFF05, data=claim))
+        log(can.Message(timestamp=1.7e9 + 0.3, arbitration_id=identifier, data=[7, 0, 0]))
+    assert main(["decode", "t.trc", "--dbc", "vendor.dbc", "-o", "d.csv"]) == 0
+    assert lines(capsys) == ["1 rows, 1 channels: d.csv"]
+    assert read_recording(folder / "d.csv")["Motor.speed"].tolist() == pytest.approx([SPEED])
+
+
 def test_the_signals_of_a_dbc_become_channels(folder, capsys, monkeypatch):
     (folder / "vendor.dbc").write_text(VENDOR_DBC + IDLE)
     motor = can.Message(timestamp=1.7e9, arbitration_id=801, data=[7, 0, 0], is_extended_id=False)

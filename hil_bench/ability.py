@@ -64,8 +64,9 @@ class Ability(NamedTuple):
         needs: the abilities that it imports.
         verbs: of the command line, by name.
         options: what it adds to verbs of the core: modules by verb, each with
-            ``add_options(group)`` and ``take_over(args) -> int | None``, which runs the verb where
-            one of its options asks for it, and returns None where none does.
+            ``add_options(group)`` and ``take_over(args, *known) -> int | None``, which runs the
+            verb where one of its options asks for it, and returns None where none does; known is
+            what the verb has read by then: the `BenchConfig` of ``check``.
         collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
             that it makes tests of.
         frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
@@ -97,11 +98,13 @@ def load(place: str) -> object:
 def other_abilities() -> tuple[list[Ability], list[str]]:
     """The abilities of other distributions, and a line for each that cannot be used."""
     registry = abilities()
-    found = list(registry.extensions())
-    usable = [registry.find(each.name) for each in found if not each.problem]
-    return [ability for ability in usable if ability], [
-        each.problem for each in found if each.problem
-    ]
+    usable, problems = [], []
+    for extension in registry.extensions():
+        if extension.problem:
+            problems.append(extension.problem)
+        elif found := registry.find(extension.name):
+            usable.append(found)
+    return usable, problems
 
 
 def abilities() -> Registry[Ability]:

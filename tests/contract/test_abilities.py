@@ -100,6 +100,18 @@ def test_the_core_names_no_ability():
     assert found == []
 
 
+def test_a_public_name_of_the_core_imports_no_ability():
+    program = (
+        "import sys, hil_bench; hil_bench.ConfigError; "
+        "print([name for name in sys.modules if name.startswith('hil_bench.abilities')]); "
+        "print(hil_bench.run_campaign.__name__, 'run_campaign' in hil_bench.__all__)"
+    )
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\nrun_campaign True\n"
+
+
 BENCH = "examples/machines/crane.toml"
 PROGRAM = f"""
 import sys

@@ -1,7 +1,7 @@
 """Frames of no known node by the messages of a DBC file: in words, and as numbers."""
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,8 @@ from hil_bench.bench.configuration.dbc_signals import load_dbc
 
 if TYPE_CHECKING:
     from cantools.database.can import Message
+
+_UNDECODABLE = ValueError, KeyError, OverflowError
 
 
 def add_dbc_argument(parser: argparse.ArgumentParser, what: str) -> None:
@@ -33,12 +35,14 @@ class DbcMessages:
 
     Args:
         path: the file; None for no messages.
+        seen: the identifiers whose messages count, and whether they are extended; None for all.
     """
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path | None, seen: Container[tuple[int, bool]] | None = None) -> None:
         messages = () if path is None else load_dbc(path).messages
+        known = {(each.frame_id, each.is_extended_frame): each for each in messages}
         self._messages: dict[tuple[int, bool], Message] = {
-            (each.frame_id, each.is_extended_frame): each for each in messages
+            key: each for key, each in known.items() if seen is None or key in seen
         }
 
     def explain(self, sight: Sight) -> Sight:
@@ -47,8 +51,8 @@ class DbcMessages:
         if message is None:
             return sight
         try:
-            values: dict[str, Any] = dict(message.decode(sight.frame.data, allow_truncated=True))  # type: ignore[arg-type]
-        except (ValueError, KeyError, OverflowError) as error:
+            values = _decode(message, sight.frame.data, named=True)
+        except _UNDECODABLE as error:
             return sight._replace(name=message.name, problem=str(error))
         sender = message.senders[0] if message.senders else ""
         units = {signal.name: signal.unit or "" for signal in message.signals}
@@ -69,18 +73,10 @@ class DbcMessages:
         if message is None:
             return {}
         try:
-            values: dict[str, Any] = dict(
-                message.decode(sight.frame.data, decode_choices=False, allow_truncated=True)  # type: ignore[arg-type]
-            )
-        except (ValueError, KeyError, OverflowError):
+            values = _decode(message, sight.frame.data, named=False)
+        except _UNDECODABLE:
             return {}
         return {(message.name, name): float(value) for name, value in values.items()}
-
-    def only(self, frames: set[tuple[int, bool]]) -> "DbcMessages":
-        """Return the messages of these identifiers."""
-        chosen = DbcMessages(None)
-        chosen._messages = {key: each for key, each in self._messages.items() if key in frames}
-        return chosen
 
     def _message_of(self, sight: Sight) -> "Message | None":
         """Return the message of a frame that nothing else explains."""
@@ -88,3 +84,8 @@ class DbcMessages:
         if sight.readings or sight.transfer or sight.problem or frame.is_remote:
             return None
         return self._messages.get((frame.can_id, frame.is_extended))
+
+
+def _decode(message: "Message", data: bytes, *, named: bool) -> dict[str, Any]:
+    """Return the values of a frame, those of an enumeration by name or as numbers."""
+    return dict(message.decode(data, decode_choices=named, allow_truncated=True))  # type: ignore[arg-type]

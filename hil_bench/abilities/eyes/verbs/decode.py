@@ -147,7 +147,7 @@ def _write(
 
         written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
     if args.output is not None:
-        dbc = DbcMessages(args.dbc).only(seen)
+        dbc = DbcMessages(args.dbc, seen)
         channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus), dbc)
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"

@@ -18,6 +18,7 @@ OWN = (
     "campaign",
     "commissioning",
     "conformance",
+    "controllers",
     "demo",
     "doctor",
     "evidence",

@@ -4,6 +4,7 @@ The records hold what the file says, in the units of its keys. A number may be t
 parameter. `hil_bench.abilities.scenario.resolve` puts the numbers in and turns times into ticks.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -152,10 +153,12 @@ class Controller:
     Attributes:
         firmware: a command line; ``{bus}`` and names of parameters stand for their values.
         example: the name of a controller of the package; empty for none.
+        table: the whole table of a controller of another kind, with its ``kind``; empty for none.
     """
 
     firmware: tuple[str, ...] = ()
     example: str = ""
+    table: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from hil_bench.abilities.scenario.controllers import CONTROLLERS
+from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.scenario.records import FirmwareCommand, NmtVerb
 from hil_bench.abilities.scenario.step_keys import (
     CONTROLLER_KEYS,
@@ -28,7 +28,7 @@ _VALUES: Final[_Schema] = {"type": "object", "minProperties": 1, "additionalProp
 _HEAD_FORMS: Final[dict[str, _Schema]] = {"duration_s": _NUMBER, "requirement_ids": _TEXTS}
 _CONTROLLER_FORMS: Final[dict[str, _Schema]] = {
     "firmware": _TEXTS,
-    "example": {"enum": sorted(CONTROLLERS)},
+    "example": {"enum": sorted(EXAMPLES)},
 }
 _PARAMETER_FORMS: Final[dict[str, _Schema]] = {
     "value": _NUMBER,

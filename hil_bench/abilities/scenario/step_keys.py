@@ -7,23 +7,12 @@ from typing import Final
 from hil_bench.abilities.scenario.records import FirmwareCommand, NmtVerb
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, describe, number, text
+from hil_bench.config.values import boolean, choice, describe, number, text, texts
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 
 LONGEST_RUN = 1e6  # [s]
-
-
-def texts(value: object) -> tuple[str, ...]:
-    """Return a list of texts.
-
-    Raises:
-        ConfigError: the value is something else.
-    """
-    if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
-        raise ConfigError(f'{describe(value)} is not a list of texts; write it as ["A", "B"]')
-    return tuple(value)
 
 
 def span(value: object) -> tuple[float, float]:

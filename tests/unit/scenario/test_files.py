@@ -325,7 +325,10 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
             HEAD + '[[step]]\nat_s = 1\nset = "a"\ntable = "none.csv"\n' + EXPECT,
             "none.csv: cannot be read: No such file or directory; give a CSV file",
         ),
-        (HEAD + "[controller]\n" + EXPECT, ":3:2: controller: needs a controller; give either"),
+        (
+            HEAD + "[controller]\n" + EXPECT,
+            ":3:2: controller: needs a controller; give kind, firmware or",
+        ),
         (HEAD + EXPECT + EXPECT, ':7:7: expect[2].id: "R1" is there twice; give each its own'),
         (HEAD + "step = 3\n" + EXPECT, "step: 3 is no list; write it as [[step]]"),
         (HEAD + "x = [\n", "is not valid TOML"),

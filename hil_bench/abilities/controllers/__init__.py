@@ -2,4 +2,8 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("controllers")
+ABILITY = Ability(
+    "controllers",
+    options={"run": "hil_bench.abilities.controllers.verbs.run_options"},
+    tables={"controllers": "hil_bench.abilities.controllers.section:ControllersSection"},
+)

@@ -15,7 +15,7 @@ from hil_bench.abilities.controllers.seam import (
 )
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ControllerError
+from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.session import Session
 
 _TIME = attrgetter("time")
@@ -163,7 +163,8 @@ class Desk:
         self._starts += 1
         scratch = self._scratch / str(self._starts)
         scratch.mkdir(parents=True)
-        self._inbox.clear()
+        if self._starts > 1:
+            self._inbox.clear()  # of the time without power; at first it came with the boot-up
         surroundings = self._surroundings._replace(scratch=scratch)
         self._controller = self._config.kind.build(self._config.settings, surroundings)
 
@@ -238,7 +239,7 @@ class Desks:
 
     @property
     def ending(self) -> str:
-        """How controllers came to their end by themselves; empty where none did."""
+        """The words on controllers that have come to their end by themselves; empty for none."""
         ended = [desk for desk in self._desks if desk.ending]
         return "; ".join(f"{desk.place}the controller ended: {desk.ending}" for desk in ended)
 

@@ -8,14 +8,14 @@ from typing import Any, Final, NamedTuple
 from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.seam import ControllerKind
-from hil_bench.config.settings import Given, Key, Problems, convert, read_table
+from hil_bench.config.settings import Given, Key, Problems, Setting, convert, read_table
 from hil_bench.config.values import find_nearest, quote, text, texts
 from hil_bench.registry import Registry, find_twice
 
 _OWN = {kind.name: kind for kind in (PROCESS, PYTHON)}
 
 KIND_KEY: Final = Key("kind", text, example='"python"')
-COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()))
+COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()), Key("folder", text))
 
 
 def _find_fault(kind: ControllerKind) -> str:
@@ -41,17 +41,21 @@ class Chosen(NamedTuple):
         kind: of controller.
         settings: the values of its table by key, in SI.
         buses: the names of its buses; empty for all.
+        folder: from which its paths count.
+        table: as a person would write it.
     """
 
     kind: ControllerKind
     settings: Mapping[str, Any]
-    buses: tuple[str, ...]
+    buses: tuple[str, ...] = ()
+    folder: Path = Path()
+    table: Mapping[str, Setting] = MappingProxyType({})
 
 
 def read_controller(
     table: str, given: Mapping[str, Given], folder: Path, problems: Problems
 ) -> Chosen | None:
-    """Return what a table with ``kind`` describes; None with a problem noted.
+    """Return the controller of a table with ``kind``; None with a problem noted.
 
     Args:
         table: its name.
@@ -67,10 +71,12 @@ def read_controller(
     if len(found) < len(keys):
         return None
     settings = convert(found, kind.keys)
+    if found["folder"].value is not None:
+        folder = Path(found["folder"].value)
     for line in kind.problems(settings, folder):
         key, _, what = line.partition(": ")
         problems.add(problems.place(table, key), what)
-    return Chosen(kind, settings, found["buses"].value)
+    return Chosen(kind, settings, found["buses"].value, folder, found)
 
 
 def find_kind(table: str, given: Mapping[str, Given], problems: Problems) -> ControllerKind | None:

@@ -7,13 +7,13 @@ from hil_bench.abilities.controllers.desk import ONLY, ControllerConfig, Desks, 
 from hil_bench.abilities.controllers.kinds import Chosen, read_controller
 from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
+from hil_bench.abilities.controllers.section import note_unknown_buses
 from hil_bench.abilities.scenario.director import Director, FirmwareHook
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.records import FirmwareCommand, FirmwareStep, Scenario
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.document import give
 from hil_bench.config.settings import Origin, Problems
-from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ControllerError
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.virtual_bench import VirtualBench
@@ -38,17 +38,13 @@ def controller_of(
         return None
     problems = Problems(str(scenario.path))
     chosen = _choose(scenario, parameters, problems)
-    for bus in chosen.buses if chosen is not None else ():
-        if bus not in config.buses:
-            near = find_nearest(bus, config.buses)
-            wrong = f"{quote(bus)} is no bus of the bench; the nearest is {near}"
-            problems.add(problems.place(ONLY, "buses"), wrong)
+    note_unknown_buses(ONLY, chosen.buses if chosen else (), config.buses, problems)
     problems.raise_any()
     if chosen is None:
         return None
     buses = chosen.buses or tuple(config.buses)
-    place, folder = problems.place(ONLY), scenario.path.parent
-    return ControllerConfig(ONLY, chosen.kind, chosen.settings, buses, place, folder)
+    place = problems.place(ONLY)
+    return ControllerConfig(ONLY, chosen.kind, chosen.settings, buses, place, chosen.folder)
 
 
 def _choose(
@@ -58,7 +54,7 @@ def _choose(
     if controller is None:
         return None
     if controller.firmware:
-        return Chosen(PROCESS, {"command": controller.firmware}, ())
+        return Chosen(PROCESS, {"command": controller.firmware})
     if controller.example:
         # canopen is slow to import, and not all scenarios have an example.
         from hil_bench.abilities.controllers.python.examples import (  # noqa: PLC0415
@@ -67,7 +63,7 @@ def _choose(
         )
 
         example, settings = CONTROLLERS[controller.example], settings_of(parameters)
-        return Chosen(PYTHON, {"call": lambda rig: example(rig, settings)}, ())
+        return Chosen(PYTHON, {"call": lambda rig: example(rig, settings)})
     given = give(ONLY, controller.table, Origin.FILE, problems)
     return read_controller(ONLY, given, scenario.path.parent, problems)
 

@@ -141,7 +141,7 @@ class PythonController:
         return sent
 
     def _ending(self, error: Exception, until: int) -> Exception:
-        """Return what an exception of it means for the run."""
+        """Return the end of the controller by an exception, as the bench knows ends."""
         if not self.has_begun and isinstance(error, (DriverError, ValueError)):
             return ControllerError(f"the controller could not work: {error}")
         if self._is_cyclic and isinstance(error, DriverError):
@@ -182,7 +182,7 @@ class PythonController:
 
 
 def _place(error: Exception, call: Callable[[Rig], object]) -> str:
-    """Return what went wrong, and in which line of the user's file."""
+    """Return the exception in words, with the line of the user's file."""
     file = inspect.getsourcefile(inspect.unwrap(call)) if inspect.isroutine(call) else None
     trace = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in trace if frame.filename == file] or trace

@@ -29,7 +29,7 @@ class PythonKind(ControllerKind):
     keys = (Key("call", text, example='"axis.py:control"'),)
 
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:
-        """Return what is wrong with the callable; its file is imported."""
+        """Return the fault of the callable, whose file is imported."""
         try:
             find_call(settings["call"], folder)
         except ConfigError as error:

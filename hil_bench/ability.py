@@ -75,6 +75,7 @@ class Ability(NamedTuple):
         tables: of ``bench.toml``: ``module:class`` by name, of the `Section` that reads it. It is
             made with the document, the names of all buses, the folder of the file and the problems,
             and builds a `Part` by the table's name.
+        fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
@@ -85,6 +86,7 @@ class Ability(NamedTuple):
     collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
     tables: Mapping[str, str] = _NOTHING
+    fixtures: str = ""
     exports: Mapping[str, str] = _NOTHING
 
 
@@ -135,7 +137,7 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "frame_reader", "exports"):
+    for name in ("options", "collectors", "frame_reader", "fixtures", "exports"):
         if getattr(ability, name):
             return f"has {name}; of other distributions only verbs and tables are taken"
     for name, verb in ability.verbs.items():

@@ -63,6 +63,8 @@ class Session:
         now: bench time [ns]: that of the last tick, or later where a runner has waited since.
         intercept: called at the start of each tick, before the commands of the door act; it may
             give the door some. None lets all frames pass.
+        switches: of the power of others on its buses in this process, by name: "start", "kill" or
+            "restart".
         sources: asked at the start of each tick, before `now` moves; what they send acts in it.
     """
 
@@ -86,6 +88,7 @@ class Session:
         self.now = 0
         self.intercept: Interceptor | None = None
         self.sources: list[Source] = []
+        self.switches: dict[str, Callable[[str], None]] = {}
         self._commands = self.door.waiting
         self._stimuli = tuple(stimuli.values())
         self._frame_observers: list[FrameObserver] = []

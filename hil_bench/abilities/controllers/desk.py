@@ -1,11 +1,13 @@
 """Controllers on the buses of a session: what each hears, and when what it sends acts."""
 
 from collections.abc import Mapping, Sequence
-from enum import StrEnum
+from dataclasses import dataclass, field
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.seam import (
     Controller,
     ControllerEnd,
@@ -21,19 +23,8 @@ from hil_bench.session.session import Session
 _TIME = attrgetter("time")
 
 
-ONLY = "controller"
-"""Name of the one controller of a scenario."""
-
-
-class Power(StrEnum):
-    """The switch of a controller, as steps and commands name its positions."""
-
-    START = "start"
-    KILL = "kill"
-    RESTART = "restart"
-
-
-class ControllerConfig(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ControllerConfig:
     """A controller of a bench.
 
     Attributes:
@@ -41,6 +32,7 @@ class ControllerConfig(NamedTuple):
         kind: of controller.
         settings: the values of its table by key, in SI.
         buses: the names of its buses.
+        files: that its settings name.
         place: how messages name its table.
         folder: from which relative paths count.
     """
@@ -49,8 +41,9 @@ class ControllerConfig(NamedTuple):
     kind: ControllerKind
     settings: Mapping[str, Any]
     buses: tuple[str, ...]
-    place: str
-    folder: Path
+    files: tuple[Path, ...]
+    place: str = field(compare=False)
+    folder: Path = field(compare=False)
 
 
 class Desk:
@@ -138,18 +131,17 @@ class Desk:
         self._own += [frame for _, frame in outside]
         return sorted(outside, key=_TIME)
 
-    def reset(self) -> None:
-        """Switch power off and on."""
-        if self._controller is None:
-            self.is_due = True
-        else:
-            self._controller.reset()
+    def switch_off(self, *, at_once: bool = False) -> None:
+        """End the controller; a second call does nothing.
 
-    def switch_off(self) -> None:
-        """End the controller; a second call does nothing."""
+        Args:
+            at_once: as a loss of power does.
+        """
         controller, self._controller = self._controller, None
         self.is_due = False
         if controller is not None:
+            if at_once:
+                controller.reset()
             controller.close()
 
     def tail(self) -> str:
@@ -214,6 +206,9 @@ class Desks:
         scratch: an empty folder, which stays the caller's.
         values: the parameters of a scenario, in their own units.
 
+    Attributes:
+        desks: of each controller.
+
     Raises:
         ConfigError: the buses are of copper, and a kind's SYNC is its clock.
     """
@@ -226,7 +221,7 @@ class Desks:
         scratch: Path,
         values: Mapping[str, float] | None = None,
     ) -> None:
-        self._desks = [
+        self.desks = [
             Desk(config, session, bench, scratch / config.name, values or {})
             for config in sorted(configs, key=attrgetter("name"))
         ]
@@ -236,49 +231,53 @@ class Desks:
                 "leave the table out, or give a controller of another kind"
             )
         session.sources.append(self._live)
+        for desk in self.desks:
+            session.switches[desk.name] = partial(self.switch, desk)
 
     @property
     def ending(self) -> str:
         """The words on controllers that have come to their end by themselves; empty for none."""
-        ended = [desk for desk in self._desks if desk.ending]
+        ended = [desk for desk in self.desks if desk.ending]
         return "; ".join(f"{desk.place}the controller ended: {desk.ending}" for desk in ended)
 
     @property
     def have_begun(self) -> bool:
         """Return True unless one runs that has not begun its work yet."""
-        return all(desk.has_begun for desk in self._desks)
+        return all(desk.has_begun for desk in self.desks)
 
-    def switch(self, power: Power, name: str = "") -> None:
-        """Turn a controller on or off; of one that runs already, nothing changes.
+    def switch(self, desk: Desk, position: str) -> None:
+        """Turn a controller on or off; where it is so already, nothing changes.
 
         Args:
-            power: the position of the switch.
-            name: of the controller; empty for the only one.
+            desk: of the controller.
+            position: of the switch, a `Power`.
         """
-        for desk in self._find(name):
-            if power is not Power.START:
-                desk.switch_off()
-            if power is not Power.KILL and not desk.is_running:
-                desk.is_due = True
+        power = Power(position)
+        if power is not Power.START:
+            desk.switch_off(at_once=True)
+        if power is not Power.KILL and not desk.is_running:
+            desk.is_due = True
+
+    def leave_off(self) -> None:
+        """Leave all off until they are started."""
+        for desk in self.desks:
+            desk.is_due = False
 
     def report(self) -> str:
         """The end of what each controller has printed."""
-        tails = ((desk.name, desk.tail()) for desk in self._desks)
+        tails = ((desk.name, desk.tail()) for desk in self.desks)
         return "\n".join(f"{name}:\n{tail}" for name, tail in tails if tail)
 
     def close(self) -> None:
         """End all controllers; a second call does nothing."""
-        for desk in reversed(self._desks):
+        for desk in reversed(self.desks):
             desk.switch_off()
 
     def _live(self, now: int) -> Sequence[Frame]:
         """Let all live until a tick; return what they have sent, by time and name."""
         if not now:
             return ()
-        sent = [each for desk in self._desks for each in desk.live(now)]
-        if len(self._desks) > 1:
+        sent = [each for desk in self.desks for each in desk.live(now)]
+        if len(self.desks) > 1:
             sent.sort(key=_TIME)
         return [frame for _, frame in sent]
-
-    def _find(self, name: str) -> Sequence[Desk]:
-        return [desk for desk in self._desks if not name or desk.name == name]

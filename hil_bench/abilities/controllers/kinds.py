@@ -1,6 +1,6 @@
 """The kinds of controllers, and the table that names one."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -93,3 +93,21 @@ def find_kind(table: str, given: Mapping[str, Given], problems: Problems) -> Con
         wrong = f"{quote(name)} is no kind of controller; the nearest is {near}"
         problems.add(problems.place(table, "kind"), wrong)
     return kind
+
+
+def files_of(settings: Mapping[str, object], folder: Path) -> tuple[Path, ...]:
+    """Return the files that the values of a controller's table name.
+
+    Args:
+        settings: the values by key.
+        folder: from which relative paths count.
+    """
+    words = [word for value in settings.values() for word in _words(value)]
+    paths = [folder / name for word in words for name in (word, word.rpartition(":")[0]) if name]
+    return tuple(path for path in paths if path.is_file())
+
+
+def _words(value: object) -> Iterable[str]:
+    if isinstance(value, str):
+        return (value,)
+    return (each for each in value if isinstance(each, str)) if isinstance(value, tuple) else ()

@@ -5,8 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.controllers.desk import ONLY, ControllerConfig, Desks
-from hil_bench.abilities.controllers.kinds import Chosen, read_controller
+from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
+from hil_bench.abilities.controllers.kinds import Chosen, files_of, read_controller
+from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Problems, Settings
@@ -72,21 +73,12 @@ class ControllersSection:
                 self._chosen[name] = chosen
 
     def resolve(self) -> None:
-        """Note buses that are not there."""
-        for name, chosen in self._chosen.items():
-            note_unknown_buses(f"{TABLE}.{name}", chosen.buses, self._buses, self._problems)
+        """Nothing follows from other sections."""
 
     def build(self) -> Mapping[str, Any]:
         """Return all controllers."""
         configs = tuple(
-            ControllerConfig(
-                name,
-                chosen.kind,
-                chosen.settings,
-                chosen.buses or self._buses,
-                self._problems.place(f"{TABLE}.{name}"),
-                chosen.folder,
-            )
+            config_of(name, f"{TABLE}.{name}", chosen, self._buses, self._problems)
             for name, chosen in self._chosen.items()
         )
         return {TABLE: ControllersConfig(configs)}
@@ -96,13 +88,30 @@ class ControllersSection:
         return [dict(chosen.table) for chosen in self._chosen.values()]
 
 
-def note_unknown_buses(
-    table: str, buses: Iterable[str], known: Iterable[str], problems: Problems
-) -> None:
-    """Note the buses of a controller that the bench does not have."""
-    for bus in buses:
+def config_of(
+    name: str, table: str, chosen: Chosen, buses: Iterable[str], problems: Problems
+) -> ControllerConfig:
+    """Return the record of a controller; buses that are not there are noted.
+
+    Args:
+        name: of the controller.
+        table: that it was read from.
+        chosen: what that says.
+        buses: the names of all buses of the bench.
+        problems: where they are noted.
+    """
+    known = tuple(buses)
+    for bus in chosen.buses:
         if bus not in known:
-            wrong = (
-                f"{quote(bus)} is no bus of the bench; the nearest is {find_nearest(bus, known)}"
-            )
+            near = find_nearest(bus, known)
+            wrong = f"{quote(bus)} is no bus of the bench; the nearest is {near}"
             problems.add(problems.place(table, "buses"), wrong)
+    return ControllerConfig(
+        name,
+        chosen.kind,
+        chosen.settings,
+        chosen.buses or known,
+        files_of(chosen.settings, chosen.folder),
+        problems.place(table),
+        chosen.folder,
+    )

@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from typing import TypeGuard
 
-from hil_bench.abilities.controllers.desk import ONLY, ControllerConfig, Desks, Power
+from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.kinds import Chosen, read_controller
+from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
-from hil_bench.abilities.controllers.section import note_unknown_buses
-from hil_bench.abilities.scenario.director import Director, FirmwareHook
+from hil_bench.abilities.controllers.section import ControllersConfig, config_of
+from hil_bench.abilities.scenario.director import Director
 from hil_bench.abilities.scenario.prepared import PreparedScenario
-from hil_bench.abilities.scenario.records import FirmwareCommand, FirmwareStep, Scenario
+from hil_bench.abilities.scenario.records import FirmwareStep, Scenario, Step
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.document import give
 from hil_bench.config.settings import Origin, Problems
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ControllerError
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.virtual_bench import VirtualBench
@@ -38,13 +41,12 @@ def controller_of(
         return None
     problems = Problems(str(scenario.path))
     chosen = _choose(scenario, parameters, problems)
-    note_unknown_buses(ONLY, chosen.buses if chosen else (), config.buses, problems)
     problems.raise_any()
     if chosen is None:
         return None
-    buses = chosen.buses or tuple(config.buses)
-    place = problems.place(ONLY)
-    return ControllerConfig(ONLY, chosen.kind, chosen.settings, buses, place, chosen.folder)
+    record = config_of(ONLY, ONLY, chosen, config.buses, problems)
+    problems.raise_any()
+    return record
 
 
 def _choose(
@@ -79,7 +81,6 @@ class RunnerDriver:
 
     def __init__(self, bench: VirtualBench, desks: Desks | None) -> None:
         self._bench, self._desks = bench, desks
-        self.on_firmware: FirmwareHook | None = None if desks is None else self._obey
 
     def drive(self, director: Director, last_tick: int) -> str:
         """Let time pass until the run is over; return how a controller ended before that.
@@ -100,10 +101,6 @@ class RunnerDriver:
             raise ControllerError("the controller had not begun its work when the run was over")
         return self._desks.ending
 
-    def _obey(self, command: FirmwareCommand) -> None:
-        if self._desks is not None:
-            self._desks.switch(Power(command.value))
-
 
 @contextmanager
 def driver_of(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[RunnerDriver]:
@@ -120,11 +117,33 @@ def driver_of(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Runne
     values = {
         each.name: each.unit.from_si(prepared.parameters[each.name]) for each in scenario.parameters
     }
-    commands = [s.command for s in scenario.steps if isinstance(s, FirmwareStep)]
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())
         desks = Desks([chosen], bench.session, prepared.config, scratch, values)
         stack.callback(desks.close)
-        if commands[:1] == [FirmwareCommand.START]:
-            desks.switch(Power.KILL)
+        commands = [step.command for step in scenario.steps if _is_for_it(step)]
+        if commands[:1] == [Power.START]:
+            desks.leave_off()
         yield RunnerDriver(bench, desks)
+
+
+def _is_for_it(step: Step) -> TypeGuard[FirmwareStep]:
+    return isinstance(step, FirmwareStep) and step.target in {"", ONLY}
+
+
+def switch_problems(scenario: Scenario, config: BenchConfig) -> Iterator[str]:
+    """Yield a line for each step that switches a controller that is not there."""
+    others = config.of(ControllersConfig)
+    names = [each.name for each in others.controllers] if others is not None else []
+    if scenario.controller is not None:
+        names.insert(0, ONLY)
+    for step in scenario.steps:
+        if not isinstance(step, FirmwareStep):
+            continue
+        if not names:
+            yield f"{step.place}: there is no firmware; give it in [controller]"
+        elif step.target and step.target not in names:
+            wrong = f"{quote(step.target)} is no controller"
+            yield f"{step.place}: {wrong}; the nearest is {find_nearest(step.target, names)}"
+        elif not step.target and scenario.controller is None and len(names) > 1:
+            yield f"{step.place}: there are several controllers; give target = {quote(names[0])}"

@@ -154,7 +154,7 @@ class StepReader:
             case "sync":
                 steps = [SyncStep(at, found["sync"].value)]
             case _:
-                steps = [FirmwareStep(at, found["firmware"].value)]
+                steps = [FirmwareStep(at, found["firmware"].value, found["target"].value)]
         return steps
 
     def _settings(self, table: str, values: Mapping[str, object], keys: Sequence[Key]) -> Settings:

@@ -10,6 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.units import Unit
 
@@ -42,14 +43,6 @@ class NmtVerb(StrEnum):
     PRE_OPERATIONAL = "pre_operational"
     RESET_NODE = "reset_node"
     RESET_COMMUNICATION = "reset_communication"
-
-
-class FirmwareCommand(StrEnum):
-    """A command to the controller's process."""
-
-    START = "start"
-    KILL = "kill"
-    RESTART = "restart"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +129,11 @@ class SyncStep:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareStep:
-    """The controller's process is started, killed or both."""
+    """A controller is started, killed or both: the named one, or the only one."""
 
     at: Amount
-    command: FirmwareCommand
+    command: Power
+    target: str = ""
     place: str = field(default="", compare=False)
 
 

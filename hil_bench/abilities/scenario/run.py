@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
-from hil_bench.abilities.scenario.driving import controller_of, driver_of
+from hil_bench.abilities.scenario.driving import controller_of, driver_of, switch_problems
 from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
-from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
+from hil_bench.abilities.scenario.records import NmtStep, Scenario, SyncStep
 from hil_bench.abilities.scenario.resolve import (
     Requirement,
     SetAction,
@@ -157,7 +157,6 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
         stage = Stage(
             prepared,
             bench.session,
-            driver.on_firmware,
             stops_at_failure=options.stops_at_failure,
         )
         with options.beside(bench, stage):
@@ -207,9 +206,8 @@ def _controller_problems(
         chosen = controller_of(scenario, config, values)
     except ConfigError as error:
         yield from str(error).splitlines()
+    yield from switch_problems(scenario, config)
     for step in scenario.steps:
-        if isinstance(step, FirmwareStep) and controller is None:
-            yield f"{step.place}: there is no firmware; give it in [controller]"
         if isinstance(step, SyncStep) and chosen is not None and chosen.kind.is_clock:
             wrong = "the firmware's SYNC lets bench time pass, so it cannot be switched"
             yield f"{step.place}: {wrong}; kill the firmware instead"

@@ -110,6 +110,7 @@ def step_table(step: Step) -> dict[str, object]:
             table["sync"] = step.is_on
         case FirmwareStep():
             table["firmware"] = step.command.value
+            table |= {"target": step.target} if step.target else {}
     return table
 
 
@@ -140,7 +141,7 @@ def _step_cell(step: Step) -> tuple[str, str]:
         case SyncStep():
             return "sync", "on" if step.is_on else "off"
         case FirmwareStep():
-            return "firmware", step.command.value
+            return f"firmware:{step.target}".rstrip(":"), step.command.value
 
 
 def _plain(value: Amount | object) -> object:

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import (
     Controller,
     Expectation,
     FaultStep,
-    FirmwareCommand,
     FirmwareStep,
     NmtStep,
     NmtVerb,
@@ -108,7 +108,7 @@ def test_a_file_becomes_records(tmp_path):
         SetStep(0.5, "axis1.load", 5000.0, 0.2),
         NmtStep(3.0, NmtVerb.STOP, "valve"),
         SyncStep(3.0004, is_on=False),
-        FirmwareStep(4.0, FirmwareCommand.RESTART),
+        FirmwareStep(4.0, Power.RESTART),
     )
     assert found.expectations == (Expectation("R1", "always axis1.P_A < 250 bar"),)
 
@@ -230,7 +230,7 @@ STEPS = st.one_of(
     ),
     st.builds(NmtStep, TIMES, st.sampled_from(NmtVerb), st.just("valve")),
     st.builds(SyncStep, TIMES, st.booleans()),
-    st.builds(FirmwareStep, TIMES, st.sampled_from(FirmwareCommand)),
+    st.builds(FirmwareStep, TIMES, st.sampled_from(Power)),
 )
 SCENARIOS = st.builds(
     Scenario,

@@ -19,7 +19,6 @@ class ProcessKind(ControllerKind):
 
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:
         """Return nothing: a program may be built between the check and the run."""
-        del settings, folder
         return ()
 
     def build(self, settings: Mapping[str, Any], surroundings: Surroundings) -> Controller:

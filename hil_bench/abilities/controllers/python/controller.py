@@ -85,7 +85,7 @@ class PythonController:
         self._stack: greenlet | None = None
         self._bench: greenlet | None = None
         self._made: Controller | None = None
-        self._bus: EmbeddedBus | None = None
+        self._rig: Rig | None = None
         self.has_begun = True
         self._is_cyclic = self._is_closing = False
 
@@ -124,6 +124,8 @@ class PythonController:
         if self._stack is not None and not self._stack.dead:
             with contextlib.suppress(Exception):
                 self._stack.throw()
+        for bus in self._rig.buses.values() if self._rig is not None else ():
+            bus.shutdown()
 
     def _run(self, until: int, received: Sequence[TimedFrame]) -> Sequence[Frame]:
         """Enter the stack until it is left; forget it where it has come to its end."""
@@ -131,7 +133,7 @@ class PythonController:
         try:
             if self._stack is None:
                 self._stack = greenlet(self._live)
-                sent: Sequence[Frame] = self._stack.switch(self._rig(until, received))
+                sent: Sequence[Frame] = self._stack.switch(self._make_rig(until, received))
             else:
                 sent = self._stack.switch([frame for _, frame in received])
         except Exception as error:
@@ -145,17 +147,17 @@ class PythonController:
         if not self.has_begun and isinstance(error, (DriverError, ValueError)):
             return ControllerError(f"the controller could not work: {error}")
         if self._is_cyclic and isinstance(error, DriverError):
-            sent = [] if self._bus is None else self._bus.take_sent()
+            sent = [] if self._rig is None else self._rig.bus.take_sent()
             return ControllerEnd(str(error), [TimedFrame(until, frame) for frame in sent])
         return ControllerError(_place(error, self._call))
 
-    def _rig(self, until: int, received: Sequence[TimedFrame]) -> Rig:
+    def _make_rig(self, until: int, received: Sequence[TimedFrame]) -> Rig:
         """Make its rig, with what came while it started."""
         tick_ns = self._surroundings.tick_ns
         bus = EmbeddedBus(self._exchange, tick_ns, start_ns=until - tick_ns)
         rig = Rig(bus, self._surroundings)
         bus.hear([frame for _, frame in received])
-        self._bus = bus
+        self._rig = rig
         return rig
 
     def _live(self, rig: Rig) -> Sequence[Frame]:

@@ -1,4 +1,5 @@
 #include "axis.h"
+#include "platform.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -17,9 +18,10 @@ enum { DISABLED = 1, HOLD = 3 }; /* control words of CiA 408 */
 
 static enum outcome fail(const struct device *device, const char *what, unsigned number)
 {
-    fprintf(stderr, "firmware: %s (node %u): ", device->name, device->node_id);
-    fprintf(stderr, what, number);
-    fputc('\n', stderr);
+    char text[64];
+
+    snprintf(text, sizeof text, what, number);
+    platform_warn("firmware: %s (node %u): %s\n", device->name, device->node_id, text);
     return DEVICE_FAILED;
 }
 
@@ -33,6 +35,7 @@ static bool all_booted(const struct canopen *master)
 
 static enum outcome reset_devices(struct canopen *master)
 {
+    canopen_listen(master, canopen_now_us(master)); /* what booted before is none of the answer */
     for (int i = 0; i < DEVICES; i++)
         master->devices[i].has_booted = false;
     for (int number = 0; number < (master->is_lockstep ? 1 : BOOT_TRIES); number++) {

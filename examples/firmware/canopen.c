@@ -1,8 +1,7 @@
 #include "canopen.h"
+#include "platform.h"
 
-#include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #define HEARTBEAT_PERIOD_US 50000
 #define SDO_TIMEOUT_US 500000
@@ -12,17 +11,9 @@
 enum { NMT = 0x000, SYNC = 0x080, EMCY = 0x080, TPDO1 = 0x180, SDO_ANSWER = 0x580,
        SDO_REQUEST = 0x600, HEARTBEAT = 0x700 };
 
-static int64_t wall_us(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
-}
-
 int64_t canopen_now_us(const struct canopen *master)
 {
-    return master->is_lockstep ? master->syncs * master->period_us : wall_us();
+    return master->is_lockstep ? master->syncs * master->period_us : platform_now_us();
 }
 
 static struct device *find_device(struct canopen *master, uint16_t node_id)
@@ -66,11 +57,11 @@ static void take(struct canopen *master, const struct frame *frame)
 
 bool canopen_wait(struct canopen *master, condition is_done, int64_t deadline_us)
 {
-    int64_t guard_us = master->is_lockstep ? wall_us() + LOCKSTEP_PATIENCE_US : deadline_us;
+    int64_t guard_us = master->is_lockstep ? platform_now_us() + LOCKSTEP_PATIENCE_US : deadline_us;
     struct frame frame;
 
     while (!is_done(master)) {
-        int64_t left_us = guard_us - wall_us();
+        int64_t left_us = guard_us - platform_now_us();
         enum receive_result result = can_bus_receive(&master->bus, &frame, left_us);
         master->is_lost |= result == RECEIVE_LOST;
         if (master->is_lost || (result == RECEIVE_NOTHING && left_us <= 0))
@@ -175,12 +166,12 @@ static bool refuse(const struct canopen *master, const struct device *device,
     if (master->has_sdo_answer && master->sdo_answer.data[0] == 0x80)
         for (int i = 0; i < 4; i++)
             code |= (uint32_t)master->sdo_answer.data[4 + i] << 8 * i;
-    fprintf(stderr, "firmware: %s (node %u): object 0x%02X%02X.%02X: ", device->name,
+    platform_warn("firmware: %s (node %u): object 0x%02X%02X.%02X: ", device->name,
             device->node_id, request[2], request[1], request[3]);
     if (code)
-        fprintf(stderr, "SDO abort 0x%08X\n", code);
+        platform_warn("SDO abort 0x%08X\n", code);
     else
-        fprintf(stderr, "no answer that fits\n");
+        platform_warn("no answer that fits\n");
     return false;
 }
 

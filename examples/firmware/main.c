@@ -4,201 +4,53 @@
  * their CANopen profiles only. Each cycle sends the valve's command and SYNC, takes what the
  * devices answer, and computes the next command from that.
  */
-#include "axis.h"
+#include "position_control.h"
 
 #include <getopt.h>
-#include <math.h>
 #include <signal.h>
 #include <stdio.h>
-#include <stdlib.h>
 
-#define POSITION_GAIN 20.0 /* [1/s] */
-#define FULL_SPEED 0.29    /* of the piston at full opening [m/s] */
-#define DEAD_ZONE (0.3 / 1.3)
-#define TOLERANCE 50e-6 /* [m]; an error that is left alone at rest */
-#define SETTLED 100e-6  /* [m] */
-#define PATIENCE 1.0    /* for settling at a target [s] */
-#define MOST_TARGETS 16
-#define DEFAULT_PERIOD_US 1000
-
-struct options {
-    const char *bus;
-    bool is_lockstep;
-    int64_t period_us;
-    double speed; /* [m/s] */
-    double dwell; /* at each target [s] */
-    double targets[MOST_TARGETS]; /* [m] */
-    int target_count;
-};
-
-struct report {
-    int64_t cycles;
-    int64_t overruns;
-    double largest_error; /* [m] */
-    struct feedback last;
-};
-
-static volatile sig_atomic_t is_interrupted;
+static volatile sig_atomic_t has_signal;
 
 static void interrupt(int number)
 {
     (void)number;
-    is_interrupted = 1;
+    has_signal = 1;
 }
 
-/* The opening that gives the wanted speed: feed-forward, gain on the error, dead-zone. */
-static double opening(double setpoint, double speed, double position)
+static bool is_interrupted(void)
 {
-    double error = setpoint - position, wanted = speed + POSITION_GAIN * error;
-    double share = fmin(fabs(wanted) / FULL_SPEED, 1.0);
-
-    if (speed == 0.0 && fabs(error) <= TOLERANCE)
-        return 0.0;
-    return copysign(DEAD_ZONE + (1.0 - DEAD_ZONE) * share, wanted);
-}
-
-/* Moves the set-point towards a target by at most one cycle's way; returns its speed [m/s]. */
-static double approach(double *setpoint, double target, double speed, double period)
-{
-    double way = target - *setpoint, step = speed * period;
-
-    if (fabs(way) <= step) {
-        *setpoint = target;
-        return 0.0;
-    }
-    *setpoint += copysign(step, way);
-    return copysign(speed, way);
-}
-
-/* Waits for the next cycle on the grid; returns its end. A cycle that is over is left out. */
-static int64_t next_deadline(struct canopen *master, int64_t deadline_us, struct report *report)
-{
-    canopen_listen(master, deadline_us);
-    deadline_us += master->period_us;
-    while (!master->is_lockstep && deadline_us <= canopen_now_us(master)) {
-        deadline_us += master->period_us;
-        report->overruns++;
-    }
-    return deadline_us;
-}
-
-static enum outcome control(struct axis *axis, const struct options *options,
-                            struct report *report)
-{
-    const double period = (double)options->period_us * 1e-6;
-    struct feedback *now = &report->last;
-    int64_t deadline_us = canopen_now_us(axis->master) + options->period_us;
-    double setpoint = 0.0, speed = 0.0, rest = 0.0, settling = 0.0, command = 0.0;
-    int target = 0;
-
-    while (target < options->target_count) {
-        enum outcome outcome = axis_cycle(axis, 7, command, deadline_us, now);
-        if (outcome != DONE)
-            return outcome;
-        if (is_interrupted)
-            return INTERRUPTED;
-        report->cycles++;
-        if (!now->is_active) {
-            setpoint = now->position; /* begin from where the piston is */
-            command = 0.0;
-        } else {
-            report->largest_error = fmax(report->largest_error, fabs(setpoint - now->position));
-            speed = approach(&setpoint, options->targets[target], options->speed, period);
-            settling = speed == 0.0 ? settling + period : 0.0;
-            rest = settling > 0.0 && fabs(setpoint - now->position) <= SETTLED ? rest + period : 0.0;
-            command = opening(setpoint, speed, now->position);
-        }
-        if (rest >= options->dwell) {
-            printf("%.3f s: %.3f mm at target %.3f mm\n", (double)report->cycles * period,
-                   now->position * 1e3, options->targets[target] * 1e3);
-            settling = rest = 0.0;
-            target++;
-        }
-        if (settling > PATIENCE + options->dwell) {
-            fprintf(stderr, "firmware: does not settle: %.3f mm from the target\n",
-                    (setpoint - now->position) * 1e3);
-            return DEVICE_FAILED;
-        }
-        deadline_us = next_deadline(axis->master, deadline_us, report);
-    }
-    return DONE;
-}
-
-/* Reads a positive number times a unit. */
-static bool read_positive(const char *text, double unit, double *value)
-{
-    char *end;
-
-    *value = strtod(text, &end) * unit;
-    return *text != '\0' && *end == '\0' && *value > 0.0 && *value <= 1e9;
-}
-
-/* Reads "50,-20": targets in mm. */
-static bool read_targets(const char *text, struct options *options)
-{
-    char *end = NULL;
-
-    for (options->target_count = 0; options->target_count < MOST_TARGETS; text = end + 1) {
-        double target = strtod(text, &end) * 1e-3;
-        if (end == text || !isfinite(target))
-            return false;
-        options->targets[options->target_count++] = target;
-        if (*end != ',')
-            return *end == '\0';
-    }
-    return false;
+    return has_signal != 0;
 }
 
 static bool parse(int argc, char **argv, struct options *options)
 {
     static const struct option names[] = {
         {"bus", required_argument, NULL, 'b'},       {"lockstep", no_argument, NULL, 'l'},
-        {"period-us", required_argument, NULL, 'p'}, {"speed-mm-s", required_argument, NULL, 's'},
-        {"dwell-ms", required_argument, NULL, 'd'},  {"targets-mm", required_argument, NULL, 't'},
+        {"period-us", required_argument, NULL, 's'}, {"speed-mm-s", required_argument, NULL, 's'},
+        {"dwell-ms", required_argument, NULL, 's'},  {"targets-mm", required_argument, NULL, 's'},
         {NULL, 0, NULL, 0},
     };
-    double period_us = DEFAULT_PERIOD_US;
     bool is_right = true;
-    int option;
+    int option, index;
 
-    while ((option = getopt_long(argc, argv, "", names, NULL)) != -1) {
+    while ((option = getopt_long(argc, argv, "", names, &index)) != -1) {
         switch (option) {
         case 'b': options->bus = optarg; break;
         case 'l': options->is_lockstep = true; break;
-        case 'p': is_right &= read_positive(optarg, 1.0, &period_us); break;
-        case 's': is_right &= read_positive(optarg, 1e-3, &options->speed); break;
-        case 'd': is_right &= read_positive(optarg, 1e-3, &options->dwell); break;
-        case 't': is_right &= read_targets(optarg, options); break;
+        case 's': is_right &= set_option(options, names[index].name, optarg); break;
         default: return false;
         }
     }
-    options->period_us = llround(period_us);
-    return is_right && optind == argc && options->bus != NULL && options->target_count > 0 &&
-           options->period_us > 0;
-}
-
-static void print_report(const struct report *report)
-{
-    printf("%lld cycles, %lld overruns, largest error %.3f mm, position %.3f mm, "
-           "P_A %.1f bar, P_B %.1f bar\n",
-           (long long)report->cycles, (long long)report->overruns, report->largest_error * 1e3,
-           report->last.position * 1e3, report->last.pressures[0], report->last.pressures[1]);
+    return is_right && optind == argc && options->bus != NULL && options->target_count > 0;
 }
 
 int main(int argc, char **argv)
 {
-    struct options options = {.speed = 0.15, .dwell = 0.2};
-    struct canopen master = {
-        .node_id = 127,
-        .devices = {{.name = "valve", .node_id = 1, .profile = 408, .pdo_length = 4},
-                    {.name = "pressure A", .node_id = 2, .profile = 404, .pdo_length = 5},
-                    {.name = "pressure B", .node_id = 3, .profile = 404, .pdo_length = 5},
-                    {.name = "position", .node_id = 4, .profile = 406, .pdo_length = 4}},
-    };
+    struct options options = default_options();
     struct sigaction action = {.sa_handler = interrupt};
     struct report report = {0};
-    struct axis axis;
-    enum outcome outcome;
+    bool has_begun = false;
 
     if (!parse(argc, argv, &options)) {
         fprintf(stderr, "usage: %s --bus vcan0|HOST:PORT [--lockstep] [--period-us US] "
@@ -208,18 +60,5 @@ int main(int argc, char **argv)
     setvbuf(stdout, NULL, _IOLBF, 0);
     sigaction(SIGINT, &action, NULL); /* without SA_RESTART: a signal ends a wait */
     sigaction(SIGTERM, &action, NULL);
-    master.is_lockstep = options.is_lockstep;
-    master.period_us = options.period_us;
-    if (!can_bus_open(&master.bus, options.bus))
-        return BUS_LOST;
-    outcome = axis_start(&axis, &master);
-    if (outcome == DONE) {
-        outcome = control(&axis, &options, &report);
-        axis_stop(&axis);
-        print_report(&report);
-    }
-    if (master.is_lost)
-        fprintf(stderr, "firmware: bus %s: lost\n", options.bus);
-    can_bus_close(&master.bus);
-    return (int)outcome;
+    return (int)position_control(&options, &report, is_interrupted, &has_begun);
 }

@@ -1,0 +1,1 @@
+"""Controllers as shared libraries with the six functions of `hil_controller.h`."""

@@ -1,0 +1,231 @@
+"""Controllers as shared libraries: the six functions, what they say, and what cannot be.
+
+The libraries are a few lines of C, built here; the example of examples/firmware is one of them.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil_bench.abilities.controllers.library.controller import LibraryController
+from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
+from hil_bench.bench.configuration import load_config
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.session.virtual_bench import VirtualBench
+
+ROOT = Path(__file__).parents[3]
+INCLUDE = ROOT / "hil_bench/abilities/controllers/library/include"
+
+pytestmark = pytest.mark.skipif(
+    "CI" not in os.environ and not (shutil.which("make") and shutil.which("cc")),
+    reason="needs a C compiler and make",
+)
+
+ECHO = """
+#include "hil_controller.h"
+#include <stdlib.h>
+#include <string.h>
+struct hil_controller { int64_t now; int calls; };
+uint32_t hil_controller_version(void) { return VERSION; }
+struct hil_controller *hil_controller_create(const char *const *settings)
+{
+    return settings[0] && strcmp(settings[0], "side=left") ? NULL : calloc(1, 16);
+}
+int hil_controller_advance(struct hil_controller *self, int64_t until, const struct hil_frame *in,
+                           size_t count, struct hil_frame *out, size_t room, size_t *sent)
+{
+    *sent = 0;
+    if (self->calls++ == 0)
+        return HIL_STARTING;
+    for (size_t i = 0; i < count && i < room; i++) {
+        out[i] = in[i];
+        out[i].time_ns = self->now + (int64_t)i;
+        out[i].bus ^= 1;
+        if (in[i].id == 0x7FE)
+            out[i].length = 9;
+        if (in[i].id == 0x7FF)
+            return in[i].length ? HIL_FAILED : HIL_ENDED;
+        *sent = i + 1;
+    }
+    self->now = until;
+    return HIL_RUNNING;
+}
+const char *hil_controller_message(struct hil_controller *self)
+{
+    return self ? "one\\ntwo\\n" : "side: left is right";
+}
+void hil_controller_reset(struct hil_controller *self) { memset(self, 0, 16); }
+#ifndef NO_DESTROY
+void hil_controller_destroy(struct hil_controller *self) { free(self); }
+#endif
+"""
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    """Return what builds the echo with definitions of the preprocessor."""
+    folder = tmp_path_factory.mktemp("echo")
+    (folder / "echo.c").write_text(ECHO)
+
+    def make(name, *definitions):
+        words = ["cc", "-shared", "-fPIC", f"-I{INCLUDE}", "-DVERSION=1", *definitions]
+        subprocess.run([*words, folder / "echo.c", "-o", folder / name], check=True)
+        return folder / name
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def echo(build):
+    return build("libecho.so")
+
+
+@pytest.fixture
+def instance(echo):
+    controller = LibraryController(echo, {"side": "left"})
+    assert controller.advance(1, ()) == []
+    yield controller
+    controller.close()
+
+
+FRAMES = [
+    TimedFrame(5, Frame(0x123, b"\1\2\3")),
+    TimedFrame(6, Frame(0x18FEF100, bytes(8), is_extended=True, bus=1)),
+    TimedFrame(7, Frame(0x321, is_remote=True)),
+]
+
+
+def test_frames_go_in_and_out_whole(instance):
+    instance.advance(1000, ())
+    sent = instance.advance(2000, FRAMES)
+    assert [frame for _, frame in sent] == [
+        frame._replace(bus=frame.bus ^ 1) for _, frame in FRAMES
+    ]
+    assert [time for time, _ in sent] == [1000, 1001, 1002]
+
+
+def test_more_frames_than_a_call_has_room_for_come_in_several(instance):
+    many = [TimedFrame(k, Frame(k)) for k in range(600)]
+    assert [frame.can_id for _, frame in instance.advance(2000, many)] == list(range(600))
+
+
+def test_it_has_begun_when_it_says_so(echo):
+    controller = LibraryController(echo, {})
+    controller.advance(1, ())
+    assert not controller.has_begun
+    controller.advance(2, ())
+    assert controller.has_begun
+    controller.close()
+    controller.close()
+
+
+def test_two_instances_know_nothing_of_each_other(echo):
+    first, second = LibraryController(echo, {}), LibraryController(echo, {})
+    first.advance(1, ())
+    assert second.advance(1, FRAMES) == []  # its first call
+    assert len(first.advance(2, FRAMES)) == 3
+    first.close()
+    second.close()
+
+
+@pytest.mark.parametrize(
+    ("frame", "error", "words"),
+    [
+        (Frame(0x7FF), ControllerEnd, r"^two$"),
+        (Frame(0x7FF, b"x"), ControllerError, r"libecho\.so: has failed: two$"),
+        (Frame(0x7FE), ControllerError, r"sent no CAN frame: identifier 0x7FE, length 9, flags 0"),
+    ],
+)
+def test_an_end_and_a_failure_have_words(instance, frame, error, words):
+    with pytest.raises(error, match=words):
+        instance.advance(2000, [TimedFrame(5, frame)])
+
+
+def test_a_reset_begins_anew(instance):
+    instance.reset()
+    assert instance.advance(2000, FRAMES) == []
+    assert not instance.has_begun
+
+
+@pytest.mark.parametrize(
+    ("definitions", "words"),
+    [
+        (["-UVERSION", "-DVERSION=2"], "is of version 2; build it with the hil_controller.h of"),
+        (["-DNO_DESTROY"], "lacks hil_controller_destroy; hil_controller.h has all six"),
+    ],
+)
+def test_another_library_is_one_line(build, definitions, words):
+    path = build(f"lib{definitions[-1][2:]}.so", *definitions)
+    with pytest.raises(ControllerError) as error:
+        LibraryController(path, {})
+    assert words in str(error.value)
+
+
+def test_what_is_no_library_is_one_line(tmp_path, echo):
+    (tmp_path / "text.so").write_text("no library")
+    for path, words in (
+        ("none.so", "there is no such library; build it"),
+        ("text.so", "cannot be"),
+    ):
+        with pytest.raises(ControllerError) as error:
+            LibraryController(tmp_path / path, {})
+        assert words in str(error.value)
+        assert "\n" not in str(error.value)
+    with pytest.raises(ControllerError, match="makes no instance: side: left is right"):
+        LibraryController(echo, {"side": "right"})
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ('"a"', '"a" is not a table; write it as {'),
+        ("{ a = [1] }", "a: an array is no setting; write it as {"),
+        ('{ "a=b" = 1 }', "'a=b': cannot be passed to a library"),
+    ],
+)
+def test_settings_that_cannot_be_passed_are_refused(tmp_path, settings, words):
+    text = f'[controllers.a]\nkind = "library"\nlibrary = "a.so"\nsettings = {settings}\n'
+    (tmp_path / "bench.toml").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_config(tmp_path / "bench.toml")
+    assert words in str(error.value)
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """The position controller of examples/firmware as a library."""
+    folder = tmp_path_factory.mktemp("example")
+    path = folder / "libposition_control.so"
+    words = ["make", "--silent", "-C", ROOT / "examples/firmware", f"HIL={INCLUDE}"]
+    python = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{python}{os.pathsep}{os.environ['PATH']}"}
+    subprocess.run([*words, f"BUILD={folder}", path], check=True, env=environment)
+    return path
+
+
+def drive(example, **settings):
+    table = {"kind": "library", "library": str(example), "settings": settings}
+    bench = VirtualBench(load_config(tables={"controllers": {"c": table}}))
+    with bench:
+        bench.run(1.5)
+        return bench.signals["axis1.position"].copy(), [tuple(each) for each in bench.frames]
+
+
+def test_the_example_moves_the_cylinder_the_same_way_twice(example):
+    position, frames = drive(example, targets_mm="30", dwell_ms=100)
+    assert position.max() == pytest.approx(0.03, abs=5e-4)
+    # SETTLED of position_control.c is 0.1 mm; then it has held that for 100 ms, and ended.
+    assert position[-1] == pytest.approx(0.03, abs=1e-4)
+    again, same = drive(example, targets_mm="30", dwell_ms=100)
+    assert (again == position).all()
+    assert same == frames
+
+
+def test_a_setting_that_it_does_not_know_is_refused(example):
+    with pytest.raises(ControllerError, match="target=3: is no setting of it; targets_mm, "):
+        drive(example, target=3)

@@ -27,7 +27,7 @@ def _find_fault(kind: ControllerKind) -> str:
 
 
 CONTROLLERS: Final = Registry(
-    "hil_bench.controllers",
+    "hil_bench.abilities.controllers",
     ControllerKind,  # type: ignore[type-abstract]
     MappingProxyType(_OWN),
     _find_fault,

@@ -111,7 +111,7 @@ def test_frames_go_in_and_out_whole(instance):
 
 def test_more_frames_than_a_call_has_room_for_come_in_several(instance):
     many = [TimedFrame(k, Frame(k)) for k in range(600)]
-    assert [frame.can_id for _, frame in instance.advance(2000, many)] == list(range(600))
+    assert [frame.can_id for _, frame in instance.advance(1_000_000, many)] == list(range(600))
 
 
 def test_it_has_begun_when_it_says_so(echo):
@@ -219,8 +219,8 @@ def drive(example, **settings):
 def test_the_example_moves_the_cylinder_the_same_way_twice(example):
     position, frames = drive(example, targets_mm="30", dwell_ms=100)
     assert position.max() == pytest.approx(0.03, abs=5e-4)
-    # SETTLED of position_control.c is 0.1 mm; then it has held that for 100 ms, and ended.
-    assert position[-1] == pytest.approx(0.03, abs=1e-4)
+    # SETTLED of position_control.c is 0.1 mm, which it has held for 100 ms before it ended.
+    assert (abs(position - 0.03) < 1e-4).sum() >= 100
     again, same = drive(example, targets_mm="30", dwell_ms=100)
     assert (again == position).all()
     assert same == frames

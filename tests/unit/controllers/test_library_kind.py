@@ -44,7 +44,8 @@ int hil_controller_advance(struct hil_controller *self, int64_t until, const str
         return HIL_STARTING;
     for (size_t i = 0; i < count && i < room; i++) {
         out[i] = in[i];
-        out[i].time_ns = self->now + (int64_t)i;
+        int64_t time = self->now + (int64_t)i;
+        out[i].time_ns = time < until ? time : until;
         out[i].bus ^= 1;
         if (in[i].id == 0x7FE)
             out[i].length = 9;

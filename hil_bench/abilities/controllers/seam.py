@@ -5,7 +5,7 @@ flashed, of the keys of a ``[controller]`` table. See docs/firmware.md.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -27,14 +27,29 @@ class TimedFrame(NamedTuple):
 
 
 class ControllerEnd(Exception):  # noqa: N818 - no error: a program may come to its end
-    """The controller has come to its end in good order; the words say how."""
+    """The controller has come to its end in good order; the words say how.
+
+    Args:
+        words: how it ended; empty where there is nothing to say.
+        sent: what it had still sent.
+    """
+
+    def __init__(self, words: str = "", sent: Sequence[TimedFrame] = ()) -> None:
+        super().__init__(words)
+        self.sent = sent
 
 
 class Controller(Protocol):
     """A controller on the bench's clock.
 
     Whatever it cannot go on after is a `ControllerError`, whose lines say what and where.
+
+    Attributes:
+        has_begun: False while it knows that it has not begun its work yet. A run that is too short
+            for that is none.
     """
+
+    has_begun: bool
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Live until a moment and return what it has sent, each with its time.
@@ -70,6 +85,8 @@ class Surroundings(NamedTuple):
         config: of the bench.
         values: the parameters of the scenario by their names, in their own units.
         tick_ns: time from one `advance` to the next [ns].
+        serve: within `advance`, has the bench answer frames while its time stands still; returns
+            what has come since. Only for a kind whose SYNC is its clock.
     """
 
     name: str
@@ -80,6 +97,7 @@ class Surroundings(NamedTuple):
     config: BenchConfig
     values: Mapping[str, float]
     tick_ns: int
+    serve: Callable[[Sequence[Frame]], Sequence[TimedFrame]] = lambda _: ()
 
     def filled(self, word: str) -> str:
         """A word of a command line with ``{parameter}`` replaced by its value."""
@@ -95,11 +113,14 @@ class ControllerKind(ABC):
         name: as in ``kind = "NAME"`` of ``[controller]``.
         summary: one line on what it runs.
         keys: of its table, beside ``kind`` and ``buses``.
+        is_clock: whether its SYNC is its clock, so that it needs `Surroundings.serve`, and buses
+            on which frames take no time.
     """
 
     name: str
     summary: str
     keys: tuple[Key, ...] = ()
+    is_clock: bool = False
 
     @abstractmethod
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:

@@ -140,22 +140,27 @@ class _Life:
         self._poller.register(control, select.POLLIN)
         self._poller.register(self._pidfd, select.POLLIN)
         self._wake = 0
+        self._has_failed = False
         self._sent: list[TimedFrame] = []
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """See `ProgramController`."""
         if not received and until < self._wake and self._program.is_running:
             return ()
-        while len(received) > RING:
-            self._live(received[RING - 1].time, received[:RING])
-            received = received[RING:]
-        self._live(until, received)
+        try:
+            while len(received) > RING:
+                self._live(received[RING - 1].time, received[:RING])
+                received = received[RING:]
+            self._live(until, received)
+        except ControllerError:
+            self._has_failed = True
+            raise
         sent, self._sent = self._sent, []
         return sent
 
     def leave(self, now: int, tick_ns: int) -> None:
         """Ask the program by SIGTERM to end, and let it live for `LEAVE_NS` at most."""
-        if not self._program.is_running:
+        if self._has_failed or not self._program.is_running:
             return
         self._program.process.send_signal(signal.SIGTERM)
         with contextlib.suppress(ControllerError, ControllerEnd):
@@ -188,7 +193,7 @@ class _Life:
         self._wake = self._exchange.wake
 
     def _ring(self) -> None:
-        with contextlib.suppress(BrokenPipeError):  # it has ended: seen by `_hear`
+        with contextlib.suppress(ConnectionError):  # it has ended: seen by `_hear`
             self._control.send(_GO_ON)
 
     def _hear(self) -> bool:
@@ -201,7 +206,10 @@ class _Life:
         ready = self._poller.poll(_GLANCE_MS)
         if not ready:
             return False
-        mark = self._control.recv(1) if ready[0][0] == self._control.fileno() else b""
+        mark = b""
+        if ready[0][0] == self._control.fileno():
+            with contextlib.suppress(ConnectionError):
+                mark = self._control.recv(1)
         if mark == _WAITS:
             return self._exchange.is_lived
         if mark == _IS_REFUSED:
@@ -216,7 +224,7 @@ class _Life:
             raise ControllerError("the bench's library was not loaded before it")
         if code:
             raise ControllerError(self._program.epitaph())
-        raise ControllerEnd("it has ended, exit code 0", self._sent)
+        raise ControllerEnd("exit code 0", self._sent)
 
 
 class _Patience:

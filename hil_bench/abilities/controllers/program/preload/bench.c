@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define VERSION 1
-#define FREE_CALLS 1000 /* a program that makes more between two waits spins */
+#define FREE_CALLS 10000 /* a program that makes more between two waits spins */
 #define CALL_TIME 1000  /* of each further one [ns] */
 
 struct exchange *exchange;

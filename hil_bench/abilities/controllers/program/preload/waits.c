@@ -5,6 +5,7 @@
 #include <sys/epoll.h>
 #include <sys/select.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/time.h>
 #include <unistd.h>
 
@@ -210,6 +211,14 @@ static int64_t receive_deadline(int fd)
     return deadline_in(limit.tv_sec * SECOND + limit.tv_usec * 1000);
 }
 
+/* The other end of a pipe is a process that this one has started, and which lives meanwhile. */
+static bool is_pipe(int fd)
+{
+    struct stat status;
+
+    return fstat(fd, &status) == 0 && S_ISFIFO(status.st_mode);
+}
+
 int wait_readable(int fd, int flags)
 {
     struct pollfd source = {.fd = fd, .events = POLLIN};
@@ -224,6 +233,8 @@ int wait_readable(int fd, int flags)
         errno = EAGAIN;
         return -1;
     }
+    if (is_pipe(fd))
+        return 0;
     waiting.deadline = receive_deadline(fd);
     result = wait_for(poll_now, &set, &waiting);
     if (result == 0)

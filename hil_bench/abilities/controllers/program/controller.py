@@ -145,7 +145,8 @@ class _Life:
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """See `ProgramController`."""
-        if not received and until < self._wake and self._program.is_running:
+        if not received and until < self._wake and not self._poller.poll(0):
+            self._exchange.pass_time(until)
             return ()
         try:
             while len(received) > RING:

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/signalfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -15,10 +16,11 @@
 
 struct exchange *exchange;
 static int control = -1, memory = -1; /* descriptors */
+static int arrivals = -1;             /* of signals */
 
 bool is_of_bench(int fd)
 {
-    return on_bench() && (fd == control || fd == memory);
+    return on_bench() && (fd == control || fd == memory || fd == arrivals);
 }
 
 static _Noreturn void end(void)
@@ -40,28 +42,74 @@ static void ring(enum mark mark)
         end();
 }
 
-/* Waits for the bench; false after a signal. */
-static bool hear(const struct waiting *waiting)
+/* Lets signals in that wait; whether one ends a call, as a handler does without SA_RESTART. */
+static bool let_in(const sigset_t *blocked, const struct waiting *waiting)
 {
-    struct pollfd source = {.fd = control, .events = POLLIN};
-    char byte;
-    ssize_t got;
+    sigset_t all, pending;
+    bool is_end = false;
 
-    if (!waiting->restarts && REAL(ppoll)(&source, 1, NULL, waiting->mask) < 0)
-        return false;
-    got = REAL(recv)(control, &byte, 1, 0);
-    if (got < 0 && errno == EINTR)
-        return false;
-    if (got != 1)
-        end();
-    exchange->heard = exchange->grant;
-    return true;
+    sigpending(&pending);
+    for (int number = 1; number < NSIG; number++) {
+        struct sigaction action;
+
+        if (sigismember(&pending, number) != 1 || sigismember(blocked, number) != 0 ||
+            sigaction(number, NULL, &action) < 0)
+            continue;
+        is_end |= action.sa_handler != SIG_IGN && action.sa_handler != SIG_DFL &&
+                  !(waiting->restarts && (action.sa_flags & SA_RESTART));
+    }
+    sigfillset(&all);
+    sigprocmask(SIG_SETMASK, blocked, NULL); /* now handlers run */
+    sigprocmask(SIG_SETMASK, &all, NULL);
+    return is_end;
 }
 
-static void hear_surely(void)
+static void take_bell(void)
 {
-    while (!hear(&(struct waiting){.restarts = true}))
-        ;
+    char byte;
+
+    if (REAL(recv)(control, &byte, 1, 0) != 1)
+        end();
+    exchange->heard = exchange->grant;
+}
+
+/* Rings and waits for the bench; false where a signal ends the call, rung back or not. */
+static bool exchange_bells(enum mark mark, const struct waiting *waiting)
+{
+    struct pollfd sources[] = {{.fd = control, .events = POLLIN}, {.events = POLLIN}};
+    sigset_t all, before, blocked, open;
+    bool is_rung = false, is_ended = false;
+
+    sigfillset(&all);
+    sigprocmask(SIG_SETMASK, &all, &before);
+    blocked = waiting->mask != NULL ? *waiting->mask : before;
+    sigemptyset(&open);
+    for (int number = 1; number < NSIG; number++)
+        if (sigismember(&blocked, number) == 0)
+            sigaddset(&open, number);
+    arrivals = sources[1].fd = signalfd(arrivals, &open, SFD_CLOEXEC | SFD_NONBLOCK);
+    if (mark != IS_STARTED)
+        ring(mark);
+    while (!is_rung && !is_ended) {
+        REAL(ppoll)(sources, 2, NULL, NULL);
+        if (sources[0].revents) {
+            take_bell();
+            is_rung = true;
+        }
+        if (sources[1].revents)
+            is_ended = let_in(&blocked, waiting);
+    }
+    sigprocmask(SIG_SETMASK, &before, NULL);
+    return !is_ended;
+}
+
+/* The same, and no signal gets in meanwhile. */
+static void exchange_bells_alone(enum mark mark)
+{
+    sigset_t all;
+
+    sigfillset(&all);
+    exchange_bells(mark, &(struct waiting){.mask = &all});
 }
 
 void refuse(const char *format, ...)
@@ -71,10 +119,8 @@ void refuse(const char *format, ...)
     va_start(arguments, format);
     vsnprintf(exchange->refusal, sizeof exchange->refusal, format, arguments);
     va_end(arguments);
-    for (;;) {
-        ring(IS_REFUSED);
-        hear_surely();
-    }
+    for (;;)
+        exchange_bells_alone(IS_REFUSED);
 }
 
 /* Claims the bench's time for this process. */
@@ -97,8 +143,7 @@ static int hand_over(int64_t wake, const struct waiting *waiting)
     exchange->wake = wake;
     exchange->state = ATTACHED | (waiting->watches_others ? WATCHES_OTHERS : 0);
     exchange->answered = exchange->heard;
-    ring(WAITS);
-    is_heard = hear(waiting);
+    is_heard = exchange_bells(WAITS, waiting);
     exchange->holder = 0;
     return is_heard ? 0 : -1;
 }
@@ -180,10 +225,8 @@ void send_record(const struct record *record)
 {
     uint32_t head = exchange->out_head;
 
-    while (head - atomic_load(&exchange->out_tail) == RING) {
-        ring(IS_FULL);
-        hear_surely();
-    }
+    while (head - atomic_load(&exchange->out_tail) == RING)
+        exchange_bells_alone(IS_FULL);
     exchange->out[head % RING] = *record;
     atomic_store(&exchange->out_head, head + 1);
 }
@@ -210,6 +253,6 @@ __attribute__((constructor)) static void attach(void)
     pthread_atfork(NULL, NULL, in_child);
     if (exchange->state & ATTACHED)
         return; /* a program that another one has started */
-    hear_surely();
+    exchange_bells_alone(IS_STARTED);
     exchange->state = ATTACHED;
 }

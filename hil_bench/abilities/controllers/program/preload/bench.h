@@ -51,7 +51,8 @@ struct record {
     uint8_t data[8];
 };
 
-enum mark { WAITS = 'w', IS_FULL = 'f', IS_REFUSED = 'r' }; /* what the program rings with */
+/* What the program rings with; it begins without a ring. */
+enum mark { IS_STARTED, WAITS = 'w', IS_FULL = 'f', IS_REFUSED = 'r' };
 enum state { ATTACHED = 1, WATCHES_OTHERS = 2 };
 
 /* Heads and tails count on for ever; `exchange.py` knows the offsets. */
@@ -135,6 +136,7 @@ void forget_timer_fd(int fd);
 /* can_socket.c */
 void deliver(const struct record *record);
 bool is_can(int fd);
+int64_t patience_of(int fd); /* of a read of a CAN socket [ns] */
 void forget_can(int fd);
 void copy_can(int from, int to);
 

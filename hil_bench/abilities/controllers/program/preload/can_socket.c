@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #define PEERS 512 /* the lowest descriptor of a pair's other end, out of the program's way */
@@ -73,6 +74,7 @@ static int open_can(int flags)
     can->index = -1;
     can->filter_count = 1; /* of all zeros, which every frame passes */
     can->is_looped = 1;
+    can->patience = NEVER;
     can->last_stamp = -1;
     sockets[ends[0]] = can;
     return ends[0];
@@ -133,6 +135,23 @@ static int set_filters(struct can_socket *can, const void *value, socklen_t leng
     return 0;
 }
 
+int64_t patience_of(int fd)
+{
+    return sockets[fd]->patience;
+}
+
+static void set_patience(struct can_socket *can, const void *value, socklen_t length)
+{
+    struct timeval limit;
+
+    if (length < sizeof limit)
+        return; /* which the kernel refuses */
+    memcpy(&limit, value, sizeof limit);
+    can->patience = limit.tv_sec * SECOND + limit.tv_usec * 1000;
+    if (can->patience == 0)
+        can->patience = NEVER;
+}
+
 /* The field of an option that is one number; NULL where it is none. */
 static int *option_field(struct can_socket *can, int level, int name)
 {
@@ -180,6 +199,8 @@ EXPORT int setsockopt(int fd, int level, int name, const void *value, socklen_t 
     }
     if (level != SOL_SOCKET)
         return set_errno(ENOPROTOOPT);
+    if (name == SO_RCVTIMEO)
+        set_patience(can, value, length);
     return REAL(setsockopt)(fd, level, name, value, length);
 }
 

@@ -23,6 +23,7 @@ struct can_socket {
     int counts_drops, is_detailed; /* SO_RXQ_OVFL, SO_TIMESTAMPING */
     enum stamps stamps;
     uint32_t dropped;
+    int64_t patience;   /* of a read (SO_RCVTIMEO), which the kernel rounds to its jiffies [ns] */
     int64_t last_stamp; /* of the frame read last; -1 for none */
 };
 

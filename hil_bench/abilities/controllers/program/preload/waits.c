@@ -205,6 +205,8 @@ static int64_t receive_deadline(int fd)
     struct timeval limit = {0};
     socklen_t length = sizeof limit;
 
+    if (is_can(fd))
+        return deadline_in(patience_of(fd));
     if (REAL(getsockopt)(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, &length) < 0 ||
         (limit.tv_sec == 0 && limit.tv_usec == 0))
         return NEVER;

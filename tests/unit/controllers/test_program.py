@@ -24,8 +24,8 @@ from support.programs import (
 from hil_bench.abilities.controllers.program import controller as controller_module
 from hil_bench.abilities.controllers.program.exchange import RING
 from hil_bench.abilities.controllers.program.kind import KIND
-from hil_bench.bench.configuration import load_config
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.session.session import open_session
@@ -260,7 +260,7 @@ def _children():
     return [line for line in lines if "can_program" in line.split()[1] and line[0] != "Z"]
 
 
-def test_close_lets_it_leave_in_order(start, tmp_path):
+def test_close_lets_it_leave_in_order(start):
     controller = start("terminated")
     live(controller, 50)
     controller.close()
@@ -278,11 +278,11 @@ def test_reset_begins_anew(start):
 
 
 def test_nothing_is_left_open(start):
-    before = os.listdir("/proc/self/fd")
+    before = sorted(Path("/proc/self/fd").iterdir())
     controller = start("echo")
     controller.advance(TICK, ())
     controller.close()
-    assert os.listdir("/proc/self/fd") == before
+    assert sorted(Path("/proc/self/fd").iterdir()) == before
 
 
 def test_scripts_and_their_tools(start, tmp_path):

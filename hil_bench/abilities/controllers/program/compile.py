@@ -11,8 +11,9 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parent / "preload"
 FLAGS = (
-    "-std=c11 -O2 -Wall -Wextra -Werror -shared -fPIC -fvisibility=hidden -U_FORTIFY_SOURCE"
-).split()
+    *("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror"),
+    *("-shared", "-fPIC", "-fvisibility=hidden", "-U_FORTIFY_SOURCE"),
+)
 
 
 class CompilerError(Exception):

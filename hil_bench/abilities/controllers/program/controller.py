@@ -61,9 +61,8 @@ class ProgramController:
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let the program live until it waits for something later than `until`.
 
-        Raises:
-            ControllerEnd: it has ended, with exit code 0.
-            ControllerError: it has ended with another one, or cannot live on the bench's clock.
+        A `ControllerEnd` says that it has ended with exit code 0, a `ControllerError` that it has
+        with another one, or cannot live on the bench's clock.
         """
         if self._life is None:
             begin = until - self._surroundings.tick_ns if self._now is None else self._now
@@ -144,7 +143,11 @@ class _Life:
         self._sent: list[TimedFrame] = []
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
-        """See `ProgramController`."""
+        """See `ProgramController`.
+
+        Raises:
+            ControllerError: likewise.
+        """
         if not received and until < self._wake and not self._poller.poll(0):
             self._exchange.pass_time(until)
             return ()
@@ -181,8 +184,7 @@ class _Life:
         """Grant time, and keep what is sent meanwhile.
 
         Raises:
-            ControllerEnd: it has ended, with exit code 0.
-            ControllerError: it has ended with another one, or cannot live on the bench's clock.
+            ControllerError: it neither waits nor ends.
         """
         self._exchange.grant(until, received)
         self._ring()
@@ -201,8 +203,8 @@ class _Life:
         """Wait for the program a moment; return True if it has lived to the end of its grant.
 
         Raises:
-            ControllerEnd: see `_live`.
-            ControllerError: see `_live`.
+            ControllerEnd: it has ended, with exit code 0.
+            ControllerError: it has ended with another one, or cannot live on the bench's clock.
         """
         ready = self._poller.poll(_GLANCE_MS)
         if not ready:

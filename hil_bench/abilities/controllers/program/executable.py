@@ -44,7 +44,10 @@ def _fault_of_file(path: Path, head: bytes) -> str:
         return f"{path}: has capabilities, so that no library can be preloaded; run a copy"
     if not head.startswith(b"\x7fELF"):
         return f"{path}: is no program of Linux (ELF)"
-    return _fault_of_elf(path, head)
+    try:
+        return _fault_of_elf(path, head)
+    except struct.error:
+        return f"{path}: is cut off within its head; link it anew"
 
 
 def _attributes(path: Path) -> list[str]:
@@ -61,7 +64,7 @@ def _fault_of_elf(path: Path, head: bytes) -> str:
         return f"{path}: is for another processor; {right}"
     (table,) = struct.unpack_from("<Q", head, 32)
     size, count = struct.unpack_from("<HH", head, 54)
-    for place in range(table, min(table + size * count, len(head) - size + 1), size):
+    for place in range(table, table + size * count, size):
         (kind,) = struct.unpack_from("<I", head, place)
         if kind == _PT_INTERP:
             begin, length = _segment(head, place)

@@ -38,7 +38,11 @@ class ProgramKind(ControllerKind):
         return [f"command: {fault}"] if fault else ()
 
     def build(self, settings: Mapping[str, Any], surroundings: Surroundings) -> Controller:
-        """Return the program, not yet started."""
+        """Return the program, not yet started.
+
+        Raises:
+            ConfigError: no library can be preloaded into it.
+        """
         from hil_bench.abilities.controllers.program.controller import (  # noqa: PLC0415 - seldom
             ProgramController,
         )

@@ -6,10 +6,10 @@ other distributions declare theirs as entry points of the group `hil_bench.abili
 docs/abilities.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hil_bench.registry import Registry
 
@@ -72,6 +72,10 @@ class Ability(NamedTuple):
             that it makes tests of.
         frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
             failed tests.
+        tables: of ``bench.toml``: ``module:class`` by name, of the `Section` that reads it. It is
+            made with the document, the names of all buses, the folder of the file and the problems,
+            and builds a `Part` by the table's name.
+        fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
@@ -81,12 +85,29 @@ class Ability(NamedTuple):
     options: Mapping[str, str] = _NOTHING
     collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
+    tables: Mapping[str, str] = _NOTHING
+    fixtures: str = ""
     exports: Mapping[str, str] = _NOTHING
 
 
 def own_abilities() -> list[Ability]:
     """The abilities of the bench itself."""
     return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+
+
+def table_sections(names: Iterable[str]) -> dict[str, Any]:
+    """The sections that read tables of ``bench.toml``, by the tables' names.
+
+    Other distributions are asked only for a name that no ability of the bench has.
+
+    Args:
+        names: of the tables that a file has, beside those of the core.
+    """
+    own = {name: place for each in own_abilities() for name, place in each.tables.items()}
+    wanted = [name for name in names if name not in own]
+    others = other_abilities()[0] if wanted else []
+    known = own | {name: place for each in others for name, place in each.tables.items()}
+    return {name: load(known[name]) for name in names if name in known}
 
 
 def load(place: str) -> object:
@@ -116,9 +137,9 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "frame_reader", "exports"):
+    for name in ("options", "collectors", "frame_reader", "fixtures", "exports"):
         if getattr(ability, name):
-            return f"has {name}; of other distributions only verbs are taken"
+            return f"has {name}; of other distributions only verbs and tables are taken"
     for name, verb in ability.verbs.items():
         if verb.group not in GROUPS:
             right = ", ".join(GROUPS)

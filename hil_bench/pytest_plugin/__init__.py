@@ -86,9 +86,21 @@ def pytest_configure(config: pytest.Config) -> None:
             f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
         )
     positive_option(config, "firmware-patience")
+    _register_fixtures(config)
     if path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
+
+
+def _register_fixtures(config: pytest.Config) -> None:
+    """Add the fixtures of abilities."""
+    from importlib import import_module
+
+    from hil_bench.ability import own_abilities
+
+    for ability in own_abilities():
+        if ability.fixtures:
+            config.pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
 
 
 def _load_config(config: pytest.Config) -> "BenchConfig":

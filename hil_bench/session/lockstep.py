@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, ControllerError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
 
@@ -181,7 +181,7 @@ class LockStepReport:
     syncs: int
     moved: float
     frames: TransportCounters
-    lost: BusError | None
+    lost: BusError | ControllerError | None
 
 
 def run_lockstep(
@@ -204,12 +204,12 @@ def run_lockstep(
     """
     bus = LockStepBus(lockstep, transport)
     watch = SyncWatch(lockstep, transport.description, clock or MonotonicClock())
-    lost = None
+    lost: BusError | ControllerError | None = None
     try:
         while not stopped():
             bus.step()
             watch.look()
-    except BusError as error:
+    except (BusError, ControllerError) as error:
         lost = error
     return LockStepReport(
         lockstep.now,

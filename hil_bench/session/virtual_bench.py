@@ -109,6 +109,8 @@ class VirtualBench:
         if self.session.modbus is not None:
             self.session.watch(ticks=self.session.modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
+        for part in self.config.parts:
+            self._open.enter_context(part.attached(self.session, self.config))
         self.session.start()
         self.bus = EmbeddedBus(
             self.session.tick, self.config.tick_ns, pacer=pacer, wire=self.bench.wiring

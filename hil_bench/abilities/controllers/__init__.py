@@ -2,4 +2,18 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("controllers")
+_SEAM = "hil_bench.abilities.controllers.seam"
+
+ABILITY = Ability(
+    "controllers",
+    options={"run": "hil_bench.abilities.controllers.verbs.run_options"},
+    fixtures="hil_bench.abilities.controllers.fixtures",
+    exports={
+        "Controller": _SEAM,
+        "ControllerEnd": _SEAM,
+        "ControllerKind": _SEAM,
+        "Surroundings": _SEAM,
+        "TimedFrame": _SEAM,
+    },
+    tables={"controllers": "hil_bench.abilities.controllers.section:ControllersSection"},
+)

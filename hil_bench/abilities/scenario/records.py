@@ -4,11 +4,13 @@ The records hold what the file says, in the units of its keys. A number may be t
 parameter. `hil_bench.abilities.scenario.resolve` puts the numbers in and turns times into ticks.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.units import Unit
 
@@ -41,14 +43,6 @@ class NmtVerb(StrEnum):
     PRE_OPERATIONAL = "pre_operational"
     RESET_NODE = "reset_node"
     RESET_COMMUNICATION = "reset_communication"
-
-
-class FirmwareCommand(StrEnum):
-    """A command to the controller's process."""
-
-    START = "start"
-    KILL = "kill"
-    RESTART = "restart"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +129,11 @@ class SyncStep:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareStep:
-    """The controller's process is started, killed or both."""
+    """A controller is started, killed or both: the named one, or the only one."""
 
     at: Amount
-    command: FirmwareCommand
+    command: Power
+    target: str = ""
     place: str = field(default="", compare=False)
 
 
@@ -152,10 +147,12 @@ class Controller:
     Attributes:
         firmware: a command line; ``{bus}`` and names of parameters stand for their values.
         example: the name of a controller of the package; empty for none.
+        table: the whole table of a controller of another kind, with its ``kind``; empty for none.
     """
 
     firmware: tuple[str, ...] = ()
     example: str = ""
+    table: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -282,6 +282,16 @@ class EmbeddedBus(EmbeddedPort):
         super().__init__(time, can_filters)
         self.channel_info = description
 
+    def hear(self, frames: Sequence[Frame]) -> None:
+        """Keep frames that passed before the user came, for `recv`."""
+        for frame in frames:
+            self._time.readers[frame.bus](frame, None)
+
+    def take_sent(self) -> list[Frame]:
+        """Take back what waits for the next tick."""
+        sent, self._time.to_bench = self._time.to_bench, []
+        return sent
+
     def make_further(self) -> EmbeddedPort:
         """Return the next bus of the same bench; waiting on either lets time pass for both."""
         return EmbeddedPort(self._time)

@@ -83,6 +83,10 @@ def test_frames_come_at_their_times_and_answers_leave_then(start):
     assert life.lines == [f"2100 read {0x123}", f"3900 read {0x1ABCDEF0}", f"3900 read {0x7F0}"]
 
 
+def test_a_frame_at_its_very_start_finds_no_socket(start):
+    assert live(start("echo"), 3, {0: [Frame(1)], 1: [Frame(2)]}).sent == [(1, Frame(3))]
+
+
 def test_every_wait_ends_at_its_deadline(start):
     assert live(start("waits"), 1013).lines == [
         "5000 poll 0",
@@ -203,9 +207,9 @@ def test_more_frames_at_once_than_the_memory_holds(start):
 
 def test_more_frames_received_at_once_than_the_memory_holds(start):
     frames = [Frame(0x600 + number % 16) for number in range(RING + 10)]
-    life = live(start("echo"), 2, {0: frames})
+    life = live(start("echo"), 2, {1: frames})
     assert 0 < len(life.sent) <= len(frames)  # a socket holds no more than the kernel's
-    assert life.sent[0] == (0, Frame(0x601))
+    assert life.sent[0] == (1, Frame(0x601))
 
 
 def test_children_live_one_after_the_other(start):

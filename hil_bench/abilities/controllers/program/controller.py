@@ -67,6 +67,8 @@ class ProgramController:
         if self._life is None:
             begin = until - self._surroundings.tick_ns if self._now is None else self._now
             self._life = self._start(begin)
+            # At its very first moment it has no socket open yet.
+            received = [each for each in received if each.time > begin]
         self._now = until
         return self._life.advance(until, received)
 

@@ -191,7 +191,8 @@ class Desk:
             ControllerError: the controller has no such bus.
         """
         if not 0 <= frame.bus < len(self._numbers):
-            raise ControllerError(f"sent on its bus {frame.bus}, but has {len(self._numbers)}")
+            wrong = f"the controller sent on its bus {frame.bus}, but has {len(self._numbers)}"
+            raise ControllerError(f"{self.place}{wrong}")
         number = self._numbers[frame.bus]
         return frame if number == frame.bus else frame._replace(bus=number)
 

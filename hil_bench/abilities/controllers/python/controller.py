@@ -92,10 +92,9 @@ class PythonController:
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let it run until it waits for a time behind `until`.
 
-        A `ControllerError` says how it has failed.
-
         Raises:
             ControllerEnd: it has returned, or a device has ended it in its work.
+            ControllerError: it has failed; where.
         """
         if self._made is None:
             timed = [TimedFrame(until, frame) for frame in self._run(until, received)]
@@ -103,7 +102,12 @@ class PythonController:
                 return timed
             if self._made is None:
                 raise ControllerEnd("it has returned", timed)
-        return self._made.advance(until, received)
+        try:
+            return self._made.advance(until, received)
+        except (ControllerEnd, ControllerError):
+            raise
+        except Exception as error:
+            raise ControllerError(_place(error, self._call)) from error
 
     def reset(self) -> None:
         """Forget it; it is called again at the next `advance`."""

@@ -82,7 +82,7 @@ class Exchange:
         _I64.pack_into(self._memory, _NOW, now)
 
     def take(self) -> list[TimedFrame]:
-        """Return what the program has sent since the last call."""
+        """Take the frames that the program has sent since the last call."""
         memory, tail = self._memory, self._out_tail
         (head,) = _U32.unpack_from(memory, _OUT_HEAD)
         sent = []

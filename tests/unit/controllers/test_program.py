@@ -4,6 +4,7 @@ What the kernel does for CAN sockets is said in its Documentation/networking/can
 from what `can_program.c` asks for, in microseconds.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -301,6 +302,24 @@ def test_scripts_and_their_tools(start, tmp_path):
     life = live(start(script, "{bus}"), 30, {20_000: [Frame(0x181, b"\7")]})
     assert life.sent == [(10_000, Frame(0x123, b"\x11\x22"))]
     assert life.lines == [f" ({EPOCH}.020000)  can0  181   [1]  07"]
+
+
+def test_ip_knows_the_interfaces_of_the_bench_alone(start):
+    require_tool("ip", "iproute2")
+    commands = [
+        "ip link set front up type can bitrate 500000",  # of a script that sets an adapter up
+        "ip -json link show front",
+        "ip -json link show type vcan | tr , '\\n' | grep ifname",
+        "ip link show lo || true",
+    ]
+    lines = live(start("sh", "-c", "; ".join(commands), buses=("bus", "front")), 3).lines
+    [about] = json.loads(lines[0])
+    assert {"ifname": "front", "mtu": 16, "operstate": "UP", "link_type": "can"}.items() <= (
+        about.items()
+    )
+    assert "UP" in about["flags"]
+    assert lines[1:3] == ['"ifname":"can0"', '"ifname":"front"']
+    assert "No such device" in lines[3]
 
 
 PYTHON = """

@@ -1,6 +1,8 @@
 #include "can_socket.h"
+#include "netlink.h"
 
 #include <fcntl.h>
+#include <linux/netlink.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
@@ -49,27 +51,37 @@ static int set_errno(int number)
     return -1;
 }
 
-static int open_can(int flags)
+int open_pair(int flags, int ends[2])
 {
-    struct can_socket *can = calloc(1, sizeof *can);
-    int ends[2], high;
+    int high;
 
-    if (can == NULL)
-        return set_errno(ENOMEM);
-    if (REAL(socketpair)(AF_UNIX, SOCK_SEQPACKET | flags, 0, ends) < 0) {
-        free(can);
+    if (REAL(socketpair)(AF_UNIX, SOCK_SEQPACKET | flags, 0, ends) < 0)
         return -1;
-    }
     if (ends[0] >= MOST_DESCRIPTORS) {
         REAL(close)(ends[0]);
         REAL(close)(ends[1]);
-        free(can);
         return set_errno(EMFILE);
     }
     high = REAL(fcntl)(ends[1], F_DUPFD_CLOEXEC, PEERS);
-    if (high >= 0)
+    if (high >= 0) {
         REAL(close)(ends[1]);
-    can->peer = high >= 0 ? high : ends[1];
+        ends[1] = high;
+    }
+    return 0;
+}
+
+static int open_can(int flags)
+{
+    struct can_socket *can = calloc(1, sizeof *can);
+    int ends[2];
+
+    if (can == NULL)
+        return set_errno(ENOMEM);
+    if (open_pair(flags, ends) < 0) {
+        free(can);
+        return -1;
+    }
+    can->peer = ends[1];
     can->descriptors = 1;
     can->index = -1;
     can->filter_count = 1; /* of all zeros, which every frame passes */
@@ -84,6 +96,8 @@ EXPORT int socket(int domain, int type, int protocol)
 {
     const int flags = type & (SOCK_CLOEXEC | SOCK_NONBLOCK);
 
+    if (on_bench() && domain == AF_NETLINK && protocol == NETLINK_ROUTE)
+        return open_link(flags);
     if (!on_bench() || domain != PF_CAN)
         return REAL(socket)(domain, type, protocol);
     if ((type & ~flags) == SOCK_RAW && protocol == CAN_RAW)
@@ -97,6 +111,8 @@ EXPORT int bind(int fd, const struct sockaddr *address, socklen_t length)
     const struct sockaddr_can *wanted = (const void *)address;
     struct can_socket *can = can_at(fd);
 
+    if (is_link(fd))
+        return 0;
     if (can == NULL)
         return REAL(bind)(fd, address, length);
     if (length < offsetof(struct sockaddr_can, can_addr) || address->sa_family != AF_CAN)
@@ -112,6 +128,10 @@ EXPORT int getsockname(int fd, struct sockaddr *restrict address, socklen_t *res
     struct can_socket *can = can_at(fd);
     struct sockaddr_can own = {.can_family = AF_CAN};
 
+    if (is_link(fd)) {
+        name_link(true, address, length);
+        return 0;
+    }
     if (can == NULL)
         return REAL(getsockname)(fd, address, length);
     own.can_ifindex = can->index < 0 ? 0 : can->index;
@@ -180,6 +200,8 @@ EXPORT int setsockopt(int fd, int level, int name, const void *value, socklen_t 
     struct can_socket *can = can_at(fd);
     int *field;
 
+    if (is_link(fd) && level == SOL_NETLINK)
+        return 0;
     if (can == NULL)
         return REAL(setsockopt)(fd, level, name, value, length);
     if (level == SOL_CAN_RAW && name == CAN_RAW_FILTER)
@@ -335,6 +357,8 @@ EXPORT ssize_t sendmsg(int fd, const struct msghdr *message, int flags)
     size_t size = 0;
     int index;
 
+    if (is_link(fd))
+        return ask_link(fd, message);
     if (can == NULL)
         return REAL(sendmsg)(fd, message, flags);
     address = message->msg_name;
@@ -363,14 +387,16 @@ EXPORT ssize_t sendto(int fd, const void *data, size_t size, int flags,
     struct msghdr message = {.msg_name = (void *)(uintptr_t)address, .msg_namelen = length,
                              .msg_iov = &part, .msg_iovlen = 1};
 
-    if (!is_can(fd))
+    if (!is_can(fd) && !is_link(fd))
         return REAL(sendto)(fd, data, size, flags, address, length);
     return sendmsg(fd, &message, flags);
 }
 
 EXPORT ssize_t send(int fd, const void *data, size_t size, int flags)
 {
-    return is_can(fd) ? sendto(fd, data, size, flags, NULL, 0) : REAL(send)(fd, data, size, flags);
+    if (!is_can(fd) && !is_link(fd))
+        return REAL(send)(fd, data, size, flags);
+    return sendto(fd, data, size, flags, NULL, 0);
 }
 
 EXPORT ssize_t write(int fd, const void *data, size_t size)

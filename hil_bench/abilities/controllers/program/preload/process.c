@@ -1,5 +1,5 @@
 /* The process itself: descriptors that are closed and copied, threads, locks, random numbers. */
-#include "bench.h"
+#include "netlink.h"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -16,6 +16,7 @@ EXPORT int close(int fd)
     }
     forget_can(fd);
     forget_timer_fd(fd);
+    forget_link(fd);
     return REAL(close)(fd);
 }
 

@@ -1,5 +1,6 @@
 /* Reads: of CAN sockets, and of whatever else makes a program wait. */
 #include "can_socket.h"
+#include "netlink.h"
 
 #include <fcntl.h>
 #include <linux/errqueue.h>
@@ -93,8 +94,16 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     struct can_socket *can = can_at(fd);
     struct packet packet;
 
-    if (can == NULL)
-        return wait_readable(fd, flags) < 0 ? -1 : REAL(recvmsg)(fd, message, flags);
+    if (can == NULL) {
+        socklen_t room = message->msg_namelen;
+        const ssize_t got = wait_readable(fd, flags) < 0 ? -1 : REAL(recvmsg)(fd, message, flags);
+
+        if (got >= 0 && is_link(fd)) {
+            name_link(false, message->msg_name, &room);
+            message->msg_namelen = room;
+        }
+        return got;
+    }
     while (REAL(recv)(fd, &packet, sizeof packet, MSG_DONTWAIT | (flags & MSG_PEEK)) < 0) {
         if (errno == EINTR)
             continue;
@@ -111,7 +120,7 @@ EXPORT ssize_t recvfrom(int fd, void *restrict buffer, size_t size, int flags,
     struct msghdr message = {.msg_name = address, .msg_iov = &part, .msg_iovlen = 1};
     ssize_t got;
 
-    if (!is_can(fd))
+    if (!is_can(fd) && !is_link(fd))
         return wait_readable(fd, flags) < 0 ? -1
                                             : REAL(recvfrom)(fd, buffer, size, flags, address,
                                                              length);

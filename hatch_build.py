@@ -4,8 +4,9 @@
 
 Without that variable, in an editable installation, and where there is no C compiler, the wheel is
 pure Python and does the same, slower. mypyc compiles the core, whose modules `pyproject.toml`
-names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only. Where one of them fails
-the wheel has the other. It says in `hil_bench/compiled.json` of which sources the core was made.
+names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only; on Linux the C compiler
+makes the library that controllers of the kind `program` are run with. Where one of them fails the
+wheel has the others. It says in `hil_bench/compiled.json` of which sources the core was made.
 """
 
 import hashlib
@@ -31,6 +32,9 @@ REQUIREMENTS = [
     "numba>=0.61; platform_machine == 'x86_64' and python_version < '3.15'",
     "setuptools>=70",
 ]
+NO_KERNELS = "the plant's kernels are not compiled: {}; Numba does it at run time"
+NO_PRELOAD = "the library of programs is not compiled: {}; a first run does it"
+PROGRAM = "hil_bench/abilities/controllers/program"
 KERNELS = "hil_bench.plants.hydraulic_cylinder.model._kernels"
 
 
@@ -59,13 +63,15 @@ class CompiledCore(BuildHookInterface):  # type: ignore[type-arg]
             text = json.dumps(record_of(root, names), indent=1) + "\n"
             record.write_text(text, encoding="utf-8")
             included[str(record)] = RECORD
-        try:
-            compile_kernels(root, built / "kernels")
-        except Problem as problem:
-            self.app.display_warning(
-                f"the plant's kernels are not compiled: {problem}; Numba does it at run time"
-            )
-        for part in ("core", "kernels"):
+        for part, compile_part, otherwise in (
+            ("kernels", compile_kernels, NO_KERNELS),
+            ("preload", compile_preload, NO_PRELOAD),
+        ):
+            try:
+                compile_part(root, built / part)
+            except Problem as problem:
+                self.app.display_warning(otherwise.format(problem))
+        for part in ("core", "kernels", "preload"):
             place = built / part / "lib"
             included |= {str(path): str(path.relative_to(place)) for path in place.rglob("*.so")}
         if included:
@@ -163,6 +169,22 @@ def compile_kernels(root: Path, built: Path) -> None:
         libraries=["m"],
     )
     build_extensions([extension], built)
+
+
+def compile_preload(root: Path, built: Path) -> None:
+    """Compile the library that is loaded before a program into `built`/lib.
+
+    Raises:
+        Problem: for another system, without a compiler, or where it refuses.
+    """
+    if not sys.platform.startswith("linux"):
+        raise Problem("it is for Linux only")
+    library = built / "lib" / PROGRAM / "_preload.so"
+    library.parent.mkdir(parents=True)
+    command = [sys.executable, str(root / PROGRAM / "compile.py"), str(library)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+    if done.returncode:
+        raise Problem(done.stderr.strip())
 
 
 def build_extensions(extensions: list[Any], built: Path) -> None:

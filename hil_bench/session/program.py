@@ -50,6 +50,7 @@ class Program:
         command: its words.
         directory: for its output.
         variables: of its environment, beside those of this process.
+        descriptors: of open files that it gets; with some it is in a process group of its own.
 
     Attributes:
         process: the process.
@@ -59,7 +60,12 @@ class Program:
     """
 
     def __init__(
-        self, command: Sequence[str], directory: Path, variables: Mapping[str, str]
+        self,
+        command: Sequence[str],
+        directory: Path,
+        variables: Mapping[str, str],
+        *,
+        descriptors: Sequence[int] = (),
     ) -> None:
         self._command = command
         self._output = _Output(directory / "stdout", directory / "stderr")
@@ -71,6 +77,8 @@ class Program:
                     stdout=stdout,
                     stderr=stderr,
                     env=os.environ | variables,
+                    pass_fds=descriptors,
+                    process_group=0 if descriptors else None,
                 )
             except OSError as error:
                 raise ControllerError(_why_unstarted(command[0], error)) from None

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from support.dissection import require_tool
 
 from hil_bench.bench import compiled
 from hil_bench.bench.compiled import look_at_core, warn_of_edits
@@ -137,6 +138,7 @@ def test_without_a_compiler_the_wheel_is_pure_python(hook, monkeypatch):
     monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
     monkeypatch.setattr(hook, "compile_modules", refuse)
     monkeypatch.setattr(hook, "compile_kernels", refuse)
+    monkeypatch.setattr(hook, "compile_preload", refuse)
 
     data, warnings = build(hook)
 
@@ -144,10 +146,12 @@ def test_without_a_compiler_the_wheel_is_pure_python(hook, monkeypatch):
     assert warnings == [
         "the core is not compiled: command 'cc' failed; it runs as Python",
         "the plant's kernels are not compiled: command 'cc' failed; Numba does it at run time",
+        "the library of programs is not compiled: command 'cc' failed; a first run does it",
     ]
 
 
 CORE, KERNELS = "hil_bench/frame.so", "hil_bench/plants/_kernels.so"
+PRELOAD = "hil_bench/abilities/controllers/program/_preload.so"
 
 
 def compile_one(name):
@@ -165,18 +169,21 @@ def test_what_is_compiled_goes_into_a_wheel_of_this_python(hook, monkeypatch):
     monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
     monkeypatch.setattr(hook, "compile_modules", compile_one(CORE))
     monkeypatch.setattr(hook, "compile_kernels", compile_one(KERNELS))
+    monkeypatch.setattr(hook, "compile_preload", compile_one(PRELOAD))
 
     data, _ = build(hook)
 
-    assert sorted(data["force_include"].values()) == ["hil_bench/compiled.json", CORE, KERNELS]
+    included = ["hil_bench/compiled.json", CORE, KERNELS, PRELOAD]
+    assert sorted(data["force_include"].values()) == sorted(included)
     assert (data["pure_python"], data["infer_tag"]) == (False, True)
 
 
 @pytest.mark.parametrize(
     ("broken", "included"),
     [
-        ("compile_modules", [KERNELS]),
-        ("compile_kernels", ["hil_bench/compiled.json", CORE]),
+        ("compile_modules", [PRELOAD, KERNELS]),
+        ("compile_kernels", [PRELOAD, "hil_bench/compiled.json", CORE]),
+        ("compile_preload", ["hil_bench/compiled.json", CORE, KERNELS]),
     ],
 )
 def test_a_wheel_has_what_could_be_compiled(hook, monkeypatch, broken, included):
@@ -186,6 +193,7 @@ def test_a_wheel_has_what_could_be_compiled(hook, monkeypatch, broken, included)
     monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
     monkeypatch.setattr(hook, "compile_modules", compile_one(CORE))
     monkeypatch.setattr(hook, "compile_kernels", compile_one(KERNELS))
+    monkeypatch.setattr(hook, "compile_preload", compile_one(PRELOAD))
     monkeypatch.setattr(hook, broken, refuse)
 
     data, warnings = build(hook)
@@ -220,6 +228,20 @@ def test_a_compiler_of_kernels_that_fails_is_named(hook, monkeypatch, tmp_path):
 
     with pytest.raises(hook.Problem, match=r"^Numba refuses: no such flag$"):
         hook.compile_kernels(tmp_path, tmp_path / "built")
+
+
+def test_the_library_for_programs_is_made_by_the_package_itself(hook, tmp_path):
+    require_tool("cc", "gcc")
+    hook.compile_preload(ROOT, tmp_path)
+    [library] = tmp_path.rglob("*.so")
+    assert str(library.relative_to(tmp_path / "lib")) == PRELOAD
+    assert library.read_bytes().startswith(b"\x7fELF")
+
+
+def test_without_a_compiler_there_is_no_library_for_programs(hook, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(hook.Problem, match=r"^there is no C compiler \(cc\)$"):
+        hook.compile_preload(ROOT, tmp_path)
 
 
 def test_the_record_has_the_digest_of_each_source(hook, tmp_path, monkeypatch):

@@ -7,13 +7,14 @@ from typing import Any, Final, NamedTuple
 
 from hil_bench.abilities.controllers.library.kind import KIND as LIBRARY
 from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
+from hil_bench.abilities.controllers.program.kind import KIND as PROGRAM
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.seam import ControllerKind
 from hil_bench.config.settings import Given, Key, Problems, Setting, convert, read_table
 from hil_bench.config.values import find_nearest, quote, text, texts
 from hil_bench.registry import Registry, find_twice
 
-_OWN = {kind.name: kind for kind in (LIBRARY, PROCESS, PYTHON)}
+_OWN = {kind.name: kind for kind in (LIBRARY, PROCESS, PROGRAM, PYTHON)}
 
 KIND_KEY: Final = Key("kind", text, example='"python"')
 COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()), Key("folder", text))

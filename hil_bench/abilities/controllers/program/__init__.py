@@ -1,0 +1,1 @@
+"""An unmodified Linux program on CAN sockets and clocks that the bench gives it."""

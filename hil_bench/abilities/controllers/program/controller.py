@@ -1,0 +1,283 @@
+"""A running program on the bench's clock."""
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
+from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
+from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.errors import ControllerError
+from hil_bench.session.program import Program, environment
+
+LEAVE_NS = 1_000_000_000
+"""Bench time that a program has to end after SIGTERM, before it is killed."""
+
+PATIENCE = 10.0
+"""Time for which a program may neither work nor wait for the bench [s]."""
+
+_GLANCE_MS = 200  # between two looks at a program that does not answer
+_WAITS, _IS_FULL, _IS_REFUSED = b"w", b"f", b"r"
+_GO_ON = b"g"
+
+
+class ProgramController:
+    """A program with a library preloaded that gives it CAN sockets and bench time.
+
+    Args:
+        command: its words; ``{bus}`` stands for its first interface.
+        library: the library.
+        cpu_s_per_tick: processor time that it may take between two waits [s].
+        surroundings: where it lives.
+
+    Raises:
+        ControllerError: it cannot be started.
+    """
+
+    has_begun = True  # nobody knows what it does
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        library: Path,
+        cpu_s_per_tick: float,
+        surroundings: Surroundings,
+    ) -> None:
+        self._library, self._surroundings = library, surroundings
+        self._cpu_s_per_tick = cpu_s_per_tick
+        self._names = interface_names(surroundings.buses)
+        words = [surroundings.filled(word) for word in command]
+        self._command = [word.replace("{bus}", self._names[0]) for word in words]
+        self._now: int | None = None
+        self._starts = 0
+        self._life: _Life | None = None
+        self._program: Program | None = None
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Let the program live until it waits for something later than `until`.
+
+        A `ControllerEnd` says that it has ended with exit code 0, a `ControllerError` that it has
+        with another one, or cannot live on the bench's clock.
+        """
+        if self._life is None:
+            begin = until - self._surroundings.tick_ns if self._now is None else self._now
+            self._life = self._start(begin)
+            # At its very first moment it has no socket open yet.
+            received = [each for each in received if each.time > begin]
+        self._now = until
+        return self._life.advance(until, received)
+
+    def reset(self) -> None:
+        """Kill the program; it starts anew at the next `advance`."""
+        self._end()
+
+    def tail(self) -> str:
+        """The end of what the program has printed."""
+        return self._program.tail() if self._program is not None else ""
+
+    def close(self) -> None:
+        """End the program by SIGTERM, with some bench time to do so."""
+        if self._life is not None and self._now is not None:
+            self._life.leave(self._now, self._surroundings.tick_ns)
+        self._end()
+
+    def _end(self) -> None:
+        life, self._life = self._life, None
+        if life is not None:
+            life.end()
+
+    def _start(self, now: int) -> "_Life":
+        """Start the program at a bench time [ns].
+
+        Raises:
+            ControllerError: it cannot be started.
+        """
+        self._starts += 1
+        directory = self._surroundings.scratch / f"program{self._starts}"
+        directory.mkdir()
+        exchange = Exchange(self._names, now)
+        ours, theirs = socket.socketpair()
+        preloaded = f"{self._library} {os.environ.get('LD_PRELOAD', '')}".strip()
+        variables = environment(self._names[0]) | {
+            "HIL_BENCH_PROGRAM": f"{theirs.fileno()},{exchange.descriptor}",
+            "LD_PRELOAD": preloaded,
+            "PYTHONHASHSEED": "0",
+        }
+        descriptors = (theirs.fileno(), exchange.descriptor)
+        try:
+            with theirs:
+                self._program = Program(
+                    self._command, directory, variables, descriptors=descriptors
+                )
+        except ControllerError:
+            exchange.close()
+            ours.close()
+            raise
+        return _Life(self._program, exchange, ours, self._cpu_s_per_tick)
+
+
+class _Life:
+    """A program from its start to its end.
+
+    Args:
+        program: as started.
+        exchange: the memory that it shares.
+        control: the socket by which both ring.
+        cpu_s_per_tick: see `ProgramController`.
+    """
+
+    def __init__(
+        self, program: Program, exchange: Exchange, control: socket.socket, cpu_s_per_tick: float
+    ) -> None:
+        self._program, self._exchange, self._control = program, exchange, control
+        self._cpu_s_per_tick = cpu_s_per_tick
+        self._pidfd = os.pidfd_open(program.process.pid)
+        self._poller = select.poll()
+        self._poller.register(control, select.POLLIN)
+        self._poller.register(self._pidfd, select.POLLIN)
+        self._wake = 0
+        self._has_failed = False
+        self._sent: list[TimedFrame] = []
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """See `ProgramController`.
+
+        Raises:
+            ControllerError: likewise.
+        """
+        if not received and until < self._wake and not self._poller.poll(0):
+            self._exchange.pass_time(until)
+            return ()
+        try:
+            while len(received) > RING:
+                self._live(received[RING - 1].time, received[:RING])
+                received = received[RING:]
+            self._live(until, received)
+        except ControllerError:
+            self._has_failed = True
+            raise
+        sent, self._sent = self._sent, []
+        return sent
+
+    def leave(self, now: int, tick_ns: int) -> None:
+        """Ask the program by SIGTERM to end, and let it live for `LEAVE_NS` at most."""
+        if self._has_failed or not self._program.is_running:
+            return
+        self._program.process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(ControllerError, ControllerEnd):
+            for until in range(now + tick_ns, now + LEAVE_NS, tick_ns):
+                self._live(until, ())
+
+    def end(self) -> None:
+        """Kill what still lives of the program, and let go of what was shared."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._program.process.pid, signal.SIGKILL)
+        self._program.process.wait()
+        os.close(self._pidfd)
+        self._control.close()
+        self._exchange.close()
+
+    def _live(self, until: int, received: Sequence[TimedFrame]) -> None:
+        """Grant time, and keep what is sent meanwhile.
+
+        Raises:
+            ControllerError: it neither waits nor ends.
+        """
+        self._exchange.grant(until, received)
+        self._ring()
+        patience = _Patience(self._program.process.pid, self._cpu_s_per_tick)
+        while not self._hear():
+            if problem := patience.find_problem():
+                raise ControllerError(problem)
+        self._sent += self._exchange.take()
+        self._wake = self._exchange.wake
+
+    def _ring(self) -> None:
+        with contextlib.suppress(ConnectionError):  # it has ended: seen by `_hear`
+            self._control.send(_GO_ON)
+
+    def _hear(self) -> bool:
+        """Wait for the program a moment; return True if it has lived to the end of its grant.
+
+        Raises:
+            ControllerEnd: it has ended, with exit code 0.
+            ControllerError: it has ended with another one, or cannot live on the bench's clock.
+        """
+        ready = self._poller.poll(_GLANCE_MS)
+        if not ready:
+            return False
+        mark = b""
+        if ready[0][0] == self._control.fileno():
+            with contextlib.suppress(ConnectionError):
+                mark = self._control.recv(1)
+        if mark == _WAITS:
+            return self._exchange.is_lived
+        if mark == _IS_REFUSED:
+            raise ControllerError(self._exchange.refusal)
+        if mark == _IS_FULL:
+            self._sent += self._exchange.take()
+            self._ring()
+            return False
+        code = self._program.process.wait()
+        self._sent += self._exchange.take()
+        if not self._exchange.is_attached:
+            raise ControllerError("the bench's library was not loaded before it")
+        if code:
+            raise ControllerError(self._program.epitaph())
+        raise ControllerEnd("exit code 0", self._sent)
+
+
+class _Patience:
+    """The patience with a program that does not answer.
+
+    Args:
+        pid: of the program.
+        cpu_s: processor time that it may take [s].
+    """
+
+    def __init__(self, pid: int, cpu_s: float) -> None:
+        self._pid, self._cpu_s = pid, cpu_s
+        self._first = self._last = -1.0
+        self._idle_since = 0.0
+
+    def find_problem(self) -> str:
+        """Look at the program; return what is wrong with it, empty where nothing is."""
+        try:
+            used, state = time.clock_gettime((~self._pid << 3) | 2), _state(self._pid)
+        except OSError:  # it has just ended
+            return ""
+        now = time.monotonic()
+        if self._first < 0.0:
+            self._first = used
+        if used != self._last or state == "R":
+            self._last, self._idle_since = used, now
+        if used - self._first > self._cpu_s:
+            return (
+                f"took {self._cpu_s:g} s of processor time and did not wait once; "
+                "a program that computes for longer needs more cpu_s_per_tick"
+            )
+        if now - self._idle_since > PATIENCE:
+            return (
+                f"for {PATIENCE:g} s it has neither worked nor waited for the bench; "
+                "a child process, a lock or a file keeps it"
+            )
+        return ""
+
+
+def _state(pid: int) -> str:
+    """Return the state of a process as `/proc` has it, such as ``R`` for running."""
+    text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    return text.rpartition(")")[2].split()[0]
+
+
+def interface_names(buses: Sequence[str]) -> list[str]:
+    """Return the names of buses as network interfaces: their own, or can0 and so on."""
+    return [
+        name if name != FIRST_BUS and len(name.encode()) < NAME_SIZE else f"can{number}"
+        for number, name in enumerate(buses)
+    ]

@@ -1,0 +1,69 @@
+"""The library that is loaded before a program: of the wheel, or compiled at its first use."""
+
+import hashlib
+import os
+import platform
+from functools import cache
+from pathlib import Path
+
+from hil_bench.abilities.controllers.program.compile import (
+    FLAGS,
+    SOURCES,
+    CompilerError,
+    compile_library,
+)
+from hil_bench.errors import ConfigError, about_file
+
+INSTALLED = Path(__file__).with_name("_preload.so")
+"""The library of a wheel that was built with the compiled core."""
+
+
+def find_library() -> Path:
+    """Return the library, compiled now where no wheel or earlier run has brought it.
+
+    Raises:
+        ConfigError: there is none, and no compiler.
+    """
+    if INSTALLED.exists():
+        return _loadable(INSTALLED)
+    folder = cache_folder()
+    library = folder / f"program-{_digest()}.so"
+    if not library.exists():
+        with about_file(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            try:
+                compile_library(library)
+            except CompilerError as error:
+                raise ConfigError(
+                    f'kind "program": {error}; install gcc, or a wheel that was built with '
+                    "HIL_BENCH_COMPILE=1"
+                ) from None
+    return _loadable(library)
+
+
+def cache_folder() -> Path:
+    """Return the folder of this user in which compiled libraries are kept."""
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    parent = Path(given) if Path(given).is_absolute() else Path("~/.cache").expanduser()
+    return parent / "hil-bench"
+
+
+def _loadable(library: Path) -> Path:
+    """Return a library whose path LD_PRELOAD can hold.
+
+    Raises:
+        ConfigError: it holds what parts a list there.
+    """
+    if any(sign in str(library) for sign in " :"):
+        wrong = "a path with a blank or colon cannot be preloaded"
+        raise ConfigError(f'kind "program": {library}: {wrong}; set XDG_CACHE_HOME to another')
+    return library
+
+
+@cache
+def _digest() -> str:
+    """Return a digest of all that the library is made of."""
+    digest = hashlib.sha256(" ".join((*FLAGS, platform.machine())).encode())
+    for path in sorted(SOURCES.glob("*.[ch]")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -2,12 +2,12 @@
 
 import tempfile
 from pathlib import Path
-from random import Random
 
 import pytest
 from generated.play import live
 from generated.seeds import lay_out
-from hypothesis.internal.conjecture.data import ConjectureData
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
 
 LIVES = 4
 CHEAP = ("bench", "network", "requirements", "register map", "columns", "scenario sheet")
@@ -22,7 +22,18 @@ def test_no_verb_breaks_on_a_generated_file(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
     monkeypatch.chdir(tmp_path)
     lay_out(tmp_path)
-    for life in range(LIVES):
-        source = ConjectureData(random=Random(life))
+
+    @seed(1)
+    @settings(
+        max_examples=LIVES,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.data())
+    def play(source: st.DataObject) -> None:
         for result, text in live(source.draw, tmp_path, dialect, VERBS.get(dialect, "")):
             assert not result.wrong, text
+
+    play()

@@ -38,6 +38,7 @@ ONE_VALUE = [
     # Integers
     ("[bench]\nseed = 1.5", "bench.seed: 1.5 is not an integer; give an integer from 0 up"),
     ("[bench]\nseed = -1", "bench.seed: -1 is out of range; give an integer from 0 up"),
+    (f"[bench]\nseed = 0x1{'0' * 16}", f"bench.seed: {2**64} is out of range; give an integer from 0 to {2**63 - 1}"),
     ("[bench]\nseed = true", "bench.seed: true is not an integer; give an integer from 0 up"),
     ("[bench]\ntick_us = 0", "bench.tick_us: 0 is out of range; give an integer from 100 to 1000000"),
     ("[bench]\nstep_us = 0", "bench.step_us: 0 is out of range; give an integer from 1 to 10000"),

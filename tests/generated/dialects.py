@@ -1,42 +1,46 @@
 """The sorts of files, by dialect, and the verbs that read each."""
 
 import json
-from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from generated import seeds
 
 ARGUMENTS: Final = "arguments"
+BYTES: Final = "bytes"
 
 
 class Dialect(NamedTuple):
     """A sort of file.
 
     Attributes:
+        name: of the sort.
         suffix: of its files.
         verbs: words of each verb that reads it; ``{}`` is the file, ``{0}`` its first line.
         seeds: sound files: their folder below the repository, and their text.
-        edit: how it is edited: a "document" of TOML, "cells", "lines", or `ARGUMENTS`, lines that
-            are no file but words of the command line, or answers to its questions.
+        edit: how it is edited: a "document" of TOML, "cells", "lines", `BYTES`, or `ARGUMENTS`,
+            lines that are no file but words of the command line, or answers to its questions.
         plays: whether a verb plays it, which is kept short.
     """
 
+    name: str
     suffix: str
     verbs: tuple[tuple[str, ...], ...]
-    seeds: tuple[tuple[str, str], ...]
+    seeds: tuple[tuple[str, str | bytes], ...]
     edit: str = "document"
     plays: bool = True
 
 
-def _verbs(*lines: str) -> tuple[tuple[str, ...], ...]:
+def verbs_of(*lines: str) -> tuple[tuple[str, ...], ...]:
+    """Return the words of lines."""
     return tuple(tuple(line.split()) for line in lines)
 
 
-DIALECTS: Final[Mapping[str, Dialect]] = {
-    "bench": Dialect(
+DIALECTS: Final = (
+    Dialect(
+        "bench",
         ".toml",
         (
-            *_verbs(
+            *verbs_of(
                 "check {}",
                 "check {} --json",
                 "devices {}",
@@ -67,24 +71,27 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         ),
         tuple(seeds.benches()),
     ),
-    "network": Dialect(
+    Dialect(
+        "network",
         ".toml",
-        _verbs(
+        verbs_of(
             "boot --virtual --network {}", "boot --virtual --network {} --concise-dcf out --json"
         ),
         (*seeds.examples("examples", "network.*"),),
     ),
-    "plan": Dialect(
+    Dialect(
+        "plan",
         ".toml",
-        _verbs(
+        verbs_of(
             "commission {} --virtual --json --output out",
             "identify --design --plan {} --starts 1 --duration 2 -o out",
         ),
         (("examples", seeds.PLAN),),
     ),
-    "scenario": Dialect(
+    Dialect(
+        "scenario",
         ".scenario.toml",
-        _verbs(
+        verbs_of(
             "scenario check {}",
             "scenario list {}",
             "scenario convert {} out.csv",
@@ -96,18 +103,20 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         ),
         (("examples", seeds.SCENARIO), ("examples", seeds.STEPS)),
     ),
-    "scenario of a minute": Dialect(
+    Dialect(
+        "scenario of a minute",
         ".scenario.toml",
-        _verbs("scenario check {}", "scenario list {}", "scenario convert {} out.csv"),
+        verbs_of("scenario check {}", "scenario list {}", "scenario convert {} out.csv"),
         (
             *seeds.examples("examples/scenarios", "*.scenario.toml"),
             *seeds.examples("examples/machines", "*.scenario.toml"),
         ),
         plays=False,
     ),
-    "campaign": Dialect(
+    Dialect(
+        "campaign",
         ".toml",
-        _verbs("campaign {} --jobs 0 --runs 2 -o out", "campaign {} --merge -o out"),
+        verbs_of("campaign {} --jobs 0 --runs 2 -o out", "campaign {} --merge -o out"),
         (
             ("examples", seeds.CAMPAIGN),
             *(
@@ -121,9 +130,10 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
             ("examples", seeds.CAMPAIGN.replace("range = [6.0, 9.0]", "values = [6.0, 9.0]")),
         ),
     ),
-    "set": Dialect(
+    Dialect(
+        "set",
         "",
-        _verbs(
+        verbs_of(
             "campaign steps.scenario.toml --runs 1 --jobs 0 -o out --set {0}",
             "test steps.scenario.toml --set {0}",
             "falsify steps.scenario.toml --runs 1 --jobs 0 --method random -o out --set {0}",
@@ -131,12 +141,16 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         (("examples", "load_n=10"), ("examples", "limit_bar=200")),
         ARGUMENTS,
     ),
-    "requirements": Dialect(
-        ".toml", _verbs("judge {} recording.csv"), (("examples", seeds.REQUIREMENTS),)
-    ),
-    "register map": Dialect(
+    Dialect(
+        "requirements",
         ".toml",
-        _verbs("registers with_map.toml", "registers with_map.toml --csv", "check with_map.toml"),
+        verbs_of("judge {} recording.csv"),
+        (("examples", seeds.REQUIREMENTS),),
+    ),
+    Dialect(
+        "register map",
+        ".toml",
+        verbs_of("registers with_map.toml", "registers with_map.toml --csv", "check with_map.toml"),
         (
             ("examples", seeds.REGISTER_MAP),
             (
@@ -145,41 +159,49 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
             ),
         ),
     ),
-    "columns": Dialect(
+    Dialect(
+        "columns",
         ".toml",
-        _verbs("identify measured.csv --columns {} --starts 1 -o out"),
+        verbs_of("identify measured.csv --columns {} --starts 1 -o out"),
         (("examples", seeds.COLUMNS),),
     ),
-    "map": Dialect(
+    Dialect(
+        "map",
         "",
-        _verbs(
+        verbs_of(
             "identify measured.csv --map {0} --map {1} --map {2} --map {3} --map {4} --starts 1"
         ),
         tuple(("examples", text) for text in seeds.MAPS),
         ARGUMENTS,
     ),
-    "answers": Dialect(
+    Dialect(
+        "answers",
         "",
         (("new", "out.toml", "--force", *seeds.NEW.split()), ("new", "out.toml", "--force")),
         tuple(("examples", text) for text in seeds.ANSWERS),
         ARGUMENTS,
     ),
-    "shell": Dialect("", _verbs("completion {0}"), (("examples", "bash"),), ARGUMENTS),
-    "scenario sheet": Dialect(
+    Dialect("shell", "", verbs_of("completion {0}"), (("examples", "bash"),), ARGUMENTS),
+    Dialect(
+        "scenario sheet",
         ".csv",
-        _verbs("scenario check {}", "scenario list {}", "scenario convert {} out.toml", "test {}"),
+        verbs_of(
+            "scenario check {}", "scenario list {}", "scenario convert {} out.toml", "test {}"
+        ),
         (("examples", seeds.SHEET), ("examples", seeds.SHEET.replace(",", ";"))),
         "cells",
     ),
-    "course": Dialect(
+    Dialect(
+        "course",
         ".csv",
-        _verbs("scenario check with_course.scenario.toml", "test with_course.scenario.toml"),
+        verbs_of("scenario check with_course.scenario.toml", "test with_course.scenario.toml"),
         (("examples", seeds.COURSE),),
         "cells",
     ),
-    "recording": Dialect(
+    Dialect(
+        "recording",
         ".csv",
-        _verbs(
+        verbs_of(
             "judge requirements.toml {}",
             "replay {} --virtual",
             "plot {} -o out.png",
@@ -188,16 +210,18 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         (("examples", seeds.recording()),),
         "cells",
     ),
-    "measured table": Dialect(
+    Dialect(
+        "measured table",
         ".csv",
-        _verbs("identify {} --columns columns.toml --starts 1 -o out"),
+        verbs_of("identify {} --columns columns.toml --starts 1 -o out"),
         (("examples", seeds.measured()),),
         "cells",
     ),
-    "EDS": Dialect(
+    Dialect(
+        "EDS",
         ".eds",
         (
-            *_verbs(
+            *verbs_of(
                 "check-eds {}",
                 "check-eds {} --strict --json",
                 "conformance --virtual --node-id 1 --eds {}",
@@ -213,9 +237,10 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         tuple(("examples", text) for _, text in seeds.EDS),
         "lines",
     ),
-    "DBC": Dialect(
+    Dialect(
+        "DBC",
         ".dbc",
-        _verbs(
+        verbs_of(
             "check with_dbc.toml",
             "devices with_dbc.toml",
             "bus-load with_dbc.toml --simulate 0.01",
@@ -224,9 +249,10 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         (*seeds.examples("examples", "*.dbc"),),
         "lines",
     ),
-    "log": Dialect(
+    Dialect(
+        "log",
         ".log",
-        _verbs(
+        verbs_of(
             "decode {}",
             "decode {} -o out.csv one_axis.toml",
             "decode {} --write-dbc out.dbc one_axis.toml",
@@ -237,19 +263,21 @@ DIALECTS: Final[Mapping[str, Dialect]] = {
         (("examples", seeds.LINES),),
         "lines",
     ),
-    "ASC log": Dialect(
+    Dialect(
+        "ASC log",
         ".asc",
-        _verbs("decode {}", "explain {} one_axis.toml", "shadow --log {} one_axis.toml"),
+        verbs_of("decode {}", "explain {} one_axis.toml", "shadow --log {} one_axis.toml"),
         (("examples", seeds.ASC),),
         "lines",
     ),
-    "results": Dialect(
+    Dialect(
+        "results",
         "",
-        _verbs("evidence out --results {} --seconds 0"),
+        verbs_of("evidence out --results {} --seconds 0"),
         (("examples", json.dumps(seeds.RESULTS, indent=1)), ("examples", seeds.JUNIT)),
         "lines",
     ),
-}
+)
 """Every dialect that a verb reads."""
 
 COSTLY: Final = {"evidence", "analyse", "identify", "export-fmu", "commission", "falsify"}

@@ -29,6 +29,7 @@ HOSTILE = (
     *(*WORDS, "../none", "always", [], {}, [[]], [1], ["x", "x"], {"a": {}}),
 )
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+_NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1)
 ANYTHING = st.sampled_from(HOSTILE) | TEXT
 """Values of TOML, few of which any key takes."""
 
@@ -250,3 +251,27 @@ def line_edits(draw: st.DrawFn, text: str) -> str:
             place = draw(st.sampled_from(digits))
             lines[at] = line[:place] + draw(st.sampled_from("0123456789ABCDEF")) + line[place + 1 :]
     return "\n".join(lines)
+
+
+@st.composite
+def byte_edits(draw: st.DrawFn, content: bytes) -> bytes:
+    """A file after one edit: cut off, flipped bits, other lengths, parts twice or lost."""
+    at = draw(st.integers(0, max(0, len(content) - 1)))
+    end = min(len(content), at + draw(st.sampled_from((1, 2, 4, 8, 16, 64, 256))))
+    match draw(st.integers(0, 7)):
+        case 0:
+            return content[:at]
+        case 1:
+            return content[:at] + content[end:]
+        case 2:
+            return content[:end] + content[at:end] * draw(st.integers(1, 100)) + content[end:]
+        case 3:
+            return content[:at] + draw(st.binary(max_size=16)) + content[end:]
+        case 4 | 5:
+            flipped = content[at] ^ 1 << draw(st.integers(0, 7)) if content else 0
+            return content[:at] + bytes((flipped,)) + content[at + 1 :]
+        case _:
+            size = draw(st.sampled_from((1, 2, 4, 8)))
+            word = draw(st.sampled_from(_NUMBERS)) & (1 << 8 * size) - 1
+            order = draw(st.sampled_from(("little", "big")))
+            return content[:at] + word.to_bytes(size, order) + content[at + size :]

@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import resource
 import shutil
 import signal
 import sys
@@ -16,8 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from generated.dialects import ARGUMENTS, COSTLY, DIALECTS, Dialect
-from generated.edits import Schema, cell_edits, document_edits, line_edits
+from generated.dialects import ARGUMENTS, BYTES, COSTLY, Dialect
+from generated.edits import Schema, byte_edits, cell_edits, document_edits, line_edits
 from generated.seeds import STEM, lay_scenario, shorten
 from hypothesis import strategies as st
 
@@ -30,6 +31,8 @@ _MOST = 120.0
 """Processor time after which a verb is ended and reported [s]."""
 _HANGS = 600.0
 """Likewise, time by the clock [s]."""
+_MOST_MEMORY = 1 << 20
+"""Memory that a verb may take for a file, beside that of earlier ones [KiB]."""
 _OUTPUT = "out"
 """Beginning of the names of files and folders that a verb is given to write."""
 
@@ -60,7 +63,7 @@ class Result(NamedTuple):
     words: tuple[str, ...]
 
 
-Lives = Iterator[tuple[Result, str]]
+Lives = Iterator[tuple[Result, str | bytes]]
 
 
 class _Terminal(io.StringIO):
@@ -73,7 +76,7 @@ class _Terminal(io.StringIO):
 def run_verb(dialect: str, words: tuple[str, ...], answers: str | None = None) -> Result:
     """Run a verb in this process, and judge how it ends."""
     said, errors = io.StringIO(), io.StringIO()
-    began = time.process_time()
+    began, memory = time.process_time(), _most_memory()
     code, wrong = -1, ""
     stdin = io.StringIO() if answers is None else _Terminal(answers)
     with (
@@ -91,7 +94,14 @@ def run_verb(dialect: str, words: tuple[str, ...], answers: str | None = None) -
     took = time.process_time() - began
     if code >= 0:
         wrong = _find_wrong(code, said.getvalue(), errors.getvalue(), words)
+    if not wrong and (more := _most_memory() - memory) > _MOST_MEMORY:
+        wrong = f"takes {more >> 10} MiB of memory"
     return Result(words[0], dialect, code, wrong, took, words)
+
+
+def _most_memory() -> int:
+    """Return the most memory that this process has ever taken [KiB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _find_wrong(code: int, said: str, errors: str, words: tuple[str, ...]) -> str:
@@ -112,7 +122,8 @@ def _find_wrong(code: int, said: str, errors: str, words: tuple[str, ...]) -> st
 
 def _names_input(line: str, words: tuple[str, ...]) -> bool:
     """Return True if a message names the file, another file, or an option of the command line."""
-    return any(name in line for name in (STEM, "--", *words[1:]) if len(name) > 1)
+    names = (STEM, "--", ": cannot be read", *words[1:])
+    return any(name in line for name in names if len(name) > 1)
 
 
 @contextlib.contextmanager
@@ -134,18 +145,17 @@ def _limited() -> Iterator[None]:
             signal.signal(each, before[each])
 
 
-def live(draw: Draw, root: Path, dialect: str, verb: str = "") -> Lives:
+def live(draw: Draw, root: Path, form: Dialect, verb: str = "") -> Lives:
     """Yield what verbs make of a file after each of its edits, and its text."""
-    form = DIALECTS[dialect]
     seed = draw(st.integers(0, len(form.seeds) - 1))
     os.chdir(root / form.seeds[seed][0])
     schema = Schema()
     kept = _sound(form, seed)
     verbs = [words for words in form.verbs if verb in {"", words[0]}]
-    verbs = [words for words in verbs if _takes(dialect, seed, words, schema)]
+    verbs = [words for words in verbs if _takes(form, seed, words, schema)]
     for _ in range(draw(st.integers(3, 12)) if verbs else 0):
         tried = _edited(draw, form, kept, schema)
-        result, text = _play(dialect, draw(st.sampled_from(verbs)), tried, schema)
+        result, text = _play(form, draw(st.sampled_from(verbs)), tried, schema)
         yield result, text
         if result.code != ExitCode.USAGE:
             kept = tried
@@ -162,43 +172,42 @@ def _sound(form: Dialect, seed: int) -> Any:
 _HEARD: dict[tuple[str, int, tuple[str, ...]], tuple[bool, Schema]] = {}
 
 
-def _takes(dialect: str, seed: int, words: tuple[str, ...], schema: Schema) -> bool:
+def _takes(form: Dialect, seed: int, words: tuple[str, ...], schema: Schema) -> bool:
     """Return True if a verb takes the sound file, or is played anyway; note its keys."""
-    case = (dialect, seed, words)
+    case = (form.name, seed, words)
     if case not in _HEARD:
         heard = Schema()
-        result, _ = _play(dialect, words, _sound(DIALECTS[dialect], seed), heard)
-        _HEARD[case] = result.code != ExitCode.USAGE or words[0] in COSTLY, heard
+        result, _ = _play(form, words, _sound(form, seed), heard)
+        is_played = form.edit == BYTES or words[0] in COSTLY
+        _HEARD[case] = result.code != ExitCode.USAGE or is_played, heard
     is_taken, heard = _HEARD[case]
     schema.tables |= heard.tables
     return is_taken
 
 
 def _play(
-    dialect: str,
-    words: tuple[str, ...],
-    kept: Any,
-    schema: Schema,
-) -> tuple[Result, str]:
+    form: Dialect, words: tuple[str, ...], kept: Any, schema: Schema
+) -> tuple[Result, str | bytes]:
     """Write a file, and return what a verb makes of it, and its text."""
-    form = DIALECTS[dialect]
     text = to_toml(kept) if isinstance(kept, dict) else kept
     answers = None
     if form.edit == ARGUMENTS:
         words, answers = _fill_in(words, text)
     else:
         path = Path(f"{STEM}{form.suffix}")
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
         words = tuple(word.replace("{}", path.name) for word in words)
         if "on_bench.scenario.toml" in words:
             lay_scenario(Path("on_bench.scenario.toml"), kept)
     before = set(os.listdir())
     with schema.listening():
-        result = run_verb(dialect, words, answers)
+        result = run_verb(form.name, words, answers)
     return _with_left_behind(result, before), text
 
 
 def _edited(draw: Draw, form: Dialect, kept: Any, schema: Schema) -> Any:
+    if isinstance(kept, bytes):
+        return draw(byte_edits(kept))
     if isinstance(kept, str):
         return draw((cell_edits if form.edit == "cells" else line_edits)(kept))
     tried = draw(document_edits(kept, schema))
@@ -278,7 +287,7 @@ class Tally:
         self._took: Counter[str] = Counter()
         self._found = found
 
-    def add(self, result: Result, text: str) -> None:
+    def add(self, result: Result, text: str | bytes) -> None:
         """Count a result, and show at once what is wrong with it."""
         self.files += 1
         self._codes.setdefault(result.verb, Counter())[result.code] += 1
@@ -292,7 +301,7 @@ class Tally:
             if self._found:
                 self._found.mkdir(parents=True, exist_ok=True)
                 path = self._found / f"{self.files}-{result.dialect}-{result.verb}.txt"
-                path.write_text(text, encoding="utf-8")
+                path.write_bytes(text if isinstance(text, bytes) else text.encode())
 
     def lines(self) -> Iterator[str]:
         """Yield a table: verb, files, share that it took, failures, time, exit codes."""

@@ -31,7 +31,7 @@ from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
 from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method
 from hil_bench.abilities.campaign.search.search import Searcher
 from hil_bench.abilities.campaign.search.writing import load_failure
-from hil_bench.abilities.scenario import controllers
+from hil_bench.abilities.controllers.python import examples as controllers
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import Controller, Scenario
 from hil_bench.abilities.scenario.run import play, prepare

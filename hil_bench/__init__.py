@@ -17,15 +17,14 @@ _MODULES = {
     "session.virtual_bench": ("VirtualBench",),
 }
 
+_PLACES = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 
-def _modules() -> dict[str, str]:
-    """The modules of all exported names, those of abilities included."""
+
+def _exports() -> dict[str, str]:
+    """The modules of the names that abilities export."""
     from hil_bench.ability import own_abilities  # noqa: PLC0415 - see above
 
-    own = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
-    return own | {
-        name: module for ability in own_abilities() for name, module in ability.exports.items()
-    }
+    return {name: place for each in own_abilities() for name, place in each.exports.items()}
 
 
 def __getattr__(name: str) -> object:
@@ -39,8 +38,11 @@ def __getattr__(name: str) -> object:
 
         return version("hil-bench")
     if name == "__all__":
-        return [*_modules()]
-    if not name.startswith("_") and (module := _modules().get(name)):
+        return [*_PLACES, *_exports()]
+    module = _PLACES.get(name)
+    if module is None and not name.startswith("_"):
+        module = _exports().get(name)
+    if module is not None:
         from importlib import import_module  # noqa: PLC0415 - see above
 
         return getattr(import_module(module), name)
@@ -49,4 +51,4 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     """Return the public names."""
-    return [*_modules(), "__version__"]
+    return [*_PLACES, *_exports(), "__version__"]

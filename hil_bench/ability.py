@@ -6,10 +6,10 @@ other distributions declare theirs as entry points of the group `hil_bench.abili
 docs/abilities.md.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
 from importlib import import_module
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from hil_bench.registry import Registry
 
@@ -18,6 +18,7 @@ OWN = (
     "campaign",
     "commissioning",
     "conformance",
+    "controllers",
     "demo",
     "doctor",
     "evidence",
@@ -51,8 +52,10 @@ class Verb(NamedTuple):
     module: str
 
 
-@dataclass(frozen=True)
-class Ability:
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class Ability(NamedTuple):
     """A package's declaration of what it adds to the bench.
 
     It has names only, so that nothing else of the package is imported before use.
@@ -62,27 +65,49 @@ class Ability:
         needs: the abilities that it imports.
         verbs: of the command line, by name.
         options: what it adds to verbs of the core: modules by verb, each with
-            ``add_options(group)`` and ``take_over(args) -> int | None``, which runs the verb where
-            one of its options asks for it, and returns None where none does.
+            ``add_options(group)`` and ``take_over(args, *known) -> int | None``, which runs the
+            verb where one of its options asks for it, and returns None where none does; known is
+            what the verb has read by then: the `BenchConfig` of ``check``.
         collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
             that it makes tests of.
         frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
             failed tests.
+        tables: of ``bench.toml``: ``module:class`` by name, of the `Section` that reads it. It is
+            made with the document, the names of all buses, the folder of the file and the problems,
+            and builds a `Part` by the table's name.
+        fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
     name: str
     needs: tuple[str, ...] = ()
-    verbs: Mapping[str, Verb] = field(default_factory=dict)
-    options: Mapping[str, str] = field(default_factory=dict)
-    collectors: Mapping[str, str] = field(default_factory=dict)
+    verbs: Mapping[str, Verb] = MappingProxyType({})
+    options: Mapping[str, str] = _NOTHING
+    collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
-    exports: Mapping[str, str] = field(default_factory=dict)
+    tables: Mapping[str, str] = _NOTHING
+    fixtures: str = ""
+    exports: Mapping[str, str] = _NOTHING
 
 
 def own_abilities() -> list[Ability]:
     """The abilities of the bench itself."""
     return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+
+
+def table_sections(names: Iterable[str]) -> dict[str, Any]:
+    """The sections that read tables of ``bench.toml``, by the tables' names.
+
+    Other distributions are asked only for a name that no ability of the bench has.
+
+    Args:
+        names: of the tables that a file has, beside those of the core.
+    """
+    own = {name: place for each in own_abilities() for name, place in each.tables.items()}
+    wanted = [name for name in names if name not in own]
+    others = other_abilities()[0] if wanted else []
+    known = own | {name: place for each in others for name, place in each.tables.items()}
+    return {name: load(known[name]) for name in names if name in known}
 
 
 def load(place: str) -> object:
@@ -95,11 +120,13 @@ def load(place: str) -> object:
 def other_abilities() -> tuple[list[Ability], list[str]]:
     """The abilities of other distributions, and a line for each that cannot be used."""
     registry = abilities()
-    found = list(registry.extensions())
-    usable = [registry.find(each.name) for each in found if not each.problem]
-    return [ability for ability in usable if ability], [
-        each.problem for each in found if each.problem
-    ]
+    usable, problems = [], []
+    for extension in registry.extensions():
+        if extension.problem:
+            problems.append(extension.problem)
+        elif found := registry.find(extension.name):
+            usable.append(found)
+    return usable, problems
 
 
 def abilities() -> Registry[Ability]:
@@ -110,9 +137,9 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "frame_reader", "exports"):
+    for name in ("options", "collectors", "frame_reader", "fixtures", "exports"):
         if getattr(ability, name):
-            return f"has {name}; of other distributions only verbs are taken"
+            return f"has {name}; of other distributions only verbs and tables are taken"
     for name, verb in ability.verbs.items():
         if verb.group not in GROUPS:
             right = ", ".join(GROUPS)

@@ -22,7 +22,6 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 
 import contextlib
 import errno
-import importlib.util
 import os
 import re
 from collections.abc import Iterator
@@ -185,19 +184,3 @@ def first_line(error: BaseException) -> str:
     """Return the first line of an error, without the traceback that some buses put into it."""
     text = str(error).partition("Traceback (most recent call last)")[0]
     return (text.splitlines() or [type(error).__name__])[0].strip()
-
-
-def require_extra(package: str, what: str) -> None:
-    """Refuse to go on without an optional package.
-
-    Args:
-        package: the package's name.
-        what: needs it, as in ``"a figure"``.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
-    if importlib.util.find_spec(package) is None:
-        raise ConfigError(
-            f"{what} needs {package}; install it with: pip install 'hil-bench[analysis]'"
-        )

@@ -7,6 +7,7 @@ import os
 import sys
 import tomllib
 
+import lark.exceptions  # noqa: F401 - a run of pytester forgets what it imports, and we keep its parser
 import pytest
 from hypothesis import HealthCheck, settings
 from support.distribution import PLUGIN, declare

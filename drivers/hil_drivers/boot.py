@@ -320,7 +320,7 @@ class NetworkManager:
         return min(deadlines)
 
     def _event_of(self, slave: Slave) -> str:
-        """Return what has happened to a slave; nothing where all is well."""
+        """Return the event of a slave that calls for action; empty where all is well."""
         node, result = self._nodes[slave.node_id], self.results.get(slave.node_id)
         now = self._network.now()
         if node.boot_ups > self._boot_ups.get(slave.node_id, 0):
@@ -371,5 +371,5 @@ def _compare(found: bytes, expected: int, error: BootError) -> None:
 
 
 def _without_object(error: DriverError) -> str:
-    """Return what an error says, without the object that the letter names already."""
+    """Return the text of an error without the object that the letter names already."""
     return error.what.removeprefix(f"cannot read {object_name(_DEVICE_TYPE)}: ")

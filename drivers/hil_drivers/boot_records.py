@@ -27,7 +27,7 @@ class BootError(Enum):
 
 
 class Start(Enum):
-    """Who starts slaves, and how (0x1F80, bits 1 and 3)."""
+    """The way in which slaves are started (0x1F80, bits 1 and 3)."""
 
     EACH = "each"
     """The master, each one as soon as it is booted."""
@@ -38,7 +38,7 @@ class Start(Enum):
 
 
 class Loss(Enum):
-    """What follows when a mandatory slave is lost (0x1F80, bits 4 and 6)."""
+    """The reaction to the loss of a mandatory slave (0x1F80, bits 4 and 6)."""
 
     SLAVE = "slave"
     """The slave alone is booted anew."""
@@ -92,7 +92,7 @@ class Slave:
 
 @dataclass(frozen=True, slots=True)
 class Startup:
-    """How the master boots the network.
+    """The settings by which the master boots the network.
 
     Attributes:
         start: who starts the slaves.
@@ -106,7 +106,7 @@ class Startup:
 
 
 class Configured(Enum):
-    """How a slave came to its configuration."""
+    """The way in which a slave came to its configuration."""
 
     NOTHING = "nothing to configure"
     WRITTEN = "written"
@@ -115,7 +115,7 @@ class Configured(Enum):
 
 @dataclass(frozen=True, slots=True)
 class BootResult:
-    """What came of one slave.
+    """The result of booting one slave.
 
     Attributes:
         slave: the slave.

@@ -112,7 +112,7 @@ def read_concise_dcf(path: Path) -> tuple[ConciseEntry, ...]:
 
 
 def convert_dcf(path: Path, node_id: int) -> tuple[ConciseEntry, ...]:
-    """Return what a DCF configures: every `ParameterValue` of an object that can be written.
+    """Return the entries of a DCF: each `ParameterValue` of an object that can be written.
 
     Args:
         path: a DCF; an EDS, which has no such values, gives no entries.

@@ -1,4 +1,4 @@
-"""What the drivers of all devices have in common: identity, PDOs, freshness of values."""
+"""Common parts of the drivers of all devices: identity, PDOs, freshness of values."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -96,7 +96,7 @@ class Device:
     def _carriers(
         self, kind: PdoKind, required: Sequence[ObjectKey], optional: Sequence[ObjectKey] = ()
     ) -> dict[ObjectKey, PdoMapping]:
-        """Return which PDO to use for each object; optional ones may be left out."""
+        """Return the PDO to use for each object; optional objects may be left out."""
         carriers = choose_carriers(eds_mappings(self.node, kind), [*required, *optional])
         for key in required:
             if key not in carriers:
@@ -110,7 +110,7 @@ class Device:
         )
 
     def _add_inputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Input]:
-        """Return how to receive these objects."""
+        """Add the received PDOs of these objects and return an input for each object."""
         pdos = {mapping: ReceivedPdo(mapping) for mapping in carriers.values()}
         self._received.extend(pdos.values())
         return {

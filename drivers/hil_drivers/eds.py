@@ -89,7 +89,7 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
 
 @lru_cache(maxsize=_DEVICES_KEPT)
 def _imported(text: str, node_id: int) -> bytes:
-    """Return what canopen makes of an EDS, for the next node of its kind; each has its own copy."""
+    """Return canopen's import of an EDS, pickled, so that each node gets its own copy."""
     return pickle.dumps(import_eds(io.StringIO(text), node_id))  # type: ignore[no-untyped-call]
 
 

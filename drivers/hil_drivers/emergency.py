@@ -40,6 +40,6 @@ class Emergency(NamedTuple):
 
     @property
     def meaning(self) -> str:
-        """What the code means, in the words of CiA 301."""
+        """The meaning of the code, in the words of CiA 301."""
         error = EmcyError(self.code, self.register, self.manufacturer, self.received_at)
         return MEANINGS.get(self.code) or error.get_desc() or "code without a meaning in CiA 301"

@@ -1,4 +1,4 @@
-"""What the drivers of position sensors (CiA 406) have in common."""
+"""Common parts of the drivers of position sensors (CiA 406)."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What the drivers of a sensor offer whatever bus the sensor is on.
+"""Protocols of the sensor drivers, the same on every bus.
 
 A controller that is written against these protocols does not care which bus that is: the classes of
 `hil_drivers` are CANopen's, those of `hil_drivers.modbus` Modbus'.

@@ -16,7 +16,7 @@ PEAK_ACCELERATION = 10 / math.sqrt(3)
 
 
 class SetPoint(NamedTuple):
-    """Where the piston is to be: position [m], speed [m/s], acceleration [m/s²]."""
+    """A set-point of the piston: position [m], speed [m/s], acceleration [m/s²]."""
 
     position: float
     speed: float

@@ -45,7 +45,7 @@ _BUS_OFF = 0x40
 
 @dataclass(slots=True)
 class ReceiveCounters:
-    """What came in.
+    """Counters of received frames.
 
     Attributes:
         received: all frames.
@@ -62,7 +62,7 @@ class ReceiveCounters:
 
 
 class _SendingNetwork(canopen.Network):
-    """What canopen's own classes send through."""
+    """The network that canopen's own classes send through."""
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class Network:
         self._services.append(service)
 
     def remove_service(self, service: Service) -> None:
-        """Have it done no more; nothing happens where it is not done."""
+        """Remove a service; without effect where it is not registered."""
         if service in self._services:
             self._services.remove(service)
 

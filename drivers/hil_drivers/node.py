@@ -112,7 +112,7 @@ class Node(canopen.RemoteNode):
         return client
 
     def handlers(self) -> dict[int, Callable[[bytes, float], bool]]:
-        """Return who takes the messages of this node: COB-ID to handler(data, now)."""
+        """Return the handlers of this node's messages: COB-ID to handler(data, now)."""
         emergency_id = self.default(0x1014, otherwise=0x80 + self.node_id)
         return {
             0x700 + self.node_id: self.receive_heartbeat,
@@ -153,7 +153,7 @@ class Node(canopen.RemoteNode):
         self._patiently(lambda: self.upload(0x1000))
 
     def _patiently(self, read: Callable[[], _T]) -> _T:
-        """Return what a read brings, tried again until the device answers.
+        """Return the result of a read, repeated until the device answers.
 
         Raises:
             DriverTimeoutError: it did not within 2 s.
@@ -250,7 +250,7 @@ class Node(canopen.RemoteNode):
         self.download(index, subindex, raw)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Return what the device holds in an object, whether or not the EDS knows it.
+        """Return the bytes of an object in the device, even of one that is not in the EDS.
 
         What it may bring at most, and how long it may take, say `sdo.most_bytes` and
         `sdo.longest_transfer`.

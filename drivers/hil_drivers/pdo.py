@@ -1,4 +1,4 @@
-"""Which object stands where in which PDO, by the EDS, and how its bytes read.
+"""Mapping of objects into PDOs by the EDS, and decoding of their bytes.
 
 A received PDO is kept as it came, with its time of reception, and decoded only where a value is
 asked for: a controller reads few of the values that a bus brings.
@@ -43,7 +43,7 @@ class MappedObject(NamedTuple):
 
     @classmethod
     def from_entry(cls, entry: int) -> Self:
-        """Return what a mapping entry 0x60410010 means."""
+        """Return the mapped object of a mapping entry, such as 0x60410010."""
         return cls((entry >> 16, entry >> 8 & 0xFF), entry & 0xFF)
 
     def __str__(self) -> str:

@@ -86,7 +86,7 @@ class PositionController:
 
 
 class CycleRecord(NamedTuple):
-    """What one cycle saw and did.
+    """The measured values and the command of one cycle.
 
     Attributes:
         time: since the start of the run [s].

@@ -100,7 +100,7 @@ class _Channel(Sensor):
         return numerator, 10.0 ** (exponent - 256 if exponent > 127 else exponent)
 
     def _read_resolution(self) -> float:
-        """Return what one digit of the process value stands for, in the device's unit."""
+        """Return the value of one digit of the process value, in the device's unit."""
         if self._process_value.signal.is_real:
             return 1.0
         return 10.0 ** -self.node.read_integer(_DIGITS, self._channel)

@@ -21,7 +21,7 @@ _POLL: Final = 0.05
 
 
 class ControlCommand(IntEnum):
-    """What 0x1F51 takes."""
+    """A command to a program (0x1F51)."""
 
     STOP = 0
     START = 1
@@ -45,7 +45,7 @@ FLASH_ERRORS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class ProgramState:
-    """What a device says of a program.
+    """The state of a program, as the device reports it.
 
     Attributes:
         is_running: by 0x1F51; None where it does not say.
@@ -64,7 +64,7 @@ class ProgramState:
 
     @property
     def error(self) -> str:
-        """What 0x1F57 says, in words; empty where it says nothing or all is well."""
+        """The error in 0x1F57 in words; empty without an error."""
         number = 0 if self.status is None or self.is_busy else self.status >> 1 & 0x7F
         return FLASH_ERRORS.get(number, f"error {number}") if number else ""
 
@@ -82,7 +82,7 @@ class ProgramDownload:
         self._network, self._node, self._number = network, node, number
 
     def read(self) -> ProgramState:
-        """Return what the device says of the program."""
+        """Return the state of the program, read from the device."""
         control = self._read(CONTROL)
         identification, status = self._read(IDENTIFICATION), self._read(STATUS)
         running = None if control is None else control == ControlCommand.START

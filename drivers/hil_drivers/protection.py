@@ -22,7 +22,7 @@ def crc8(data: bytes) -> int:
 
 @dataclass
 class Protection:
-    """What came of the frames of one PDO.
+    """Counters of the protected frames of one PDO.
 
     Attributes:
         cob_id: identifier of the PDO.

@@ -58,7 +58,7 @@ class SdoTooSlow(SdoError):  # noqa: N818 - only `Node` meets it
 
 
 class _Upload:
-    """What one upload has brought so far, and what it may bring."""
+    """The progress of one upload, and its limit in bytes."""
 
     def __init__(self, most_bytes: int) -> None:
         self._most = most_bytes
@@ -189,7 +189,7 @@ class PumpedSdoClient(SdoClient):
         return SdoClient.open(_Transfer(self), index, subindex, mode, *args, **options)  # type: ignore[arg-type,no-untyped-call]
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """Return what an object holds.
+        """Return the bytes of an object.
 
         Raises:
             SdoCommunicationError: besides what canopen says, other bytes came than announced.
@@ -259,7 +259,7 @@ class PumpedSdoClient(SdoClient):
         self.send_request(struct.pack("<B3sL", _SDO_ABORT, self._multiplexer, abort_code))
 
     def _most_of(self, index: int, subindex: int) -> int:
-        """Return how many bytes an object may bring."""
+        """Return the largest number of bytes that is accepted for an object."""
         variable = self.od.get_variable(index, subindex)
         is_number = variable is not None and variable.fixed_size
         return min(self.most_bytes, MOST_BYTES_OF_A_NUMBER) if is_number else self.most_bytes

@@ -18,7 +18,7 @@ _SENT, _IS_VALID = 1, 0xA5
 
 @dataclass
 class SrdoCounters:
-    """What came of the frames of an SRDO.
+    """Counters of the frames of an SRDO.
 
     Attributes:
         accepted: pairs that agree and came in time.

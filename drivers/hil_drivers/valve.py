@@ -38,7 +38,7 @@ _CONSUMER_HEARTBEAT = (0x1016, 1)
 
 
 class ControlMode(IntEnum):
-    """What a valve controls, by 0x6043."""
+    """The control mode of a valve (0x6043)."""
 
     SPOOL = 2
     PRESSURE = 4
@@ -165,7 +165,7 @@ class ProportionalValve(ValveControl, Device):
 
     @property
     def is_limited_by_pressure(self) -> bool:
-        """Whether, in p/Q, the pressure controller holds back the spool set-point."""
+        """Return True while the pressure controller limits the spool set-point (p/Q mode)."""
         return bool(self._status_word() & _PRESSURE_ACTIVE)
 
     def set_axis_position(self, position: float) -> None:
@@ -204,7 +204,7 @@ class ProportionalValve(ValveControl, Device):
             self.network.send(sent.cob_id, bytes(sent.data))
 
     def _outputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Output]:
-        """Return how to send these objects."""
+        """Return the outputs that send these objects."""
         pdos = {mapping: SentPdo(mapping) for mapping in carriers.values()}
         return {
             key: Output(pdos[mapping], Signal(mapping, key, self.node.variable(*key)))

@@ -1,4 +1,4 @@
-"""How a proportional valve is led through its states (CiA 408, device control), on any bus."""
+"""The state machine of a proportional valve (CiA 408, device control), on any bus."""
 
 import logging
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ POLL_PERIOD = 0.005
 
 
 class ValveControl(ABC):
-    """What the drivers of a valve have in common: its states, its set-point, and its end.
+    """Common parts of the drivers of a valve: its states, its set-point, and its end.
 
     A driver says how its bus tells the status word, takes set-point and control word, and explains
     a fault.
@@ -148,7 +148,7 @@ class ValveControl(ABC):
             ) from None
 
     def _circumstances(self) -> str:
-        """Return what else may be why the device does not get to a state."""
+        """Return further reasons why the device does not reach a state."""
         return ""
 
     @property
@@ -174,7 +174,7 @@ class ValveControl(ABC):
 
     @abstractmethod
     def _fault(self, state: ValveState) -> DeviceFaultError:
-        """Return what to raise for a device in this state."""
+        """Return the exception for a device in this state."""
 
     @abstractmethod
     def _release(self) -> None:

@@ -1,1 +1,1 @@
-"""What the bench can do beside running, a folder an ability; see `hil_bench.ability`."""
+"""The bench's abilities beside running, a folder each; see `hil_bench.ability`."""

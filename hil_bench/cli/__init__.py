@@ -67,7 +67,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command line; where argparse has given the answer, nothing is left to be run."""
     try:
         called = next((word for word in arguments if not word.startswith("-")), None)
-        parser = build_parser(() if called is None else (called,), _find_verbs(called))
+        parser = build_parser(() if called is None else (called,), _find_verbs(called, arguments))
         args = parser.parse_args(arguments, argparse.Namespace(given_words=arguments))
         del args.given_words  # only for --version
     except SystemExit as end:
@@ -76,10 +76,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     return args
 
 
-def _find_verbs(called: str | None) -> Mapping[str, Verb]:
+def _find_verbs(called: str | None, arguments: Sequence[str]) -> Mapping[str, Verb]:
     """The verbs; without a look at other distributions, which is slow, where that is enough."""
     own = own_verbs()
-    if called in own:
+    if called in own or (called is None and not {"-h", "--help"} & {*arguments}):
         return own
     verbs, problems = all_verbs()
     for problem in problems:

@@ -150,6 +150,7 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
         modbus=modbus,
         faults=[parse_fault(words) for words in getattr(args, "fault", [])],
+        tables=getattr(args, "tables", None),
     )
 
 

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     read_devices(config)
     if config.modbus is not None:
         _check_modbus(config)
-    code = take_over("check", args)
+    code = take_over("check", args, config)
     if code is not None:
         return code
     doubts = find_doubts(config)

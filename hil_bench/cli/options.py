@@ -14,9 +14,15 @@ def add_options(verb: str, group: "argparse._ActionsContainer") -> None:
         module.add_options(group)
 
 
-def take_over(verb: str, args: argparse.Namespace) -> int | None:
-    """Run a verb as the ability whose options are given; None where none is."""
-    codes = (module.take_over(args) for module in _modules(verb))
+def take_over(verb: str, args: argparse.Namespace, *known: object) -> int | None:
+    """Run a verb as the ability whose options are given; None where none is.
+
+    Args:
+        verb: of the core.
+        args: the command line.
+        known: what the verb has read of it by now.
+    """
+    codes = (module.take_over(args, *known) for module in _modules(verb))
     return next((code for code in codes if code is not None), None)
 
 

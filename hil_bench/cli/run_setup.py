@@ -111,6 +111,8 @@ def set_up(
         recording = stack.enter_context(recorded(session, files, config, is_real_time=is_real_time))
         bus = stack.enter_context(open_bus(args, config))
         modbus = stack.enter_context(open_modbus(config, session))
+        for part in config.parts:
+            stack.enter_context(part.attached(session, config))
         yield RunSetup(args, config, session, bus, modbus, recording, wish)
 
 
@@ -121,6 +123,7 @@ def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
     rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
     lines = [f"bench  {source}, {rate}", *bus.lines]
     lines += modbus.lines
+    lines += [line for part in config.parts for line in part.lines]
     lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
     return "\n".join((*lines, "", device_table(config), ""))
 

@@ -1,6 +1,6 @@
 """The verbs of the command line: the core's own, and those of the abilities."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from hil_bench.ability import GROUPS, Verb, other_abilities, own_abilities
 
@@ -43,7 +43,9 @@ CORE = {
 
 def own_verbs() -> dict[str, Verb]:
     """Every verb of the bench itself."""
-    return _in_order([CORE, *(ability.verbs for ability in own_abilities())])
+    return _in_order(
+        CORE | {name: verb for each in own_abilities() for name, verb in each.verbs.items()}
+    )
 
 
 def all_verbs() -> tuple[dict[str, Verb], list[str]]:
@@ -57,10 +59,9 @@ def all_verbs() -> tuple[dict[str, Verb], list[str]]:
                 problems.append(f"ability {ability.name}: its verb {name} {there}; rename it")
             else:
                 verbs[name] = verb
-    return _in_order([verbs]), problems
+    return _in_order(verbs), problems
 
 
-def _in_order(parts: Iterable[Mapping[str, Verb]]) -> dict[str, Verb]:
-    found = {name: verb for part in parts for name, verb in part.items()}
-    by_place = sorted(found.items(), key=lambda item: (GROUPS.index(item[1].group), item[1].place))
+def _in_order(verbs: Mapping[str, Verb]) -> dict[str, Verb]:
+    by_place = sorted(verbs.items(), key=lambda item: (GROUPS.index(item[1].group), item[1].place))
     return dict(by_place)

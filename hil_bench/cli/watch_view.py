@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 ONCE = 2.0
-"""The time that a bus is listened to for one picture [s]."""
+"""The time that a bus is listened to for one picture [s]; most heartbeats come once a second."""
 
 REFRESH = 0.1
 """Time between two pictures [s]."""

@@ -223,6 +223,17 @@ def text(value: object) -> str:
     return value
 
 
+def texts(value: object) -> tuple[str, ...]:
+    """Return a list of texts.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
+        raise ConfigError(f'{describe(value)} is not a list of texts; write it as ["A", "B"]')
+    return tuple(value)
+
+
 def interface(value: object) -> str:
     """Return the name of an interface that python-can has.
 

@@ -86,7 +86,7 @@ def find_bound(object_dictionary: ObjectDictionary, binding: SourceConfig | Sink
 def build_source(
     source: SourceConfig, name: str, node: Node, surroundings: Surroundings
 ) -> Measurement:
-    """Return what hands a quantity of the plant to an object of a node, by its chain if any."""
+    """Build the measurement that writes a plant quantity to an object, by its chain if any."""
     axis = surroundings.axes[source.axis]
     quantity = axis.kind.by_name[source.quantity]
     full = surroundings.full_scales[source.axis] if quantity.is_share else 1.0
@@ -103,7 +103,7 @@ def build_source(
 
 
 def build_sinks(name: str, sinks: tuple[SinkConfig, ...], node: Node) -> list[Drive]:
-    """Return what commands axes by the objects of a node of that name."""
+    """Build the drives that command axes from the objects of a node."""
     if not sinks:
         return []
     watch = CommandWatch(node)
@@ -124,7 +124,7 @@ def _build_sink(config: SinkConfig, node: Node, watch: CommandWatch) -> SpoolSin
 
 
 def _refusal(variable: Variable, binding: SourceConfig | SinkConfig) -> str | None:
-    """Return what is wrong with the kind of an object, and what would be right."""
+    """Return why an object cannot be bound, with a remedy; None where it can."""
     access = variable.access
     if not isinstance(variable.data_type, IntegerType | RealType):
         right = "bind an object of an INTEGER, UNSIGNED or REAL type"

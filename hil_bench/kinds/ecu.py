@@ -1,4 +1,4 @@
-"""What a kind of J1939 device is: one object says all that the bench needs to know of it."""
+"""A kind of J1939 device: one object describes it completely to the bench."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from hil_bench.plants.kind import AxisSettings
 
 @dataclass(frozen=True, slots=True)
 class EcuConfig:
-    """What every J1939 device has.
+    """The settings common to all J1939 devices.
 
     Attributes:
         name: the device, as in ``[j1939.NAME]``.
@@ -59,7 +59,7 @@ class EcuMessage(NamedTuple):
 
 
 class EcuFitting(NamedTuple):
-    """What a J1939 device does on the bench, beside the services of its ECU.
+    """The behaviour of a J1939 device on the bench, beside the services of its ECU.
 
     Attributes:
         fitting: as that of a CANopen device.
@@ -92,7 +92,7 @@ class EcuKind(ABC, Generic[EcuT]):
         """Build the device on its ECU, and return what it does on the bench."""
 
     def messages(self, config: EcuT) -> tuple[EcuMessage, ...]:
-        """Return what it sends and takes, beside the services of every ECU."""
+        """List the messages that it sends and takes, beside the services of every ECU."""
         return ()
 
     def check(self, table: str, device: Settings, axis: AxisSettings, problems: Problems) -> None:

@@ -44,7 +44,7 @@ class EncoderKind(MotionKind[EncoderConfig]):
     def dress(
         self, config: EncoderConfig, device: EncoderDevice, surroundings: Surroundings
     ) -> Fitting:
-        """Return what a built sensor does on the bench."""
+        """Return the fitting of a built sensor: its measurement and its registers."""
         measurement = self.measure(config, config.name, device.publish, surroundings)
         return Fitting(
             sensors=((str(config.axis), measurement),),

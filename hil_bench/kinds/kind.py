@@ -1,4 +1,4 @@
-"""What a kind of device is: one object says all that the bench needs to know of it."""
+"""A kind of device: one object describes it completely to the bench."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from hil_bench.plants.kind import AxisSettings
 
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
-    """What every CANopen node has.
+    """The settings common to all CANopen nodes.
 
     Attributes:
         name: the node, as in ``[nodes.NAME]``.
@@ -119,7 +119,7 @@ class DeviceKind(ABC, Generic[ConfigT]):
         return MappingProxyType({})
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
-        """Return what of a node of that name may have a sensor's faults, with its SI unit."""
+        """Return the signals of a node that accept a sensor's faults, with their SI units."""
         return {} if self.chain_unit is None else {name: self.chain_unit}
 
 

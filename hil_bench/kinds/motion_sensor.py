@@ -1,4 +1,4 @@
-"""What the kinds of devices share that measure a motion of their axis, and its speed."""
+"""Common parts of the kinds of devices that measure a motion of their axis, and its speed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class MotionKind(DeviceKind[MotionT]):
         publish: Callable[[float, float, int], None],
         surroundings: Surroundings,
     ) -> Measurement:
-        """Return what hands motion and speed of the axis on, by the chain of that name if any."""
+        """Build the measurement of motion and speed of the axis, by the named chain if any."""
         chain = surroundings.chain(config.chain, name)
         by_name = surroundings.axes[str(config.axis)].kind.by_name
         return Measurement(

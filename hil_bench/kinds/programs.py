@@ -33,7 +33,7 @@ def program_memory(value: object) -> dict[str, object]:
 
 
 def build_programs(node: Node, table: Mapping[str, object] | None) -> list[Callable[[int], None]]:
-    """Return what moves the programs of a node in each tick; nothing where it takes none."""
+    """Build the functions that advance a node's programs each tick; empty without programs."""
     values = _read(table or {})
     memory = MemoryConfig(
         values["largest_bytes"], Checksum(values["checksum"]), round(values["write"] * 1e9)

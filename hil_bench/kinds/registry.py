@@ -25,7 +25,7 @@ _COMMON_KEYS = (
 
 
 def _find_fault(kind: DeviceKind[Any]) -> str:
-    """Return what is wrong with a kind from elsewhere; empty where nothing is."""
+    """Return the first fault of a kind from elsewhere; empty if it has no fault."""
     if twice := find_twice((*_COMMON_KEYS, *(key.name for key in kind.keys))):
         return f"has the key {twice} twice; every node has {', '.join(_COMMON_KEYS)}"
     for what, path in (("EDS file", kind.eds), ("register map", kind.registers)):

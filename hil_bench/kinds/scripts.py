@@ -74,7 +74,7 @@ def find_scripted(object_dictionary: ObjectDictionary, config: ScriptConfig) -> 
 
 
 def build_script(config: ScriptConfig, node: Node) -> Callable[[int], None]:
-    """Return what moves an object of a node in each tick."""
+    """Build the function that moves an object of a node in each tick."""
     variable, *followed = find_scripted(node.object_dictionary, config)
     show = partial(QuantitySource, node, variable, delta=config.delta)
     script = config.script

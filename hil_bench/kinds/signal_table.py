@@ -259,7 +259,7 @@ def _measure(
     signals: Mapping[str, SentSignal],
     surroundings: Surroundings,
 ) -> Measurement:
-    """Return what hands a value to a signal, and to those that follow it."""
+    """Build the measurement that writes a value to a signal and to its followers."""
     followers = [signals[each.name] for each in config.sent if each.follow == sent.name]
     targets = [signals[sent.name], *followers]
     symbol, factor = si_unit(sent.unit)

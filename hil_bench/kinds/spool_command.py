@@ -1,4 +1,4 @@
-"""What the kinds of devices share that command the spool of their axis."""
+"""Common parts of the kinds of devices that command the spool of their axis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a device finds around it when it is built: the axes of the bench, its tick and its seed."""
+"""The surroundings of a device when it is built: the axes of the bench, its tick and its seed."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

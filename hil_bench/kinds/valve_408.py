@@ -63,7 +63,7 @@ class ValveKind(SpoolKind[ValveConfig]):
             _check_position(table, node, axis, problems)
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
-        """Return what its own sensors measure."""
+        """Return the signals of its own sensors, with their SI units."""
         units = {f"{name}.pressure": (_PRESSURE, _PASCAL), f"{name}.position": (_POSITION, _METRE)}
         return {
             signal: unit for signal, (key, unit) in units.items() if node[key].value is not None

@@ -1,4 +1,4 @@
-"""What a kind of plant is: one object says all that the bench needs to know of it."""
+"""A kind of plant: one object describes it completely to the bench."""
 
 import math
 from abc import ABC, abstractmethod
@@ -66,12 +66,12 @@ class AxisConfig:
 
     @property
     def influences(self) -> tuple[Influence, ...]:
-        """What may act on its plant from outside."""
+        """The influences on its plant from outside."""
         return ()
 
     @property
     def defects(self) -> tuple[Influence, ...]:
-        """What may be worn or broken at its plant, as amounts that are 0 where it is sound."""
+        """The defects of its plant, as amounts that are 0 where it is sound."""
         return ()
 
     def limits(self, quantity: str) -> tuple[float, float]:
@@ -130,7 +130,7 @@ class PlantKind(ABC, Generic[AxisT]):
         """
 
     def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
-        """Return what moves several plants of this kind at once; None to move each by itself.
+        """Return the group that moves several plants of this kind at once; None for no group.
 
         Args:
             plants: that `build` has returned, two or more, in the order of their axes. They stay
@@ -170,7 +170,7 @@ class PlantKind(ABC, Generic[AxisT]):
         yield from ()
 
     def summarise(self, axis: AxisT, tick_us: int, step_us: int) -> Sequence[Fact]:
-        """Return what an engineer checks first of an axis."""
+        """Return the key figures of an axis that an engineer checks first."""
         return ()
 
     def full_scale(self, settings: Settings) -> float:
@@ -202,7 +202,7 @@ class PlantKind(ABC, Generic[AxisT]):
 
     @property
     def takes_valve(self) -> bool:
-        """Whether a valve may command it: by a ratio, or by a length as that of a spool."""
+        """Return True if a valve may command it: by a ratio, or by a length as that of a spool."""
         return self.command.unit in {"-", "m"}
 
     @cached_property

@@ -1,11 +1,11 @@
-"""What a bench asks of a plant, whatever it is."""
+"""The interface between the bench and any plant."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 
 class Influenced(Protocol):
-    """What something may act on from outside."""
+    """A thing that accepts influences from outside."""
 
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on it from outside [SI]; None lets it be what it was.

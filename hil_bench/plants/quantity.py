@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Shown(NamedTuple):
-    """How the status line shows a quantity.
+    """The format of a quantity in the status line.
 
     Attributes:
         template: for `str.format`, with the symbol and the unit.
@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
 
 
 class Influence(NamedTuple):
-    """What may act on a plant from outside, beside its command.
+    """An influence on a plant from outside, beside its command.
 
     Attributes:
         name: of what acts.

@@ -10,7 +10,7 @@ from hil_bench.registry import Registry, find_twice
 
 
 def _find_fault(kind: PlantKind[Any]) -> str:
-    """Return what is wrong with a plant from elsewhere; empty where nothing is."""
+    """Return the first fault of a plant from elsewhere; empty if it has no fault."""
     if twice := find_twice(key.name for key in kind.keys):
         return f"has the key {twice} twice; give each key its own name"
     if twice := find_twice(quantity.name for quantity in kind.quantities):

@@ -86,9 +86,21 @@ def pytest_configure(config: pytest.Config) -> None:
             f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
         )
     positive_option(config, "firmware-patience")
+    _register_fixtures(config)
     if path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
+
+
+def _register_fixtures(config: pytest.Config) -> None:
+    """Add the fixtures of abilities."""
+    from importlib import import_module
+
+    from hil_bench.ability import own_abilities
+
+    for ability in own_abilities():
+        if ability.fixtures:
+            config.pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
 
 
 def _load_config(config: pytest.Config) -> "BenchConfig":
@@ -142,7 +154,7 @@ def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Col
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
-    """Return what the fixtures will bind, where anything of it was chosen."""
+    """Return the chosen options and the versions for the header; None without chosen options."""
     chosen = chosen_options(config)
     return f"hil-bench: {chosen}; {versions()}" if chosen else None
 
@@ -432,7 +444,7 @@ def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: s
 
 
 def _properties(config: pytest.Config, bench: "BenchConfig") -> list[tuple[str, object]]:
-    """Return what a JUnit file tells of the bench of a test."""
+    """List the properties of a test's bench for a JUnit file."""
     bus = [option(config, name) for name in ("interface", "channel")]
     return [
         ("hil_config", shown_path(config, bench.path) if bench.path else "built-in bench"),

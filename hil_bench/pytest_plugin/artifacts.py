@@ -1,4 +1,4 @@
-"""What a failed test leaves behind: its bus trace, its signals and their plot."""
+"""Artifacts of a failed test: its bus trace, its signals and their plot."""
 
 import re
 from importlib.util import find_spec

@@ -1,39 +1,23 @@
-"""What the report of a failed test says of its bench."""
+"""The bench's sections in the report of a failed test."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 import pytest
 
 from hil_bench.ability import load, own_abilities
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus
+from hil_bench.session.frame_reader import FrameReader
 from hil_bench.session.virtual_bench import VirtualBench
 
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""
-
-
-class FrameReader(Protocol):
-    """Frames in words; an ability has it."""
-
-    def name(self, frame: Frame) -> str:
-        """Return whose frame it is, and which."""
-
-    def meaning(self, frame: Frame) -> str:
-        """Return the content of a frame in words."""
-
-    def news(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
-        """Yield those that are not cyclic."""
-
-    def latest(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
-        """Yield the last one of each cyclic identifier."""
 
 
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
@@ -79,7 +63,7 @@ def attach_files(
 
 
 def _fault_events(faults: Faults) -> str:
-    """Return which faults began and ended when."""
+    """List the begins and ends of faults with their times, a line each."""
     return "\n".join(
         f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
         for time, kind, target, is_begin in faults.events

@@ -63,7 +63,7 @@ def path_option(config: pytest.Config, name: str) -> Path | None:
 
 
 def shown_path(config: pytest.Config, path: Path) -> str:
-    """Return how reports show a path: from the folder that pytest was started in."""
+    """Return a path as reports show it: from the folder that pytest was started in."""
     start = config.invocation_params.dir
     return str(path.relative_to(start) if path.is_relative_to(start) else path)
 
@@ -92,13 +92,13 @@ def is_on(config: pytest.Config, name: str) -> bool:
 
 
 def chosen_options(config: pytest.Config) -> str:
-    """Return what was chosen, as in "seed 5, realtime"; empty where nothing was."""
+    """Return the chosen options, as in "seed 5, realtime"; empty without any."""
     chosen = [f"{name} {value}" for name in _OPTIONS if (value := option(config, name))]
     return ", ".join([*chosen, *(name for name in _SWITCHES if is_on(config, name))])
 
 
 def versions() -> str:
-    """Return what the fixtures run on, as in "hil-bench 1.0.0, python-can 4.6.1"."""
+    """Return the versions in use, as in "hil-bench 1.0.0, python-can 4.6.1"."""
     from importlib.metadata import version
 
     return ", ".join(f"{name} {version(name)}" for name in ("hil-bench", "python-can"))

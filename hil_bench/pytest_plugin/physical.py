@@ -18,7 +18,7 @@ LOOK = 0.001
 
 
 class PhysicalBench:
-    """What of a `VirtualBench` there is on hardware too: its time; whatever else skips the test.
+    """The part of a `VirtualBench` that hardware has too: its time; anything else skips the test.
 
     Args:
         config: the bench's configuration.

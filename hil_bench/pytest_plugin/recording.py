@@ -44,7 +44,7 @@ def check_recorded(report: RecordingReport | None) -> None:
 
 
 def make_recording_path(item: pytest.Item) -> Path | None:
-    """Return where to record a test, its folder made; None where that is not asked for."""
+    """Return the path for the recording of a test, its folder made; None without `--hil-record`."""
     path = recording_path(item)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def make_recording_path(item: pytest.Item) -> Path | None:
 
 
 def recording_path(item: pytest.Item) -> Path | None:
-    """Return where the recording of a test is; None where none is asked for."""
+    """Return the path of a test's recording; None without `--hil-record`."""
     folder = path_option(item.config, "record")
     if folder is None:
         return None

@@ -120,7 +120,7 @@ class AttachedObjects:
         self._node = node
 
     def __getitem__(self, name: str) -> Value | None:
-        """Return what an object holds."""
+        """Return the value of an object."""
         answer = self._client.request("get_object", node=self._node, name=name)
         value: Value | None = unpack_value(answer)
         return value

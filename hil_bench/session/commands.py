@@ -1,4 +1,4 @@
-"""What may be asked of a running bench through its door.
+"""The commands that a running bench accepts through its door.
 
 Each command is a record of plain values, so that it can come from another process.
 """
@@ -24,7 +24,7 @@ MOST_FAULTS = 256
 
 
 class Controls:
-    """What commands act on.
+    """The parts of a bench that commands act on.
 
     Args:
         bench: the bench.
@@ -197,7 +197,7 @@ class GetObject:
     name: str
 
     def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
-        """Return what it holds; None where it has no data. `ConfigError` where there is none."""
+        """Return the object's value, None where it has no data; `ConfigError` if unknown."""
         return controls.device(self.node)[self.name]
 
 

@@ -1,4 +1,4 @@
-"""What a session publishes for those who watch it, and the commands that come from them.
+"""The feed of a session: rows, frames and events for its watchers, and commands from them.
 
 A session that nobody watches makes no rows for it and keeps no frames: the observers of the feed
 come and go with its clients.

@@ -1,13 +1,10 @@
 """A program on the bench's bus: the firmware under test, in a process of its own."""
 
-import os
 import signal
-import subprocess
 import time
 from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
-from typing import NamedTuple
 
 from hil_bench.errors import (
     BusError,
@@ -25,6 +22,7 @@ from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.joined import USUAL_PATIENCE, ControllerLink, Patience
 from hil_bench.session.lockstep import PATIENCE
+from hil_bench.session.program import Program, environment
 from hil_bench.session.virtual_bench import VirtualBench
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
@@ -35,9 +33,6 @@ HUB = "hub"
 
 GRACE = 10.0
 """Time that a program has to end after SIGTERM, before it is killed [s]."""
-
-SHOWN_LINES = 20
-"""Lines of the program's output that messages and reports show."""
 
 
 class FirmwareBus:
@@ -68,7 +63,7 @@ class FirmwareBus:
         self._transport, self.address = self._open(
             name, len(bench.config.buses), is_realtime=is_realtime
         )
-        self.variables = _environment(self.address)
+        self.variables = environment(self.address)
         pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
         self.link = bench.join(self._transport, pacer=pacer, patience=patience, check=self._check)
 
@@ -88,7 +83,7 @@ class FirmwareBus:
             self._hub.__exit__(None, None, None)
 
     def report(self) -> str:
-        """Return how each program ended, or that it runs, and the end of its output."""
+        """Return the state of each program, with its exit code, and the end of its output."""
         return "\n".join(program.epitaph() for program in self._programs)
 
     def _check(self) -> None:
@@ -129,78 +124,26 @@ class FirmwareBus:
         return ends[0] if buses == 1 else JoinedTransport(ends), address
 
 
-def _environment(address: str) -> dict[str, str]:
-    """Return what tells a program of the bus without an argument."""
-    host, _, port = address.rpartition(":")
-    if not host:
-        return {"HIL_BENCH_BUS": address, "CAN_INTERFACE": "socketcan", "CAN_CHANNEL": address}
-    return {
-        "HIL_BENCH_BUS": address,
-        "CAN_INTERFACE": "socketcand",
-        "CAN_CHANNEL": "can0",
-        "CAN_CONFIG": f'{{"host": "{host}", "port": {port}}}',
-    }
+class Firmware(Program):
+    """A running program on the bus of a test.
 
-
-def _why_unstarted(program: str, error: OSError) -> str:
-    wrong = f"{program}: cannot be started: {error.strerror or error}"
-    if Path(program).is_absolute() or not isinstance(error, FileNotFoundError):
-        return wrong
-    is_path = len(Path(program).parts) > 1
-    right = f"a relative path counts from {Path.cwd()}" if is_path else "it is not on the PATH"
-    return f"{wrong}; {right}"
-
-
-class _Output(NamedTuple):
-    stdout: Path
-    stderr: Path
-
-
-class Firmware:
-    """A running program, its output in files.
-
-    Attributes:
-        process: the process.
+    Args:
+        command: its words.
+        directory: for its output.
+        bus: that it is on.
 
     Raises:
         ControllerError: it cannot be started.
     """
 
     def __init__(self, command: Sequence[str], directory: Path, bus: FirmwareBus) -> None:
-        self._command = command
+        super().__init__(command, directory, bus.variables)
         self._bus = bus
-        self._output = _Output(directory / "stdout", directory / "stderr")
-        with self._output.stdout.open("wb") as stdout, self._output.stderr.open("wb") as stderr:
-            try:
-                self.process = subprocess.Popen(  # noqa: S603 - the test's own program
-                    command,
-                    stdin=subprocess.DEVNULL,
-                    stdout=stdout,
-                    stderr=stderr,
-                    env=os.environ | bus.variables,
-                )
-            except OSError as error:
-                raise ControllerError(_why_unstarted(command[0], error)) from None
-
-    @property
-    def is_running(self) -> bool:
-        """Return True if it runs."""
-        return self.process.poll() is None
 
     @property
     def link(self) -> ControllerLink:
         """Bench and bus."""
         return self._bus.link
-
-    @property
-    def stdout(self) -> str:
-        """What it has written to its standard output so far."""
-        return self._output.stdout.read_text(encoding="utf-8", errors="replace")
-
-    @property
-    def stderr(self) -> str:
-        """What it has written to its standard error so far."""
-        return self._output.stderr.read_text(encoding="utf-8", errors="replace")
 
     def wait(self, timeout: float) -> int:
         """Let bench time pass until the program has ended by itself; return its exit code.
@@ -233,17 +176,6 @@ class Firmware:
             if not self._ends_within(grace):
                 self.process.kill()
         return self.process.wait()
-
-    def epitaph(self) -> str:
-        """Return whether it runs or how it ended, and the end of its output."""
-        code = self.process.poll()
-        state = "runs" if code is None else f"has ended, exit code {code}"
-        return f"{' '.join(self._command)}: {state}\n{self.tail()}".rstrip()
-
-    def tail(self) -> str:
-        """Return the last lines of its output, standard error last."""
-        lines = [*self.stdout.splitlines(), *self.stderr.splitlines()]
-        return "\n".join(lines[-SHOWN_LINES:])
 
     def _ends_within(self, grace: float) -> bool:
         """Serve the program while it ends; return whether it did in that time [s]."""

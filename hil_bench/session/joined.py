@@ -1,4 +1,4 @@
-"""What lets a bench's time pass when its controller is another program on a bus.
+"""The time base of a bench whose controller is another program on a bus.
 
 In lock-step the controller's SYNC does; in real time the clock does, and the controller keeps up.
 Both are the same to who waits: `advance` returns when bench time has come to a moment.
@@ -21,7 +21,7 @@ __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 
 class Patience(NamedTuple):
-    """How long a controller in lock-step may send no SYNC.
+    """The longest time that a controller in lock-step may send no SYNC.
 
     Attributes:
         longest: time after which it is given up [s].
@@ -49,6 +49,53 @@ class ControllerLink(Protocol):
         """Answer what has arrived already, without waiting for more."""
 
 
+class Silence:
+    """The time without SYNC, which has an end.
+
+    Args:
+        patience: with the controller.
+        clock: the machine's clock; None is the monotonic one.
+    """
+
+    def __init__(self, patience: Patience = USUAL_PATIENCE, clock: Clock | None = None) -> None:
+        self._patience = patience
+        self._clock = clock or MonotonicClock()
+        self._began = 0
+        self._has_come = False
+        self._without_sync = 0.0
+
+    def begin(self) -> None:
+        """Begin to wait for a frame, at most `lockstep.PATIENCE`."""
+        self._began = self._clock.now()
+
+    def end(self, *, has_come: bool, has_synced: bool) -> None:
+        """End the wait.
+
+        Args:
+            has_come: whether a frame came.
+            has_synced: whether it was SYNC.
+
+        Raises:
+            ControllerError: no SYNC has come for as long as the patience lasts.
+        """
+        if has_synced:
+            self._has_come, self._without_sync = False, 0.0
+            return
+        # At most what was waited for: a machine that was suspended is not the controller's fault.
+        self._without_sync += min((self._clock.now() - self._began) * 1e-9, PATIENCE)
+        self._has_come |= has_come
+        if self._without_sync > self._patience.longest:
+            raise ControllerError(self._standstill())
+
+    def _standstill(self) -> str:
+        what = "frames, but no SYNC (0x080)" if self._has_come else "nobody has sent a frame"
+        right = "let the controller on this bus send SYNC (as producer: bit 30 of 0x1005, 0x1006)"
+        return (
+            f"{what} for {self._patience.longest:g} s, and without SYNC bench time stands still; "
+            f"{right}{self._patience.right}"
+        )
+
+
 class LockStepLink:
     """A bench whose time the controller's SYNC lets pass.
 
@@ -67,12 +114,9 @@ class LockStepLink:
         *,
         clock: Clock | None = None,
     ) -> None:
-        self._patience = patience
         self._lockstep = lockstep
         self._bus = LockStepBus(lockstep, transport)
-        self._clock = clock or MonotonicClock()
-        self._has_come = False
-        self._without_sync = 0.0
+        self._silence = Silence(patience, clock)
 
     @property
     def now(self) -> int:
@@ -82,29 +126,13 @@ class LockStepLink:
     def step(self) -> bool:
         """Take the next frame; return whether one came within `lockstep.PATIENCE`.
 
-        Raises:
-            ControllerError: no SYNC has come for as long as its patience lasts.
+        A `ControllerError` says that no SYNC has come for as long as its patience lasts.
         """
-        began, syncs = self._clock.now(), self._lockstep.syncs
+        syncs = self._lockstep.syncs
+        self._silence.begin()
         has_come = self._bus.step()
-        # At most what was waited for: a machine that was suspended is not the controller's fault.
-        waited = min((self._clock.now() - began) * 1e-9, PATIENCE)
-        if self._lockstep.syncs == syncs:
-            self._has_come |= has_come
-            self._without_sync += waited
-        else:
-            self._has_come, self._without_sync = False, 0.0
-        if self._without_sync > self._patience.longest:
-            raise ControllerError(self._standstill())
+        self._silence.end(has_come=has_come, has_synced=self._lockstep.syncs != syncs)
         return has_come
-
-    def _standstill(self) -> str:
-        what = "frames, but no SYNC (0x080)" if self._has_come else "nobody has sent a frame"
-        right = "let the controller on this bus send SYNC (as producer: bit 30 of 0x1005, 0x1006)"
-        return (
-            f"{what} for {self._patience.longest:g} s, and without SYNC bench time stands still; "
-            f"{right}{self._patience.right}"
-        )
 
     def drain(self) -> None:
         """Answer what has arrived already, without waiting for more."""

@@ -16,7 +16,7 @@ ACTIONS = frozenset({"begin_fault", "clear_fault", "set_object", "set_plant", "m
 
 
 class Journal:
-    """What commands have done, the oldest first."""
+    """The record of the commands that have acted, the oldest first."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[dict[str, Any], int]] = deque()

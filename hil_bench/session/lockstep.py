@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, ControllerError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
 
@@ -33,7 +33,7 @@ FRAMES_AT_ONCE: Final = 64
 
 
 class Stepped(Protocol):
-    """What lock-step asks of a session."""
+    """The parts of a session that lock-step needs."""
 
     @property
     def bench(self) -> Any:  # noqa: ANN401 - whose `wiring` alone is asked for
@@ -167,7 +167,7 @@ class SyncWatch:
 
 @dataclass(frozen=True, slots=True)
 class LockStepReport:
-    """What a run in lock-step did.
+    """The result of a run in lock-step.
 
     Attributes:
         now: bench time at its end [ns].
@@ -181,7 +181,7 @@ class LockStepReport:
     syncs: int
     moved: float
     frames: TransportCounters
-    lost: BusError | None
+    lost: BusError | ControllerError | None
 
 
 def run_lockstep(
@@ -204,12 +204,12 @@ def run_lockstep(
     """
     bus = LockStepBus(lockstep, transport)
     watch = SyncWatch(lockstep, transport.description, clock or MonotonicClock())
-    lost = None
+    lost: BusError | ControllerError | None = None
     try:
         while not stopped():
             bus.step()
             watch.look()
-    except BusError as error:
+    except (BusError, ControllerError) as error:
         lost = error
     return LockStepReport(
         lockstep.now,

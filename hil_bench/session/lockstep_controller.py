@@ -43,7 +43,7 @@ class _LockStepError(Exception):
 
 
 class LockStepController:
-    """What lets a bench in lock-step move.
+    """The controller's side of lock-step: it moves the bench by SYNC and waits for the end marks.
 
     Its `tick` is one that `EmbeddedBus` takes, so a controller waits as in front of a bench in its
     own process, and nothing depends on how fast the two processes are.
@@ -192,7 +192,7 @@ class LockStepController:
         return True
 
     def _take(self) -> list[Frame]:
-        """Return what has arrived, but for answers to us, which are noted."""
+        """Return the received frames without the end marks, which are noted."""
         frames = []
         for frame in self._transport.receive(FRAMES_AT_ONCE):
             is_answer = frame.can_id & ~0x7F == _SDO_ANSWER and len(frame.data) == 8

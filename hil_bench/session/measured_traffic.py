@@ -1,4 +1,4 @@
-"""What a bench in virtual time puts on a bus, and how long each frame waits there."""
+"""Measured traffic of a bench in virtual time: frames, bus load and waiting times."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ _DRIFT: Final = 100
 
 @dataclass(slots=True)
 class MeasuredTraffic:
-    """What passed a simulated bus.
+    """The measured traffic of a simulated bus.
 
     Attributes:
         worst: longest time from a frame's release to the bus being free again [ns], by identifier.

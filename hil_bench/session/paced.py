@@ -7,7 +7,7 @@ from hil_bench.bench.configuration import RealtimeConfig
 from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
-from hil_bench.errors import BusError, TimingError
+from hil_bench.errors import BusError, ControllerError, TimingError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
@@ -38,7 +38,7 @@ _VIRTUAL_CHANNELS = ("vcan", "vxcan")
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """What a paced run did.
+    """The result of a paced run.
 
     Attributes:
         ticks: statistics of the loop.
@@ -49,7 +49,7 @@ class RunReport:
 
     ticks: TickSummary
     frames: TransportCounters
-    lost: BusError | TimingError | None
+    lost: BusError | ControllerError | TimingError | None
     statistics: TickStatistics
 
 
@@ -80,20 +80,20 @@ def run_paced(
         hears_all: whether to take all frames of the bus, for who observes them, and not only those
             that the bench listens to. Each costs the loop time.
     """
-    lost: BusError | TimingError | None = None
+    lost: BusError | ControllerError | TimingError | None = None
     with undisturbed(realtime or RealtimeConfig(), pacer.period):
         try:
             is_wired = session.bench.wiring is not None  # there, frames for others take time
             bus = _Bus(session, transport, pacer, hears_all=hears_all or is_wired)
             _loop(session, bus, pacer, stopped, serves_between_ticks=serves_between_ticks)
-        except (BusError, TimingError) as error:
+        except (BusError, ControllerError, TimingError) as error:
             lost = error
     lost = lost or outage_at_end(transport)
     return RunReport(pacer.statistics.summary(), transport.counters(), lost, pacer.statistics)
 
 
 def frames_per_tick(period: int) -> int:
-    """Return how many frames a tick takes from the bus at most.
+    """Return the largest number of frames that a tick takes from the bus.
 
     It is never more than an SDO server can queue, so that a flood of requests is answered in full.
 

@@ -22,7 +22,7 @@ from hil_bench.session.virtual_bench import VirtualBench
 
 
 class TaskEnd(enum.Enum):
-    """How a task ended that gave no result."""
+    """The end of a task that gave no result."""
 
     TIMED_OUT = enum.auto()
     CRASHED = enum.auto()

@@ -15,7 +15,7 @@ from hil_bench.session.telemetry import recording_heading
 
 
 class RecordingWish(NamedTuple):
-    """What to record in files.
+    """The files to record to, with trigger and pre-trigger time.
 
     Attributes:
         paths: the files; their suffixes are their formats, see docs/recording.md.
@@ -62,7 +62,7 @@ def recorded(
 def open_sink(
     session: Session, wish: RecordingWish, config: BenchConfig, *, is_real_time: bool
 ) -> RecordingSink:
-    """Return what takes a recording of a session, not yet started; see `recorded`."""
+    """Return the sink for a recording of a session, not yet started; see `recorded`."""
     plan = RecordingPlan(
         tuple(map(Path, wish.paths)),
         session.channels,

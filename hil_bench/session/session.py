@@ -34,6 +34,10 @@ Send = Callable[[Sequence[Frame]], None]
 TickObserver = Callable[[int], None]
 """Told the time [ns] at the end of each tick."""
 
+Source = Callable[[int], Sequence[Frame]]
+"""Given the time of a tick [ns] before it begins, returns what others on its buses in this process
+have sent since the last one."""
+
 Interceptor = Callable[[Sequence[Frame], int], Sequence[Frame]]
 """Given the frames that arrived for a tick and its time [ns], returns those that it takes."""
 
@@ -59,6 +63,9 @@ class Session:
         now: bench time [ns]: that of the last tick, or later where a runner has waited since.
         intercept: called at the start of each tick, before the commands of the door act; it may
             give the door some. None lets all frames pass.
+        switches: of the power of others on its buses in this process, by name: "start", "kill" or
+            "restart".
+        sources: asked at the start of each tick, before `now` moves; what they send acts in it.
     """
 
     def __init__(
@@ -80,6 +87,8 @@ class Session:
         self.door = Door(self.controls)
         self.now = 0
         self.intercept: Interceptor | None = None
+        self.sources: list[Source] = []
+        self.switches: dict[str, Callable[[str], None]] = {}
         self._commands = self.door.waiting
         self._stimuli = tuple(stimuli.values())
         self._frame_observers: list[FrameObserver] = []
@@ -134,7 +143,7 @@ class Session:
             self._tick_observers.remove(ticks)
 
     def _at_their_times(self, observe: FrameObserver) -> FrameObserver:
-        """Return what tells an observer each frame at its own time where a bus is of copper."""
+        """Return an observer that passes on each frame at its own time where a bus is simulated."""
         bench = self.bench
         if not isinstance(bench, WiredBench):
             return observe
@@ -163,7 +172,7 @@ class Session:
         self.bench.start(self.now)
 
     def tick(self, frames: Sequence[Frame], now: int, send: Send | None = None) -> Sequence[Frame]:
-        """Move the bench on by one tick; return the frames that it sends.
+        """Move the bench on by one tick; return the frames that come from this process.
 
         Args:
             frames: what arrived since the last tick, oldest first.
@@ -171,6 +180,9 @@ class Session:
             send: is given those frames before the observers are told, so that the bus does not
                 wait for them.
         """
+        guests = self._guests(now) if self.sources else ()
+        if guests:
+            frames = [*frames, *guests]
         self.now = now
         if self.intercept is not None:
             frames = self.intercept(frames, now)
@@ -178,7 +190,7 @@ class Session:
             self.door.admit(now)
         sent = self.bench.tick(frames, now)
         if send is not None:
-            send(sent)
+            send([*guests, *sent] if guests else sent)
         for observe in self._frame_observers:
             observe(frames, sent, now)
         if self._row_observers:
@@ -187,7 +199,11 @@ class Session:
                 show(row)
         for tell in self._tick_observers:
             tell(now)
-        return sent
+        return [*guests, *sent] if guests else sent
+
+    def _guests(self, now: int) -> list[Frame]:
+        """Ask the sources for their frames."""
+        return [frame for source in self.sources for frame in source(now)]
 
     def row(self) -> tuple[float, ...]:
         """Return the time [s] and a value a channel, as they are now."""

@@ -1,4 +1,4 @@
-"""What is recorded of a bench: one row of SI values a tick.
+"""The recorded channels of a bench: one row of SI values a tick.
 
 First what each axis does, then what each of its sensors measures, with the sensor's errors, delay
 and noise. The spool is in fractions of the valve's full opening, as on the bus.
@@ -37,7 +37,7 @@ def sample(bench: Bench) -> list[float]:
 
 
 def recording_heading(config: BenchConfig, *, is_real_time: bool) -> Heading:
-    """Return what a recording of a bench says of itself."""
+    """Return the heading of a recording: version, bench file, seed and start time."""
     comment = (
         f"hil-bench {hil_bench.__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
     )

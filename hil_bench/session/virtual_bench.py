@@ -109,6 +109,8 @@ class VirtualBench:
         if self.session.modbus is not None:
             self.session.watch(ticks=self.session.modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
+        for part in self.config.parts:
+            self._open.enter_context(part.attached(self.session, self.config))
         self.session.start()
         self.bus = EmbeddedBus(
             self.session.tick, self.config.tick_ns, pacer=pacer, wire=self.bench.wiring
@@ -134,7 +136,7 @@ class VirtualBench:
 
     @property
     def recording(self) -> RecordingReport | None:
-        """What the files of `record` hold; None without such files."""
+        """The report on the files of `record`; None without such files."""
         return None if self._recording is None else self._recording.report
 
     @property

@@ -47,7 +47,7 @@ class WorkItem(NamedTuple):
 
 
 class WorkState(NamedTuple):
-    """How work goes.
+    """The progress of work.
 
     Attributes:
         now: what is being done; empty where nothing is.

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.live_bench import SECRET, LiveBench, panel
 
-from hil_bench.abilities.scenario.controllers import ControllerSettings, position_control
+from hil_bench.abilities.controllers.python.examples import ControllerSettings, position_control
 from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import DriverError

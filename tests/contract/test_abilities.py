@@ -47,7 +47,7 @@ def gone_with(name: str) -> set[str]:
 
 @pytest.fixture
 def without(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Return what makes a copy of the packages without some abilities, and runs Python on it."""
+    """Return a function that copies the packages without some abilities, and runs Python on it."""
 
     def run(gone: set[str], *arguments: str) -> subprocess.CompletedProcess[str]:
         package = tmp_path / "hil_bench"
@@ -100,6 +100,18 @@ def test_the_core_names_no_ability():
     assert found == []
 
 
+def test_a_public_name_of_the_core_imports_no_ability():
+    program = (
+        "import sys, hil_bench; hil_bench.ConfigError; "
+        "print([name for name in sys.modules if name.startswith('hil_bench.abilities')]); "
+        "print(hil_bench.run_campaign.__name__, 'run_campaign' in hil_bench.__all__)"
+    )
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\nrun_campaign True\n"
+
+
 BENCH = "examples/machines/crane.toml"
 PROGRAM = f"""
 import sys
@@ -126,16 +138,27 @@ def test_an_ability_can_go(name, without, capsys):
         assert f"'{verb}' is unknown" in done.stderr
 
 
-@pytest.mark.long  # some 20 s each: all golden runs
-@pytest.mark.parametrize("name", OWN)
-def test_the_golden_runs_stay_when_an_ability_goes(name, without, tmp_path):
-    gone = gone_with(name)
-    run = "tests/golden/test_golden.py::test_a_run_leaves_the_bytes_that_it_left"
-    left = [f"--deselect={run}[{each}]" for each, needed in GOLDEN.items() if needed in gone]
+def kept_with(name: str) -> set[str]:
+    """Return an ability, and those that it needs."""
+    kept = {name}
+    while more := {need for each in kept for need in ABILITIES[each].needs} - kept:
+        kept |= more
+    return kept
+
+
+@pytest.mark.long  # runs the golden runs in a process of their own
+@pytest.mark.parametrize("name", ["", *dict.fromkeys(GOLDEN.values())])
+def test_the_golden_runs_stay_with_one_ability_alone(name, without, tmp_path):
+    """The core makes its runs without any ability, and each ability its own with what it needs."""
+    gone = {*OWN} - (kept_with(name) if name else set())
     assert (
         str(tmp_path) in without(gone, "-c", "import hil_bench; print(hil_bench.__file__)").stdout
     )
-    done = without(gone, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/golden", *left)
+    file = "tests/golden/test_golden.py"
+    test = f"{file}::test_a_run_leaves_the_bytes_that_it_left"
+    own = [f"{test}[{run}]" for run, needed in GOLDEN.items() if needed == name]
+    asked = own or [file, *(f"--deselect={test}[{run}]" for run in GOLDEN)]
+    done = without(gone, "-m", "pytest", "-q", "-p", "no:cacheprovider", *asked)
     assert done.returncode == 0, done.stdout
 
 

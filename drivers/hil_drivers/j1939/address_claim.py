@@ -14,7 +14,7 @@ _ARBITRARY: Final = range(128, 248)
 
 
 class ClaimState(StrEnum):
-    """How far a claim is."""
+    """The state of an address claim."""
 
     NONE = "none"
     CLAIMING = "claiming"

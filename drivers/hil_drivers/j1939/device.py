@@ -1,4 +1,4 @@
-"""What the drivers of J1939 devices have in common: the NAME, trouble codes, what it is made of."""
+"""Common parts of the drivers of J1939 devices: NAME, trouble codes, component identification."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ _LEAST_DM1 = 6
 
 
 class TroubleCode(NamedTuple):
-    """What a device reports.
+    """A diagnostic trouble code that a device reports.
 
     Attributes:
         spn: number of the parameter.

@@ -22,7 +22,7 @@ _FIRST_TO_ALL: Final = 0xF000
 
 
 class Identifier(NamedTuple):
-    """What an identifier says.
+    """The contents of a 29-bit identifier.
 
     Attributes:
         group: number of the parameter group (PGN).

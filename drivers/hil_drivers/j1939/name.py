@@ -11,7 +11,7 @@ _RESERVED: Final = 5
 
 
 class Name(NamedTuple):
-    """Which device this is; of two that want one address, the smaller number wins.
+    """The NAME of a device; of two that want one address, the smaller number wins.
 
     Attributes:
         identity: serial number, 21 bits.

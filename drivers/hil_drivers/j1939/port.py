@@ -84,7 +84,7 @@ class J1939Port:
 
     @property
     def state(self) -> ClaimState:
-        """How far our address claim is."""
+        """The state of our address claim."""
         return self._claim.state
 
     def claim(self, *, timeout: float = 2.0) -> int:

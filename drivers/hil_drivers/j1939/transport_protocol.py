@@ -1,4 +1,4 @@
-"""What both ends of a long message have in common (SAE J1939-21): sizes, times, control frames."""
+"""Common parts of both ends of a long message (SAE J1939-21): sizes, times, control frames."""
 
 from enum import IntEnum
 from typing import Final
@@ -48,7 +48,7 @@ class AbortReason(IntEnum):
 
 
 def packets_of(size: int) -> int:
-    """Return how many packets a message of so many bytes has."""
+    """Return the number of packets of a message of `size` bytes."""
     return -(-size // PACKET_BYTES)
 
 

@@ -22,7 +22,7 @@ _LEAST_BYTES: Final = 5
 
 
 class FlowState(IntEnum):
-    """What a valve does, by its last message; other values are reserved."""
+    """The state of a valve's flow, by its last message; other values are reserved."""
 
     BLOCKED = 0
     EXTEND = 1
@@ -109,7 +109,7 @@ class AuxiliaryValve(J1939Device):
 
     @property
     def state(self) -> FlowState:
-        """What the valve says that it does."""
+        """The flow state that the valve reports."""
         self._check_age()
         return self._state
 

@@ -1,4 +1,4 @@
-"""What the Modbus drivers have in common: identity, polling, freshness of values."""
+"""Common parts of the Modbus drivers: identity, polling, freshness of values."""
 
 import math
 from collections.abc import Sequence

@@ -15,7 +15,7 @@ _IDENTIFICATION = 0x2B
 
 
 class Framing(Protocol):
-    """How a request goes out, and how its response is found in what comes back."""
+    """The framing of requests, and the search for their responses in the received bytes."""
 
     def wrap(self, unit_id: int, pdu: bytes) -> bytes:
         """Return the frame of a new request."""

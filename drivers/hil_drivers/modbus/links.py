@@ -30,7 +30,7 @@ _CHUNK = 1024
 
 
 class Link(Protocol):
-    """What carries bytes to and from devices."""
+    """A link that carries bytes to and from devices."""
 
     description: str
     """How messages name it."""
@@ -48,7 +48,7 @@ class Link(Protocol):
         """Send, and forget what was received and not taken; `OSError` where it is lost."""
 
     def receive(self, timeout: float) -> bytes:
-        """Return what comes, within `timeout` seconds, or nothing; `OSError` where it is lost."""
+        """Return the bytes received within `timeout` seconds; `OSError` where the link is lost."""
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
@@ -84,7 +84,7 @@ class TcpLink:
         self._connected().sendall(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Return what comes, within `timeout` seconds, or nothing.
+        """Return the bytes received within `timeout` seconds; empty without any.
 
         Raises:
             ConnectionResetError: the device has ended the connection.
@@ -202,7 +202,7 @@ class SerialLink:
             port.write(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Return what comes, within `timeout` seconds, or nothing."""
+        """Return the bytes received within `timeout` seconds; empty without any."""
         port = self._opened()
         ready, _, _ = select.select([port], [], [], max(timeout, 0.0))
         return bytes(port.read(_CHUNK)) if ready else b""

@@ -53,7 +53,7 @@ class Register:
 
     @property
     def no_value(self) -> float | None:
-        """What an integer type has in the place of a value that is not valid."""
+        """The number that stands for an invalid value in an integer type; None for other types."""
         return {"int16": -(2.0**15), "int32": -(2.0**31)}.get(self.type)
 
     def decode(self, words: Sequence[int]) -> float:

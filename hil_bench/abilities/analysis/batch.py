@@ -8,7 +8,8 @@ from itertools import groupby
 import numpy as np
 
 from hil_bench.abilities.analysis.simulation import CHANNELS, Setup, Signal, build_plant, simulate
-from hil_bench.errors import ParameterError, require_extra
+from hil_bench.errors import ParameterError
+from hil_bench.extras import require_extra
 from hil_bench.outside.recording.channels import Recording, recording_dtype
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantModel, Solver
 from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, SEEN, run_plants

@@ -16,7 +16,8 @@ from hil_bench.abilities.analysis.simulation import (
     Signal,
     simulate,
 )
-from hil_bench.errors import ParameterError, require_extra
+from hil_bench.errors import ParameterError
+from hil_bench.extras import require_extra
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 

@@ -15,7 +15,7 @@ from hil_bench.abilities.analysis.errors import OperatingPointError
 from hil_bench.abilities.analysis.linearisation import Frequencies, Response
 from hil_bench.abilities.analysis.rates import state_rates
 from hil_bench.abilities.analysis.steady_motion import OperatingPoint, opening_limits
-from hil_bench.errors import require_extra
+from hil_bench.extras import require_extra
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantInput,
     PlantOptions,

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "campaign",
-    needs=("scenario",),
+    needs=("controllers", "scenario"),
     verbs={
         "campaign": Verb(
             "test",

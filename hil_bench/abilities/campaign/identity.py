@@ -17,7 +17,8 @@ import numpy as np
 
 import hil_bench
 from hil_bench.abilities.campaign.sampling import Point
-from hil_bench.abilities.scenario.records import Scenario
+from hil_bench.abilities.controllers.kinds import files_of
+from hil_bench.abilities.scenario.records import Controller, Scenario
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.errors import ConfigError
 
@@ -85,6 +86,20 @@ def firmware_digest(words: Sequence[str]) -> str:
     files = [Path(program), *(Path(word) for word in words[1:])]
     digests = [file_digest(each) if each.is_file() else str(each) for each in files]
     return _digest(digests)
+
+
+def controller_digest(controller: Controller | None, folder: Path) -> str:
+    """Return the digest of the files of a scenario's controller; empty for none.
+
+    Args:
+        controller: of the scenario.
+        folder: of the scenario's file, from which a kind's paths count.
+    """
+    if controller is None or controller.example:
+        return ""
+    if controller.firmware:
+        return firmware_digest(controller.firmware)
+    return _digest([file_digest(each) for each in files_of(controller.table, folder)])
 
 
 def file_digest(path: Path) -> str:

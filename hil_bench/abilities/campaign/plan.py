@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil_bench.abilities.campaign.distributions import Distribution, Normal, Uniform
-from hil_bench.abilities.campaign.identity import case_digest, firmware_digest, run_key
+from hil_bench.abilities.campaign.identity import (
+    case_digest,
+    controller_digest,
+    firmware_digest,
+    run_key,
+)
 from hil_bench.abilities.campaign.records import Campaign, Case, RunSpec
 from hil_bench.abilities.campaign.sampling import Point, Sampler, sample, size_of_sample
 from hil_bench.abilities.scenario.load import load_scenario
@@ -129,8 +134,8 @@ def make_case(scenario: Scenario, name: str, bench: str = "", firmware: str = ""
     """
     prepared = prepare(scenario)
     _check_storage(prepared.config)
-    words = scenario.controller.firmware if scenario.controller else ()
-    digest = case_digest(scenario, prepared.config, firmware_digest(words))
+    files = controller_digest(scenario.controller, scenario.path.parent)
+    digest = case_digest(scenario, prepared.config, files)
     return Case(name, bench, firmware, scenario, digest)
 
 

@@ -7,10 +7,9 @@ from hil_bench.abilities.campaign.distributions import Distribution, read_distri
 from hil_bench.abilities.campaign.records import EACH, Campaign
 from hil_bench.abilities.campaign.sampling import Sampler
 from hil_bench.abilities.scenario.places import LocatedProblems, find_spots
-from hil_bench.abilities.scenario.step_keys import texts
 from hil_bench.config.document import Document, Sort, give, read_document
 from hil_bench.config.settings import Key, Origin, Problems, read_table
-from hil_bench.config.values import choice, describe, find_nearest, integer, number, text
+from hil_bench.config.values import choice, describe, find_nearest, integer, number, text, texts
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from hil_bench.abilities.campaign.identity import case_digest, firmware_digest
+from hil_bench.abilities.campaign.identity import case_digest, controller_digest
 from hil_bench.abilities.campaign.plan import nested
 from hil_bench.abilities.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
@@ -67,8 +67,9 @@ def failed_run(spec: RunSpec, outcome: RunOutcome, problem: str) -> RunResult:
 
 @lru_cache(maxsize=64)
 def _digest_here(case: Case) -> str:
-    words = case.scenario.controller.firmware if case.scenario.controller else ()
-    return case_digest(case.scenario, prepare(case.scenario).config, firmware_digest(words))
+    scenario = case.scenario
+    files = controller_digest(scenario.controller, scenario.path.parent)
+    return case_digest(scenario, prepare(scenario).config, files)
 
 
 def _check_case(case: Case) -> None:

@@ -57,7 +57,7 @@ class BootPlan:
 
 
 def plan_of_bench(config: BenchConfig) -> BootPlan:
-    """Return how to boot the nodes of a bench: all mandatory, identity by EDS, not configured."""
+    """Return the boot plan of a bench: all nodes mandatory, identity by EDS, not configured."""
     slaves = []
     for node in config.nodes:
         device_type, identity = _identity_of(node.eds, node.node_id)
@@ -156,7 +156,7 @@ _FILES: Final = ("eds", "dcf", "concise_dcf")
 def _configuration(
     files: Mapping[str, Path | None], objects: Document, node_id: int, place: str
 ) -> tuple[ConciseEntry, ...]:
-    """Return what is written to a slave: first what a file says, then single objects.
+    """Return the writes that configure a slave: first those of a file, then single objects.
 
     Raises:
         ConfigError: two files, or objects of a device of which no EDS tells the types.

@@ -13,7 +13,7 @@ STATE_TIMEOUT = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Returned:
-    """What was done to the nodes, and undone.
+    """The restored settings of the nodes, after changes.
 
     Attributes:
         settings: those that held something else meanwhile, or still do.

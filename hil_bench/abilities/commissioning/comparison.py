@@ -32,7 +32,7 @@ ObjectKey = tuple[int, int]
 
 
 class Mend(Enum):
-    """What can be done about a difference."""
+    """The remedy for a difference."""
 
     WRITE = "write"
     """The right value can be written to the device."""
@@ -191,7 +191,7 @@ def _is_setting(variable: ODVariable) -> bool:
 
 
 def _given(variable: ODVariable) -> object:
-    """Return what a DCF, else an EDS, gives for an object."""
+    """Return the value of an object in a DCF, else in an EDS."""
     return variable.default if variable.value is None else variable.value
 
 

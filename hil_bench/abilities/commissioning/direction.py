@@ -1,4 +1,4 @@
-"""Which way the axis goes: the first motion, and what its signs say."""
+"""The direction of the axis: the first motion, and the meaning of its signs."""
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def direction(procedure: Procedure, step: Step) -> StepResult:
 def _findings(
     procedure: Procedure, v: float, change: float, follows: float, *, stands: bool
 ) -> list[Diagnosis]:
-    """Return what the signs say; see `direction`."""
+    """Return the findings from the signs of the motion; see `direction`."""
     evidence = (
         f"speed {0.5e3 * v:+z.1f} mm/s, change of P_A A_A - P_B A_B {change:+.0f} N for a positive "
         "set-point against a negative one"

@@ -25,7 +25,7 @@ _SPACING = 0.001
 
 
 class Method(StrEnum):
-    """How a node is made to show itself."""
+    """The method by which a node is made to show itself."""
 
     SDO = "sdo"
     """By its answer, or its abort, to a read of 0x1000. Changes nothing."""
@@ -42,7 +42,7 @@ class Method(StrEnum):
 
 
 class Sighting(NamedTuple):
-    """What showed that there is a node.
+    """The evidence that a node exists.
 
     Attributes:
         node_id: its node-ID.

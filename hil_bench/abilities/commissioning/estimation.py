@@ -26,7 +26,7 @@ def noise(time: Samples, values: Samples) -> float:
 
 
 class DeadBand(NamedTuple):
-    """Where a valve begins to open.
+    """The spool positions at which a valve begins to open.
 
     Attributes:
         positive: spool position from which the piston extends [-].
@@ -226,7 +226,7 @@ def fit_mode(measured: FrequencyResponse) -> Mode:
 
 
 def rise_time(time: Samples, setpoint: Samples, actual: Samples) -> float:
-    """Return how long after the first change of a set-point the actual value is 63 % there [s].
+    """Return the time from a set-point's first change to 63 % of the actual value's change [s].
 
     Between two samples it is taken to move in a straight line; NaN where it never gets there.
     """

@@ -12,7 +12,7 @@ class LimitError(HilBenchError):
 
 
 class Sample(NamedTuple):
-    """What the drivers told at one moment; the fields of `SAMPLE_CHANNELS`, in SI units."""
+    """The drivers' values at one moment; the fields of `SAMPLE_CHANNELS`, in SI units."""
 
     time: float
     position: float

@@ -47,7 +47,7 @@ GUARDING_PATIENCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class NodeDescription:
-    """What a node says of itself; None for what it does not have or refuses.
+    """The description that a node gives of itself; None for missing or refused objects.
 
     Attributes:
         node_id: its node-ID.
@@ -94,7 +94,7 @@ class NodeDescription:
 
 
 def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> NodeDescription:
-    """Return what a node says of itself; nothing where two answer, whose words would mix.
+    """Return a node's description of itself; empty where two nodes answer.
 
     Args:
         network: the network that the node was seen on.
@@ -156,7 +156,7 @@ def _guarded_state(reading: "_Reading", node_id: int, network: Network) -> NmtSt
 
 
 class _Reading:
-    """What is read of a node, within bounds that no honest one meets."""
+    """The reading of a node, within bounds that no honest node meets."""
 
     def __init__(self, node: Node, network: Network) -> None:
         self._node = node
@@ -188,7 +188,7 @@ class _Reading:
         return tuple(codes)
 
     def _read(self, index: int, subindex: int) -> bytes | None:
-        """Return what an object holds; None if the node refuses it.
+        """Return the bytes of an object; None if the node refuses it.
 
         Raises:
             DriverTimeoutError: the time for all is over.
@@ -204,7 +204,9 @@ class _Reading:
         except DriverTimeoutError as error:
             if self._network.now() < self._deadline:
                 raise
-            told = f"has not told all in {LONGEST_READING:g} s; {object_name(index, subindex)} was"
+            told = (
+                f"has not answered all in {LONGEST_READING:g} s; {object_name(index, subindex)} was"
+            )
             raise DriverTimeoutError(f"{self._node}: {told} the last") from error
         finally:
             sdo.most_bytes, sdo.longest_transfer = bounds

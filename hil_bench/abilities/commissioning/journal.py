@@ -1,4 +1,4 @@
-"""What is written to the nodes of a machine that is somebody else's, and how it gets back.
+"""The journal of writes to the nodes of somebody else's machine, and their restoration.
 
 Before the first write to an object the journal reads what it held, and notes it in a file, where a
 process that is killed leaves it behind. `restore` writes back what differs.

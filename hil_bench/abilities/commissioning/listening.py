@@ -30,7 +30,7 @@ class Traffic:
 
     @property
     def function(self) -> str:
-        """What the identifier is for in the predefined connection set."""
+        """The function of the identifier in the predefined connection set."""
         return "not CANopen" if self.is_extended else function_of(self.can_id).name
 
     @property
@@ -40,7 +40,7 @@ class Traffic:
 
     @property
     def meaning(self) -> str:
-        """What the last frame says."""
+        """The meaning of the last frame."""
         if self.is_remote:
             return "remote frame"
         return "" if self.is_extended else meaning_of(self.can_id, self.data)
@@ -48,7 +48,7 @@ class Traffic:
 
 @dataclass(slots=True)
 class BusTraffic:
-    """What was on a bus while somebody listened.
+    """The traffic of a bus during a time of listening.
 
     Attributes:
         duration: how long that was [s].
@@ -86,7 +86,7 @@ class BusTraffic:
 
 
 def listen(network: Network, duration: float) -> BusTraffic:
-    """Return what came within a time [s]; nothing is sent."""
+    """Return the traffic received within a time [s]; nothing is sent."""
     traffic = BusTraffic()
     network.observe = traffic.take
     begin = network.now()

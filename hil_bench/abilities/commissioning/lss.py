@@ -30,7 +30,7 @@ MOST_DEVICES = 127
 
 
 class LssAddress(NamedTuple):
-    """What tells a device without node-ID from all others: the four entries of 0x1018."""
+    """The LSS address of a device without node-ID: the four entries of 0x1018."""
 
     vendor_id: int
     product_code: int

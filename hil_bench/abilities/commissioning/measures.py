@@ -1,4 +1,4 @@
-"""What a commissioning step finds: measures with limits, named faults, a verdict."""
+"""The findings of a commissioning step: measures with limits, named faults, a verdict."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ SAMPLE_CHANNELS = tuple(Channel(q.name, q.unit) for q in QUANTITIES if q.is_reco
 
 
 class Verdict(StrEnum):
-    """How a step ended."""
+    """The verdict on a step."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -55,7 +55,7 @@ class Measure:
 
     @property
     def is_right(self) -> bool:
-        """Whether it is within its limits; what could not be told is not, where it has some."""
+        """Return True within its limits or without any; with limits, unknown is not right."""
         return not self.is_judged or self.low <= self.value <= self.high
 
     def text(self) -> str:
@@ -123,7 +123,7 @@ class Curve:
 
 @dataclass(slots=True)
 class StepResult:
-    """What one step found.
+    """The findings of one step.
 
     Attributes:
         kind: the step.

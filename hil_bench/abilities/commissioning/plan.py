@@ -53,7 +53,7 @@ class StepKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How far a step may go; leaving one closes the valve.
+    """The limits of a step; leaving one closes the valve.
 
     Attributes:
         position: lowest and highest [m].
@@ -202,7 +202,7 @@ def check_against(plan: CommissioningPlan, axis: CylinderConfig) -> None:
 
 
 def expected_travel(step: Step, parameters: PlantParameters) -> float:
-    """Return how far a step moves one way by the data sheet [m]."""
+    """Return the travel of a step in one direction by the data sheet [m]."""
     speed = expected_speed(step.values.get("opening", 0.0), parameters)
     duration = step.values.get("duration", 0.0)
     match step.kind:

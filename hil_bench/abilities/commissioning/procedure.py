@@ -1,4 +1,4 @@
-"""What every step of a commissioning has at hand, and the first of them."""
+"""Common parts of all steps of a commissioning, and the first steps."""
 
 import math
 from dataclasses import dataclass, field
@@ -40,7 +40,7 @@ _NEAR_ENOUGH = 2e-3
 
 @dataclass
 class Procedure:
-    """What the steps share.
+    """The network, devices and settings that the steps share.
 
     Attributes:
         network: of the drivers.

@@ -17,7 +17,7 @@ from hil_bench.outside.markdown import cell, plain
 
 @dataclass(frozen=True, slots=True)
 class ReportHead:
-    """What a report says of its making.
+    """The heading of a report.
 
     Attributes:
         title: of the report.

@@ -68,7 +68,7 @@ _DECISIVE = {StepKind.COMMUNICATION, StepKind.DIRECTION}
 
 @dataclass(frozen=True, slots=True)
 class Commissioning:
-    """What a commissioning found.
+    """The findings of a commissioning.
 
     Attributes:
         axis: the axis.
@@ -194,7 +194,7 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
 
 
 def _ask(console: Console) -> tuple[bool, str]:
-    """Return whether there may be motion, and why not."""
+    """Ask for the permission to move; return it, and the reason for a refusal."""
     try:
         is_confirmed = console.confirm()
     except KeyboardInterrupt:

@@ -34,7 +34,7 @@ class Write(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is to be written to one node, in this order.
+    """The writes to one node, in this order.
 
     Attributes:
         config: the node.
@@ -48,7 +48,7 @@ class Plan(NamedTuple):
 def plan_writes(
     network: Network, config: BenchConfig, differences: Iterable[Difference]
 ) -> list[Plan]:
-    """Return what mends all differences that can be mended by writing."""
+    """Return the writes that correct all differences that a write can correct."""
     wrong: dict[int, dict[ObjectKey, float]] = {}
     for difference in differences:
         if difference.mend is Mend.WRITE and difference.key and difference.right is not None:

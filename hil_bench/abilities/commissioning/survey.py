@@ -12,7 +12,7 @@ from hil_drivers import Network
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What a scan found.
+    """The findings of a scan.
 
     Attributes:
         nodes: in the order of their node-IDs.

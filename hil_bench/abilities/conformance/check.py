@@ -1,4 +1,4 @@
-"""What a check is, and how one ends.
+"""A check of the suite, and its possible ends.
 
 Clauses are those of CiA 301 version 4.2.0. CiA 305 is cited by the name of the service.
 """
@@ -11,7 +11,7 @@ from hil_bench.abilities.conformance.device import DeviceUnderTest
 
 
 class Impact(IntEnum):
-    """What a check does to the device."""
+    """The impact of a check on the device."""
 
     READ = 0
     """Reads and listens; sends nothing that asks for a change."""

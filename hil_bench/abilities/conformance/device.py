@@ -117,7 +117,7 @@ class DeviceUnderTest:
             self.write(index, subindex, before)
 
     def variable(self, index: int, subindex: int = 0) -> Variable:
-        """Return what the EDS says of an object.
+        """Return the EDS entry of an object.
 
         Raises:
             NotApplicable: it does not have it.
@@ -128,7 +128,7 @@ class DeviceUnderTest:
         return variable
 
     def writable(self, index: int, subindex: int = 0) -> Variable:
-        """Return what the EDS says of an object that can be written.
+        """Return the EDS entry of a writable object.
 
         Raises:
             NotApplicable: it cannot.
@@ -160,7 +160,9 @@ class DeviceUnderTest:
         """
         variable = self.objects.find(*HEARTBEAT_TIME)
         if variable is None and 0x100C not in self.objects and self.guard() is None:
-            raise NotApplicable("the device tells its NMT state neither by heartbeat nor guarding")
+            raise NotApplicable(
+                "the device reports its NMT state neither by heartbeat nor guarding"
+            )
         if variable is None or not variable.access.writable:
             yield
             return

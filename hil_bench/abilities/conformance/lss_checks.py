@@ -54,7 +54,7 @@ def select_other(dut: DeviceUnderTest) -> None:
     _expect_silence(dut, "selection by another serial number")
 
 
-@CHAPTER.check("CiA 305, inquire identity", "identity and node-ID are told", Impact.WRITE)
+@CHAPTER.check("CiA 305, inquire identity", "identity and node-ID are answered", Impact.WRITE)
 def inquire(dut: DeviceUnderTest) -> None:
     """Ask for the four entries of 1018h and the node-ID."""
     address = _address(dut)

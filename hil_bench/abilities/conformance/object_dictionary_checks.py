@@ -24,7 +24,7 @@ _NOT_NOW = frozenset({0x08000020, 0x08000021, 0x08000022, 0x08000024})
 _MOST_SHOWN = 5
 
 
-@CHAPTER.check("7.5.2.1", "1000h tells the device type of the EDS")
+@CHAPTER.check("7.5.2.1", "1000h has the device type of the EDS")
 def device_type(dut: DeviceUnderTest) -> str | None:
     """Read 1000h."""
     return _expect_default(dut, 0x1000)
@@ -39,7 +39,7 @@ def error_register(dut: DeviceUnderTest) -> str | None:
     return f"{raw[0]:02X}h"
 
 
-@CHAPTER.check("7.5.2.21", "1018h tells the identity of the EDS")
+@CHAPTER.check("7.5.2.21", "1018h has the identity of the EDS")
 def identity(dut: DeviceUnderTest) -> str | None:
     """Read 1018h; 0 in an EDS stands for any device."""
     count = dut.number(0x1018)

@@ -98,7 +98,7 @@ class Pdo:
                 self._write(before)
 
     def values(self) -> bytes:
-        """Return what the mapped objects hold, as the PDO carries it.
+        """Return the values of the mapped objects, as the PDO carries them.
 
         Raises:
             NotApplicable: an object cannot be read, or has no whole bytes.

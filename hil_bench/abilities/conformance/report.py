@@ -1,4 +1,4 @@
-"""What a run of the suite found, for people and for programs."""
+"""The report on a run of the suite, for people and for programs."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -53,13 +53,13 @@ def line(result: Result) -> str:
 
 
 def summary(results: Sequence[Result]) -> str:
-    """Return how many checks came out how."""
+    """Return the number of checks by outcome."""
     counts = Counter(result.outcome for result in results)
     return ", ".join(f"{counts[outcome]} {outcome.value}" for outcome in Outcome)
 
 
 def failures(results: Sequence[Result]) -> list[Result]:
-    """Return what the device does not do as it should."""
+    """Return the failed checks."""
     return [result for result in results if result.outcome is Outcome.FAILED]
 
 

@@ -87,7 +87,7 @@ def too_short(dut: DeviceUnderTest) -> None:
 
 
 @CHAPTER.check(
-    "7.2.7.1", "an RPDO that is too long is processed; EMCY 8220h may tell", Impact.WRITE
+    "7.2.7.1", "an RPDO that is too long is processed; EMCY 8220h may report it", Impact.WRITE
 )
 def too_long(dut: DeviceUnderTest) -> str:
     """Send one byte more than the mapping has."""

@@ -23,7 +23,7 @@ LONGEST_TRANSFER = 60.0
 
 
 class Bounds:
-    """What an upload may take before it is given up.
+    """The bounds of an upload, beyond which it is given up.
 
     Args:
         wire: the bus, whose clock counts.
@@ -151,7 +151,7 @@ class SdoClient:
         return self.upload_segments(size)
 
     def upload_segments(self, size: int | None) -> bytes:
-        """Return what the segments of an upload carry, once it is initiated.
+        """Return the bytes in the segments of an initiated upload.
 
         Args:
             size: bytes that the device announced, None for none.

@@ -16,7 +16,7 @@ _LONGEST_TIME_OUT = 10.0
 """How long a device may wait for a client that has gone [s] until the check gives up."""
 
 
-@CHAPTER.check("7.2.4.3.6", "an expedited answer tells its length and names the object")
+@CHAPTER.check("7.2.4.3.6", "an expedited answer states its length and names the object")
 def expedited(dut: DeviceUnderTest) -> None:
     """Read 1000h and 1001h."""
     for index, command in ((0x1000, 0x43), (0x1001, 0x4F)):
@@ -127,7 +127,7 @@ def other_node(dut: DeviceUnderTest) -> None:
         raise Deviation(f"answer {shown(answer)} to a request by 0x{request_id:03X}")
 
 
-@CHAPTER.check("7.5.2.33", "1200h tells the identifiers of the default channel")
+@CHAPTER.check("7.5.2.33", "1200h has the identifiers of the default channel")
 def default_channel(dut: DeviceUnderTest) -> None:
     """Read 1200h, which is there only where the EDS has it."""
     dut.variable(0x1200, 1)

@@ -18,13 +18,13 @@ _PATIENCE = 10.0
 """Longest wait until a device has stored its parameters [s]."""
 
 
-@CHAPTER.check("7.5.2.13", "1010h tells what it can store, in bits 0 and 1")
+@CHAPTER.check("7.5.2.13", "1010h shows what it can store, in bits 0 and 1")
 def store_ability(dut: DeviceUnderTest) -> str:
     """Read 1010h.01."""
     return _ability(dut, _STORE)
 
 
-@CHAPTER.check("7.5.2.14", "1011h tells whether it can restore, in bit 0")
+@CHAPTER.check("7.5.2.14", "1011h shows whether it can restore, in bit 0")
 def restore_ability(dut: DeviceUnderTest) -> str:
     """Read 1011h.01."""
     return _ability(dut, _RESTORE)

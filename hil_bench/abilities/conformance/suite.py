@@ -48,7 +48,7 @@ CHAPTERS = tuple(
 
 
 class Outcome(StrEnum):
-    """What a check found."""
+    """The outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"

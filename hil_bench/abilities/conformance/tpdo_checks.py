@@ -165,7 +165,7 @@ def reserved_subindex(dut: DeviceUnderTest) -> str:
 
 
 def sync_counts(dut: DeviceUnderTest, pdo: Pdo, count: int, sync: Frame = SYNC) -> list[int]:
-    """Return how many PDOs follow each of some SYNCs; each PDO as long as it should be."""
+    """Return the number of PDOs after each of some SYNCs; each PDO as long as it should be."""
     room = dut.patience / 10  # for the PDO: a host has its own delays
     dut.wire.take_all(pdo.matches, room)
     counts = []

@@ -1,4 +1,4 @@
-"""How a check ends other than well."""
+"""Exceptions by which a check ends without passing."""
 
 from hil_bench.errors import HilBenchError
 

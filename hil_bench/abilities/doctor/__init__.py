@@ -1,4 +1,4 @@
-"""What this machine can do for a bench in real time, and what to change where it could do more.
+"""Examination of this machine for a bench in real time, with advice on improvements.
 
 Each module looks at one topic and gives findings; none of them changes anything.
 """

@@ -22,7 +22,7 @@ _MODULES = ("/lib/modules", "/usr/lib/modules")
 
 
 def examine_buses(read: Read) -> Topic:
-    """Return which CAN buses there are.
+    """Return the findings on CAN buses.
 
     Args:
         read: reads files of the kernel.

@@ -1,4 +1,4 @@
-"""What one look at a machine gives, and how files of the kernel are read."""
+"""The findings of an examination, and the reading of the kernel's files."""
 
 import sys
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ IS_LINUX = sys.platform.startswith("linux")
 
 
 class Verdict(StrEnum):
-    """What a finding means for a bench in real time."""
+    """The meaning of a finding for a bench in real time."""
 
     GOOD = "good"
     """Nothing is to be changed."""
@@ -41,7 +41,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """What was found on one subject.
+    """The findings on one subject.
 
     Attributes:
         name: the subject.

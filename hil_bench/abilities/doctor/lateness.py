@@ -1,4 +1,4 @@
-"""How late this machine wakes the bench's loop, measured."""
+"""Measurement of this machine's lateness in waking the bench's loop."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ class LatenessTest(NamedTuple):
 def measure_lateness(
     config: BenchConfig, seconds: float, policies: list[RealtimePolicy], clock: Clock
 ) -> list[LatenessTest]:
-    """Return what the whole bench did on a silent bus, once with each policy.
+    """Measure the lateness of the whole bench on a silent bus, once with each policy.
 
     Args:
         config: the bench.

@@ -23,7 +23,7 @@ _LONGEST_EXIT = 50  # from an idle state, that a loop at 1 kHz does not mind [us
 
 
 def examine_machine(read: Read) -> Topic:
-    """Return what kernel and processors are like.
+    """Return the findings on kernel and processors.
 
     Args:
         read: reads files of the kernel.
@@ -62,7 +62,7 @@ def _preemption(read: Read, version: str) -> Finding:
 
 
 def preemption_model(read: Read) -> str:
-    """Return how the kernel lets itself be interrupted: none, voluntary, lazy or full."""
+    """Return the kernel's preemption model: none, voluntary, lazy or full."""
     mode = re.search(r"\((\w+)\)", read("/sys/kernel/debug/sched/preempt"))
     if mode:
         return mode.group(1)

@@ -1,4 +1,4 @@
-"""What the kernel permits this process."""
+"""The permissions of this process in the kernel."""
 
 import threading
 from collections.abc import Callable
@@ -29,7 +29,7 @@ _PERIOD = 1_000_000  # [ns]
 
 
 def examine_permissions(read: Read) -> Topic:
-    """Return what this process may ask for.
+    """Return the findings on the permissions of this process.
 
     Args:
         read: reads files of the kernel.

@@ -17,7 +17,7 @@ _INTERPRETED = "the plant takes 57 us of a tick in place of 2"
 
 
 def examine_software() -> Topic:
-    """Return what Python and the libraries are like; a bench has been built before."""
+    """Return the findings on Python and the libraries; a bench has been built before."""
     versions = [f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES]
     return Topic(
         "Software",

@@ -1,17 +1,18 @@
-"""Channels of a recording in SI, from the PDOs and J1939 messages of known devices."""
+"""Channels of a recording in SI: PDOs, J1939 messages of known devices, messages of a DBC file."""
 
 import math
 import re
 from collections.abc import Iterable
 from typing import Final
 
+from hil_bench.abilities.eyes.dbc_words import DbcMessages
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownValue
 from hil_bench.abilities.eyes.known_node import PdoOwner
 from hil_bench.abilities.eyes.pdos import PdoField
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.eyes.values import Reading
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.units import ONE, read_unit
+from hil_bench.units import ONE, read_unit, si_unit
 
 _NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
 
@@ -35,13 +36,21 @@ class BusChannels:
     Args:
         owners: the PDOs.
         ecus: the J1939 devices.
+        dbc: the messages of all other frames.
 
     Attributes:
         channels: one an object with numbers, its name is node and object; and one a J1939 signal.
         missed: values that came of objects without a channel: mapped after the recording began.
     """
 
-    def __init__(self, owners: Iterable[PdoOwner], ecus: Iterable[KnownEcu] = ()) -> None:
+    def __init__(
+        self,
+        owners: Iterable[PdoOwner],
+        ecus: Iterable[KnownEcu] = (),
+        dbc: DbcMessages | None = None,
+    ) -> None:
+        self._dbc = dbc or DbcMessages(None)
+        self._signals: dict[tuple[str, str], tuple[int, float]] = {}
         self.missed = 0
         self.channels: list[Channel] = []
         self._places: dict[_Key, tuple[int, float]] = {}
@@ -56,6 +65,10 @@ class BusChannels:
                 place = self._open(f"{ecu.name}.{value.name}", f"PGN_{value.group}", value.unit)
                 told = self._told.setdefault((ecu.bus, value.group), [])
                 told.append((place, ecu.name, value))
+        for message, signal, unit in self._dbc.signals():
+            symbol, factor = si_unit(unit)
+            name = f"{word_of(message)}.{word_of(signal)}"
+            self._signals[message, signal] = self._open(name, "dbc", symbol), factor
 
     def _add(self, owner: PdoOwner, field: PdoField) -> None:
         reader, node = field.reader, owner.node
@@ -78,9 +91,7 @@ class BusChannels:
 
     def take(self, sight: Sight) -> bool:
         """Hold the values of a PDO or a message, and return whether there were some."""
-        if sight.message is not None:
-            return self._take_message(sight, sight.message)
-        has_values = False
+        has_values = sight.message is not None and self._take_message(sight, sight.message)
         for reading in sight.readings:
             place = self._places.get(_key(sight, reading))
             if place is None:
@@ -89,6 +100,10 @@ class BusChannels:
                 number, factor = place
                 self._values[number] = reading.value * factor
                 has_values = True
+        for signal, value in self._dbc.numbers(sight).items():
+            number, factor = self._signals[signal]
+            self._values[number] = value * factor
+            has_values = True
         return has_values
 
     def _take_message(self, sight: Sight, message: J1939Message) -> bool:

@@ -49,7 +49,7 @@ class FrameText:
         self._decoder = Decoder(nodes_of(bench.config, dict(zip(names, live, strict=True))))
 
     def name(self, frame: Frame) -> str:
-        """Return whose frame it is and which, as in "valve TPDO1"; else its identifier's use."""
+        """Return the node and name of a frame, as in "valve TPDO1"; else its identifier's use."""
         if owners := self._decoder.owners(frame):
             return f"{owners[0].node.name} {owners[0].pdo.name}"
         function, node_id = function_of(frame.can_id)
@@ -59,7 +59,7 @@ class FrameText:
         return f"{known.name if known else f'node {node_id}'} {function}"
 
     def meaning(self, frame: Frame) -> str:
-        """Return what a frame says: the values of a PDO, else words."""
+        """Return the meaning of a frame: the values of a PDO, else words."""
         if frame.is_remote:
             return "remote request"
         readings = self._readings(frame)
@@ -90,7 +90,7 @@ class FrameText:
         return is_kind and counts[_key(frame)] >= CYCLIC
 
     def _readings(self, frame: Frame) -> tuple[Reading, ...]:
-        """Return what a PDO carries; nothing for any other frame."""
+        """Return the readings in a PDO; empty for any other frame."""
         owners = self._decoder.owners(frame)
         return owners[0].pdo.read(frame.data) if owners and not frame.is_remote else ()
 

@@ -1,4 +1,4 @@
-"""What runs in an exported FMU: the axes of the bench's file that lies beside it.
+"""The slave in an exported FMU: it runs the axes of the bench's file that lies beside it.
 
 It is imported by the FMU alone, in a Python that has hil-bench.
 """

@@ -72,7 +72,7 @@ def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
 
 
 def validate(path: Path) -> list[str]:
-    """Return what FMPy finds wrong in an FMU."""
+    """List the problems that FMPy finds in an FMU."""
     from fmpy.validation import validate_fmu  # noqa: PLC0415 - an extra
 
     return [str(problem) for problem in validate_fmu(str(path))]

@@ -1,4 +1,4 @@
-"""What acts on the axes of an FMU from outside, with the values at which nothing does."""
+"""The inputs of an FMU's axes from outside, with their neutral values."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from hil_bench.plants.quantity import SUPPLY
 
 
 class Acting(NamedTuple):
-    """What acts on an axis.
+    """An input that acts on an axis.
 
     Attributes:
         name: in the FMU.
@@ -29,12 +29,12 @@ class Acting(NamedTuple):
 
 
 def prefixes(axes: list[AxisConfig]) -> list[str]:
-    """Return how the names of each axis begin in an FMU: none where it is the only one."""
+    """Return the prefixes of each axis' names in an FMU: empty for a single axis."""
     return [""] if len(axes) == 1 else [f"{axis.name}." for axis in axes]
 
 
 def find_inputs(config: BenchConfig, axes: list[AxisConfig]) -> list[Acting]:
-    """Return what acts on the axes of an FMU; on a supply that they share, once.
+    """Return the inputs that act on the axes of an FMU; those of a shared supply once.
 
     Raises:
         ConfigError: an axis is another plant than a cylinder or a motor.

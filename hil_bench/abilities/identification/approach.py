@@ -21,7 +21,7 @@ _NEAR = 1.0  # deviations: close enough to compare, and for the last fit to begi
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Where another start has ended, apart from the fit that was taken.
+    """The end of a fit from another start, apart from the fit that was taken.
 
     Attributes:
         residual: rms of its residuals, as a multiple of the noise.

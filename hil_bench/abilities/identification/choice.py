@@ -1,4 +1,4 @@
-"""What is sought, and what is held: by the data sheet, the chains of the sensors, and the user."""
+"""The choice of sought and held parameters: by data sheet, sensors' chains and user."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ KEYS: Mapping[str, Key] = {
 
 
 class Choice(NamedTuple):
-    """What is sought.
+    """The sought parameters.
 
     Attributes:
         names: the sought parameters.
@@ -49,7 +49,7 @@ class Choice(NamedTuple):
 def choose(
     settings: Iterable[Setting], sensors: Sensors, fix: Sequence[str], free: Sequence[str]
 ) -> Choice:
-    """Return what is sought.
+    """Choose the sought parameters.
 
     What the data sheet determines is held, but not what is typical only. A delay or lag that the
     sensors are configured to have is sought.
@@ -90,7 +90,7 @@ def choose(
 
 
 def find_sensors(position: ChainParameters | None, pressure: ChainParameters | None) -> Sensors:
-    """Return how far sensors are behind by their chains; a sample is half a period old."""
+    """Return the sensors' delays and lags by their chains; a sample is half a period old."""
     if position is None and pressure is None:
         return PROMPT
     return Sensors(*_late(position), *_late(pressure))

@@ -1,4 +1,4 @@
-"""Which column of a foreign table is which quantity: unit, gain, offset and polarity."""
+"""The mapping of a foreign table's columns to quantities: unit, gain, offset and polarity."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ _KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Where a quantity comes from: polarity (gain raw) + offset, in its unit.
+    """The source of a quantity: polarity (gain raw) + offset, in its unit.
 
     Attributes:
         name: of the column.
@@ -80,7 +80,7 @@ Mapped = Mapping[str, Column]
 
 @dataclass(frozen=True, slots=True)
 class ColumnMap:
-    """Which columns the recordings have.
+    """The columns of the recordings.
 
     Attributes:
         common: of all files.

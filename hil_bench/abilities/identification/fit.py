@@ -43,7 +43,7 @@ _MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
 
 
 class Rough(NamedTuple):
-    """Where a stage before the last has ended.
+    """The end of a stage before the last.
 
     Attributes:
         variables: the free variables.
@@ -56,7 +56,7 @@ class Rough(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Where a fit has ended.
+    """The end of a fit.
 
     Attributes:
         optimum: of the cost.

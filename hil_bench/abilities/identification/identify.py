@@ -34,7 +34,7 @@ _REPEATS = 4  # of the fit, while it changes which pieces the model explains
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What the record says of one parameter.
+    """The estimate of one parameter.
 
     Attributes:
         name: its symbol, as in `PlantParameters`.
@@ -53,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """What a record told.
+    """The result of an identification.
 
     Attributes:
         record: the measurement.
@@ -99,12 +99,12 @@ class Identification:
 
     @property
     def told(self) -> list[Estimate]:
-        """What the record tells."""
+        """The estimates of the identifiable parameters."""
         return [estimate for estimate in self.estimates if estimate.is_told]
 
     @property
     def not_told(self) -> list[Estimate]:
-        """What it does not tell."""
+        """The estimates of the parameters that are not identifiable from this record."""
         return [estimate for estimate in self.estimates if not estimate.is_told]
 
 
@@ -181,7 +181,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Where the fits ended."""
+    """The ends of the fits."""
 
     unknowns: Unknowns
     fit: Fit

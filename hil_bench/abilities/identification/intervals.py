@@ -89,7 +89,7 @@ def _rise(fit: Fit, number: int, shift: float, report: Callable[[], None]) -> fl
 
 
 def _value(unknowns: Unknowns, fit: Fit, number: int, variable: float) -> float:
-    """Return what a variable stands for, as a parameter [SI]."""
+    """Return the parameter that a variable stands for [SI]."""
     variables = fit.variables.copy()
     variables[number] = variable
     return unknowns.guess(variables).value(unknowns.names[number])

@@ -1,4 +1,4 @@
-"""What a logger and its inputs do to a record: samples lost, channels clipped, channels filtered.
+"""Effects of a logger and its inputs: samples lost, channels clipped, channels filtered.
 
 All of it is found in the columns alone, before any fit, and named.
 """
@@ -109,7 +109,7 @@ def _shifted(jumps: list[Jump], by: int) -> list[Jump]:
 
 
 def find_jumps(position: Values, noise: float) -> list[Jump]:
-    """Return where samples are lost behind an even column of time.
+    """Find the jumps at which samples are lost behind an even column of time.
 
     A piston that is struck gets from one velocity to another, and its way from row to row lies
     between both. Where rows are missing, that way is longer than those on both sides, by more than

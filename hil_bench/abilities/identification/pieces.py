@@ -14,7 +14,7 @@ KEPT_OFF = 3e-3
 
 
 class Pieces(NamedTuple):
-    """Which pieces of a record.
+    """A selection of a record's pieces.
 
     Attributes:
         rows: where each starts, ascending.

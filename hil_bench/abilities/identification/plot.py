@@ -38,11 +38,11 @@ class _Column(NamedTuple):
         return np.asarray(self.found.record.times[rows])
 
     def measured(self, rows: npt.NDArray[np.int64], signal: int) -> Values:
-        """Return what the record has of a signal in rows."""
+        """Return the record's values of a signal in rows."""
         return np.asarray(self.found.record.measured[rows, signal])
 
     def model(self, signal: int) -> Values:
-        """Return what the model has of a signal in the pieces."""
+        """Return the model's values of a signal in the pieces."""
         return np.asarray(self.found.trial.model[self.pieces, :, signal])
 
 

@@ -53,7 +53,7 @@ _LEAST_OWN, _FIRST_OWN, _MOST_OWN = 1e-8, 1e-4, 1e4
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """Where a polish has ended.
+    """The end of a polish.
 
     Attributes:
         variables: the free variables.
@@ -141,7 +141,7 @@ class Polish:
     def _look(
         self, variables: Values, cost: float, *, is_near: bool = False
     ) -> tuple[Optimum, Quadratic]:
-        """Return how far the optimum is, and the cost about this point."""
+        """Return the distance to the optimum, and the cost about this point."""
         tangent = self._tangents.at(variables)
         slopes = project(tangent)
         is_tame = leave_out_wild(slopes)
@@ -254,7 +254,7 @@ class Polish:
         return np.asarray((variables - self.unknowns.start) / self.unknowns.spreads)
 
     def _free(self, variables: Values, pull: Values) -> Marks:
-        """Return which variables may move: neither held, nor pressed against a bound."""
+        """Mark the variables that may move: neither held, nor pressed against a bound."""
         lowest, highest = self.unknowns.bounds
         is_held = ((variables <= lowest) & (pull > 0.0)) | ((variables >= highest) & (pull < 0.0))
         if self.held is not None:

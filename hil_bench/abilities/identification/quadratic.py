@@ -73,7 +73,7 @@ class Quadratic(NamedTuple):
         return np.asarray(-alone - across @ step)
 
     def swing(self, step: Values) -> Values:
-        """Return how far the starts' best places move with the variables, shape (pieces, 4)."""
+        """Return the shift of the starts' best places with the variables, shape (pieces, 4)."""
         _, across = self._solve(np.zeros(len(self.own)))
         return np.asarray(-across @ step)
 

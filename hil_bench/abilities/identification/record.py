@@ -60,7 +60,7 @@ class Session(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisRecord:
-    """What was recorded of one axis; nothing in it reaches across a gap in time.
+    """The record of one axis; nothing in it reaches across a gap in time.
 
     Attributes:
         axis: its name.
@@ -109,7 +109,7 @@ class AxisRecord:
 
     @property
     def has(self) -> npt.NDArray[np.bool_]:
-        """Which of `SIGNALS` any recording has, shape (3,)."""
+        """The presence of each of `SIGNALS` in any recording, shape (3,)."""
         return np.asarray(np.array([session.has for session in self.sessions]).any(axis=0))
 
     def session_of(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -118,12 +118,12 @@ class AxisRecord:
         return np.searchsorted(ends, rows, side="right").astype(np.int64)
 
     def has_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Return which of `SIGNALS` there are at each row, shape (rows, 3)."""
+        """Return the presence of each of `SIGNALS` at each row, shape (rows, 3)."""
         has = np.array([session.has for session in self.sessions], dtype=np.bool_)
         return np.asarray(has[self.session_of(rows)])
 
     def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Return which values of `SIGNALS` are measured and not clipped, shape (*rows.shape, 3)."""
+        """Mark the measured and unclipped values of `SIGNALS`, shape (*rows.shape, 3)."""
         counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
         for without in (self.clipped, self.at_stop):
             if without is not None:
@@ -180,7 +180,7 @@ class AxisRecord:
         return replace(self, noise=np.maximum(noise, FLOORS))
 
     def rows_in(self, duration: float) -> int:
-        """Return how many rows span a duration [s], 10 at least."""
+        """Return the number of rows that span a duration [s], 10 at least."""
         return max(10, round(duration / self.interval))
 
     @classmethod

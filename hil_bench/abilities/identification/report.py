@@ -137,7 +137,7 @@ def to_toml(found: Identification, source: str) -> str:
     """
     lines = [
         f"# Identified by hil-bench from {source!r}; standard deviations in the comments.",
-        "# What the record does not tell is not here, and stays as it is in your file.",
+        "# What the record does not identify is not here, and stays as it is in your file.",
         *_doubts(found),
         f"[plant.{found.record.axis}]",
     ]
@@ -165,7 +165,7 @@ def to_toml(found: Identification, source: str) -> str:
 
 
 def _doubts(found: Identification) -> list[str]:
-    """Return what a reader of the file must know of it."""
+    """Return the doubts that a reader of the file must know."""
     if is_explained(found):
         return []
     return ["# The model does NOT explain the record: do not use these values."]
@@ -245,7 +245,7 @@ def _trial_lines(found: Identification) -> list[str]:
 
 
 def _flow_lines(found: Identification) -> list[str]:
-    """Return how the flow of each recording differs from that of the first."""
+    """Compare the flow of each recording with that of the first, a line each."""
     if found.flows is None or found.flow_deviations is None:
         return []
     first, *others = found.record.sessions
@@ -259,7 +259,7 @@ def _flow_lines(found: Identification) -> list[str]:
 
 
 def _warnings(found: Identification) -> list[str]:
-    """Return what the user must know before using the result."""
+    """Return the warnings that the user must know before using the result."""
     lines = []
     if not found.is_reached and found.decrement <= _SHORT:
         lines.append(
@@ -300,7 +300,7 @@ def _warnings(found: Identification) -> list[str]:
 
 
 def _advice(found: Identification) -> list[str]:
-    """Return what to look at where the model misses something."""
+    """Return the advice for a model that does not explain the record."""
     right = (
         f"at most {EXPLAINED:g} times the noise is right; check stroke, areas, volumes, supply "
         "pressure and the axis' options"
@@ -342,7 +342,7 @@ def _left_out(found: Identification) -> str:
 
 
 def _session_lines(record: AxisRecord) -> list[str]:
-    """Return what each recording gives, where there are several or where a pressure is missing."""
+    """List each recording's signals, where there are several or where a pressure is missing."""
     if len(record.sessions) == 1 and record.has.all():
         return []
     return [
@@ -382,7 +382,7 @@ def _entry(estimate: Estimate, found: Identification) -> dict[str, Any]:
 
 
 def _configured(found: Identification, name: str) -> float:
-    """Return what is configured of an unknown [SI]."""
+    """Return the configured value of an unknown [SI]."""
     if name == "gain":
         return 1.0
     return float(getattr(found.sensors if name in SENSING else found.known, name))

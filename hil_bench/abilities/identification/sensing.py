@@ -1,4 +1,4 @@
-"""What sensors show that are behind: a first-order lag, then a delay."""
+"""The response of sensors that are behind: a first-order lag, then a delay."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ _PROMPT = 1e-3  # of an interval: a lag below is none
 
 
 def sense(motion: Values, interval: float, sensors: Sensors, every: int) -> Values:
-    """Return what the sensors show of pieces of motion.
+    """Return the sensors' values in pieces of motion.
 
     What lies before a piece goes on from its start as it begins there.
 

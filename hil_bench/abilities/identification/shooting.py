@@ -154,7 +154,7 @@ class Shooting:
         states: Sequence[Values],
         cuts: Sequence[Cuts] | None = None,
     ) -> Values:
-        """Return what each guess, from the states that go with it, says of each piece.
+        """Predict each piece by each guess, from the states that go with it.
 
         Args:
             guesses: the parameters.
@@ -346,7 +346,7 @@ class Shooting:
         cuts: Cuts | None = None,
         every: int | None = None,
     ) -> Values:
-        """Return what a plant shows in the pieces of a block, as `run_starts` does."""
+        """Run a plant in the pieces of a block and return its outputs, as `run_starts` does."""
         parameters = guess.plant_in(int(self._session[self._blocks[block].start]))
         furthest = parameters.h + _SUNK
         starts[:, 0] = np.clip(starts[:, 0], -furthest, furthest)
@@ -369,7 +369,7 @@ class Shooting:
         return np.asarray(self._residuals([guess], [self.states], self._cuts)[0])
 
     def beside(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
-        """Return what `raw` does, with the solver's steps cut as where `anchor` was."""
+        """Act as `raw`, with the solver's steps cut as where `anchor` was."""
         return self._residuals(guesses, states, self._cuts)
 
     def raw(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:

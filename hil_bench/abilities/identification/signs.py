@@ -127,7 +127,7 @@ def _swift(record: AxisRecord, values: Values) -> Values:
 
 
 def _score(record: AxisRecord, one: Values, other: Values) -> float:
-    """Return how many standard deviations the common sign of two signals is above chance.
+    """Return the common sign of two signals in standard deviations above chance.
 
     Each block of the record gives one number, their correlation about zero.
     """

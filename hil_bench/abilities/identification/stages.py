@@ -7,7 +7,7 @@ LENGTH = 0.2
 
 
 class Stage(NamedTuple):
-    """How finely the model is held against the record.
+    """The fineness of the comparison between model and record.
 
     Attributes:
         name: for the progress bar.

@@ -85,7 +85,7 @@ def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
 
 
 def _is_clear(record: AxisRecord, pieces: Pieces) -> npt.NDArray[np.bool_]:
-    """Return which rows of each piece come before the piston touches a stop."""
+    """Mark the rows of each piece before the piston touches a stop."""
     rows = _rows(pieces)
     if record.at_stop is None:
         return np.ones(rows.shape, dtype=np.bool_)

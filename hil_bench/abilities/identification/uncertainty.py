@@ -1,4 +1,4 @@
-"""How uncertain a fit is: by its residuals where they are white, else by leaving out pieces."""
+"""Uncertainty of a fit: by its residuals where they are white, else by leaving out pieces."""
 
 import math
 from typing import NamedTuple
@@ -17,7 +17,7 @@ _LEAST = 1e-13  # of the largest: an eigenvalue below is not known to be above 0
 
 
 class Evidence(NamedTuple):
-    """What a fit leaves, group by group, all of the same size.
+    """The residuals and slopes of a fit, group by group, all of the same size.
 
     Attributes:
         residuals: shape (groups, values).
@@ -103,7 +103,7 @@ def find_colour(residuals: Values) -> tuple[float, float]:
 
 
 def leave_out_wild(slopes: Values) -> Marks:
-    """Return which groups do not claim to say far more than all others together.
+    """Mark the groups that do not claim far more information than all others together.
 
     Where the motion turns on a hair, as that of a piston which is about to slip, differences are no
     slopes: one piece would hold the fit where it is, and be trusted above all others.

@@ -1,4 +1,4 @@
-"""What is sought: names, and the free variables that stand for them in the fit.
+"""The sought parameters: names, and the free variables that stand for them in the fit.
 
 A positive parameter is sought as the logarithm of its ratio to a reference, so that steps are
 relative and no step makes it negative. Dead-zone, leakage and F_s / F_c - 1 may be 0, and are
@@ -30,7 +30,7 @@ _OFFSET_SCALE = 1e5  # [Pa]: the standard deviation that they are expected to ha
 
 
 class Kind(NamedTuple):
-    """How one unknown is sought.
+    """The transformation and the bounds of one unknown.
 
     Attributes:
         is_log: whether as a logarithm, or else as a multiple of the scale.
@@ -100,7 +100,7 @@ _OFFSET = Kind(is_log=False, lowest=-20.0, highest=20.0, spread=1.0, step=5e-3, 
 
 
 class Sensors(NamedTuple):
-    """How far the sensors are behind: each shows its quantity through a lag, a while later [s]."""
+    """The lag and the delay of each sensor [s]."""
 
     position_delay: float = 0.0
     position_lag: float = 0.0
@@ -112,7 +112,7 @@ PROMPT = Sensors()
 
 
 class Guess(NamedTuple):
-    """What a vector of free variables stands for.
+    """The parameters that a vector of free variables stands for.
 
     Attributes:
         parameters: of the plant.
@@ -264,7 +264,7 @@ def check_names(names: Sequence[str], sessions: int) -> None:
 
 
 def scale_of(name: str, known: PlantParameters) -> float:
-    """Return what a free variable of a parameter counts in.
+    """Return the unit that a free variable of a parameter counts in.
 
     It is the configured value, or Table I's where none is configured. Leakage counts in a
     thousandth of what the fully open valve lets through at supply pressure; F_s in the excess over

@@ -6,7 +6,7 @@ DEFAULT_PORT = 8408
 
 ABILITY = Ability(
     "panel",
-    needs=("scenario",),
+    needs=("controllers", "scenario"),
     verbs={
         "panel": Verb(
             "run",

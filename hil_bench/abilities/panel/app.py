@@ -169,7 +169,7 @@ async def _hear(browser: WebSocket) -> str:
 
 
 async def _body(request: Request) -> bytes:
-    """Return what a request brings.
+    """Return the body of a request.
 
     Raises:
         ConfigError: it is too long.

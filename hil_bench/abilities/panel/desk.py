@@ -1,4 +1,4 @@
-"""What a page may ask for: checked, then done by the panel itself or by the bench."""
+"""The requests of a page: checked, then done by the panel itself or by the bench."""
 
 import contextlib
 import re

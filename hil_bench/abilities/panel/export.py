@@ -1,4 +1,4 @@
-"""What the scope shows, as a file of measured data: MF4, written as recordings are."""
+"""Export of the scope's signals as measured data: MF4, written as recordings are."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Which faults a page offers: each kind with its targets, and the keys that each target takes."""
+"""The faults that a page offers: each kind with its targets and their keys."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Who may come to a panel: the right host, the right origin, the secret; and what pages may load.
+"""Access to a panel: the right host, the right origin, the secret; and the pages' sources.
 
 A page of somebody else in the same browser can send requests to 127.0.0.1, and a name that it owns
 can come to mean 127.0.0.1. So the host that a request names must be ours, and the origin of a
@@ -37,7 +37,7 @@ _LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
 
 
 class Secret:
-    """What lets a page in: the token of the address, or a password.
+    """The secret of a panel: the token of the address, or a password.
 
     Args:
         text: the secret.

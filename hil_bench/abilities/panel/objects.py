@@ -22,7 +22,7 @@ _MOST_MAPPED = 64
 
 
 def device_of(hello: Mapping[str, Any], node: str) -> Mapping[str, Any]:
-    """Return what a bench says of one of its nodes.
+    """Return a bench's description of one of its nodes.
 
     Raises:
         ConfigError: there is no such node.

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.scenario.controllers import CONTROLLERS
+from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
 from hil_bench.abilities.scenario.writing import to_toml
@@ -25,7 +25,7 @@ _VERDICTS = {0: "passed", 1: "failed", 6: "undecided"}
 
 
 class RecordForm(NamedTuple):
-    """What a form says of a test.
+    """The contents of a test's form.
 
     Attributes:
         file: its name, without folder and suffix.
@@ -61,8 +61,8 @@ class RecordForm(NamedTuple):
             )
         if not 0.0 <= self.lead_s <= _LONGEST:
             raise ConfigError(f"lead {self.lead_s:g} s: give 0 to {_LONGEST:g} s")
-        if self.controller and self.controller not in CONTROLLERS:
-            known = ", ".join(CONTROLLERS)
+        if self.controller and self.controller not in EXAMPLES:
+            known = ", ".join(EXAMPLES)
             raise ConfigError(f"controller {self.controller!a}: give one of {known}, or none")
         if not (self.title.strip() and self.requirement.strip() and self.that.strip()):
             raise ConfigError("give a title, an id and a requirement")

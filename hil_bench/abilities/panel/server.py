@@ -30,7 +30,7 @@ _FAREWELL = 1  # for open connections at the end [s]
 
 
 class PanelPlan(NamedTuple):
-    """What a panel is to be.
+    """The settings of a panel.
 
     Attributes:
         bench: the name of the bench; None for the one that runs.

@@ -37,7 +37,7 @@ def compared(axis: AxisConfig) -> list[Quantity]:
 
 
 class FrameDirection(StrEnum):
-    """Which frames of a recording are meant, as seen by who recorded them."""
+    """The direction of a recording's frames, as seen by its recorder."""
 
     RECEIVED = "received"
     SENT = "sent"
@@ -50,7 +50,7 @@ class FrameDirection(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PlaybackReport:
-    """What a playback did.
+    """The result of a playback.
 
     Attributes:
         frames: sent.
@@ -98,7 +98,7 @@ def play_frames(
 
 @dataclass(frozen=True, slots=True)
 class SignalDeviation:
-    """How far a simulated signal is from the recorded one.
+    """The deviation of a simulated signal from the recorded one.
 
     Attributes:
         channel: its name.
@@ -123,7 +123,7 @@ class SignalDeviation:
 
 
 def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
-    """Return what the plants of a configuration do under the recorded spool set-points.
+    """Run the plants of a configuration under the recorded spool set-points.
 
     Args:
         config: the bench.

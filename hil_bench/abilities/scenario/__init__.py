@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=("commissioning", "eyes"),
+    needs=("commissioning", "controllers", "eyes"),
     verbs={
         "test": Verb(
             "test",

@@ -1,4 +1,4 @@
-"""What is known of the margin of a condition: a lower and an upper bound, tick by tick.
+"""The margin of a condition as a lower and an upper bound, tick by tick.
 
 A margin is how far a condition is from changing: positive where it holds, negative where it does
 not, never 0. Where nothing is known, the bounds are -inf and +inf. Where both bounds are the same
@@ -27,7 +27,7 @@ class Bounds(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many ticks."""
+        """The number of ticks."""
         return len(self.low)
 
     @property

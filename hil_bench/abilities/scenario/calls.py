@@ -1,4 +1,4 @@
-"""What may stand before brackets in an expectation: ``abs(x)``, ``rises(x)``, ``emcy(valve)``."""
+"""The functions and events of an expectation: ``abs(x)``, ``rises(x)``, ``emcy(valve)``."""
 
 from collections.abc import Callable, Sequence
 from types import MappingProxyType

@@ -1,4 +1,4 @@
-"""What a file says of the columns that requirements name: units that they can be judged in."""
+"""Checks of the columns that requirements name: units that they can be judged in."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

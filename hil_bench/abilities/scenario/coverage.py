@@ -1,4 +1,4 @@
-"""How much of a requirement's time a run has shown; docs/expectations.md has the rules."""
+"""The share of a requirement's time seen in a run; docs/expectations.md has the rules."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """How much of its time was seen; all times in s from the first tick of the run.
+    """The seen part of a requirement's time; all times in s from the first tick of the run.
 
     Attributes:
         start: the first instant for which the requirement asks.
@@ -34,7 +34,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """How much was seen of the whole, 0 to 1."""
+        """The share of the time that was seen, 0 to 1."""
         length = self.end - self.start
         return self.seen / length if length else float(not self.unknown)
 
@@ -47,7 +47,7 @@ class Coverage:
 
 
 class View:
-    """What a run shows of a requirement.
+    """The view that a run gives of a requirement.
 
     Args:
         asked: what the requirement asks for, and when.
@@ -81,7 +81,7 @@ class View:
 
     @property
     def coverage(self) -> Coverage:
-        """How much of its time was seen."""
+        """The coverage of the requirement's time."""
         unknown = int(np.count_nonzero(self._unknown)) + self._behind
         length = self._last - self._first
         return Coverage(
@@ -110,7 +110,7 @@ class View:
             yield f"nothing seen after {self._time(self._ticks - 1)}"
 
     def _what(self, first: int, end: int) -> str:
-        """Return which signals were not seen at some of the ticks from `first` to before `end`."""
+        """Name the signals not seen at some of the ticks from `first` to before `end`."""
         missing = [name for name, each in self._missing.items() if each[first:end].any()]
         return f"{', '.join(sorted(missing))} not seen" if missing else "nothing seen"
 
@@ -119,7 +119,7 @@ class View:
 
 
 def _count(spans: Iterable[tuple[int, int]], start: int) -> int:
-    """Return how many ticks from `start` on lie in any of some spans, both ends included."""
+    """Return the number of ticks from `start` on in any of some spans, both ends included."""
     count = 0
     for first, last in sorted(spans):
         begin = max(first, start)

@@ -103,7 +103,7 @@ class _Table:
                     read(row[0], cell, later)
 
     def _column(self, head: Cell) -> Callable[[Cell, Cell, Cell | None], None]:
-        """Return what reads the cells of a column."""
+        """Return the reader of a column's cells."""
         name = head.text
         if name.startswith("fault:"):
             match = _FAULT.fullmatch(name)
@@ -120,8 +120,10 @@ class _Table:
             return self._expect_column(head)
         if name == "sync":
             return lambda at, cell, _: self._step(at, cell, {"sync": self._switch(cell)})
-        if name == "firmware":
-            return lambda at, cell, _: self._step(at, cell, {"firmware": cell.text})
+        if name.startswith("firmware"):
+            target = name.removeprefix("firmware").removeprefix(":").strip()
+            given: dict[str, object] = {"target": target} if target else {}
+            return lambda at, cell, _: self._step(at, cell, {"firmware": cell.text} | given)
         return lambda at, cell, later: self._step(at, cell, self._set(name, at, cell, later))
 
     def _expect_column(self, head: Cell) -> Callable[[Cell, Cell, Cell | None], None]:

@@ -1,4 +1,4 @@
-"""What a unit measures: the check that bar is not compared with mm.
+"""The dimensions of units: the check that bar is not compared with mm.
 
 A dimension is a product of base units, such as kg/(m s²) for a pressure. The radian is one of them:
 without it 1 Hz would be 1 rad/s, and 50 % an angle.
@@ -115,7 +115,7 @@ def find_unit(symbol: str) -> MeasuredUnit | None:
 
 
 def dimension_of(symbol: str) -> Dimension:
-    """Return what a recorded signal measures; a unit of its own where its symbol is unknown."""
+    """Return the dimension of a recorded signal; one of its own for an unknown symbol."""
     found = find_unit(symbol)
     return found.dimension if found else ((symbol, 1),)
 
@@ -127,7 +127,7 @@ def unit_of_name(name: str) -> MeasuredUnit:
 
 
 def show_dimension(dimension: Dimension) -> str:
-    """Return how a message names a dimension: by the units that a person would give."""
+    """Return the name of a dimension in messages: the units that a person would give."""
     symbols = [symbol for symbol, each in UNITS.items() if each.dimension == dimension]
     if dimension == NUMBER:
         return "a number"

@@ -1,11 +1,12 @@
 """Does the steps of a scenario, each at the start of its tick."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.abilities.scenario.hand import Hand
-from hil_bench.abilities.scenario.records import FirmwareCommand, FirmwareStep, NmtStep, SyncStep
+from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
 from hil_bench.abilities.scenario.targets import Target, Targets, ValveTarget
 from hil_bench.bench.configuration import FaultConfig
@@ -18,12 +19,9 @@ from hil_bench.session.session import Session
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-FirmwareHook = Callable[[FirmwareCommand], None]
-"""Starts or kills the controller's process."""
-
 
 class RunPlan(NamedTuple):
-    """What to do in a run.
+    """The plan of a run.
 
     Attributes:
         actions: in the order of time.
@@ -65,7 +63,6 @@ class Director:
         session: on which bench.
         targets: what may be set there.
         hand: sets it.
-        on_firmware: what happens to the controller's process; None where there is none.
 
     Attributes:
         is_over: whether the run has come to its end.
@@ -78,12 +75,11 @@ class Director:
         session: Session,
         targets: Targets,
         hand: Hand,
-        on_firmware: FirmwareHook | None = None,
     ) -> None:
         self.is_over = False
         self.problem = ""
         self._plan, self._session, self._hand = plan, session, hand
-        self._targets, self._on_firmware = targets, on_firmware
+        self._targets = targets
         self._waiting = list(reversed(plan.actions))
         self._courses: dict[str, Move] = {}
         self._values: dict[str, float] = {}
@@ -96,7 +92,7 @@ class Director:
 
     @property
     def done(self) -> int:
-        """How many actions have begun, the first ones of the plan."""
+        """The number of actions that have begun, the first ones of the plan."""
         return len(self._plan.actions) - len(self._waiting)
 
     def __call__(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
@@ -140,8 +136,14 @@ class Director:
                 self._sends_sync = action.is_on
             case SyncStep():
                 self._passes_sync = action.is_on
-            case FirmwareStep() if self._on_firmware is not None:
-                self._on_firmware(action.command)
+            case FirmwareStep():
+                self._switch(action)
+
+    def _switch(self, step: FirmwareStep) -> None:
+        """Switch a controller: the one that is named, the scenario's own, or the bench's only."""
+        switches = self._session.switches
+        name = step.target or (ONLY if ONLY in switches else next(iter(switches)))
+        switches[name](step.command)
 
     def _course(self, action: SetAction, tick: int) -> Move:
         target = self._targets.find(action.target)

@@ -1,163 +1,149 @@
-"""Who lets the time of a run pass: nobody but the runner, an example controller, or firmware."""
+"""Controllers of a run, and its time, which the runner lets pass."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from typing import TypeGuard
 
-from hil_bench.abilities.scenario.controllers import CONTROLLERS, settings_of
-from hil_bench.abilities.scenario.director import Director, FirmwareHook
-from hil_bench.abilities.scenario.records import FirmwareCommand
+from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
+from hil_bench.abilities.controllers.kinds import Chosen, read_controller
+from hil_bench.abilities.controllers.power import ONLY, Power
+from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
+from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
+from hil_bench.abilities.controllers.section import ControllersConfig, config_of
+from hil_bench.abilities.scenario.director import Director
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.records import FirmwareStep, Scenario, Step
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.config.document import give
+from hil_bench.config.settings import Origin, Problems
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ControllerError
-from hil_bench.session.firmware import HUB, Firmware, FirmwareBus
+from hil_bench.scratch import scratch_folder
 from hil_bench.session.virtual_bench import VirtualBench
-from hil_drivers import DriverError
+
+_MOST_BEHIND = 10_000_000_000
+"""Time behind a run [ns] that a controller has to say why it had not begun its work."""
 
 
-class Timekeeper(Protocol):
-    """Lets the time of a run pass."""
+def controller_of(
+    scenario: Scenario, config: BenchConfig, parameters: Mapping[str, float]
+) -> ControllerConfig | None:
+    """Return the controller of a scenario; None where the steps alone drive.
 
-    on_firmware: FirmwareHook | None
+    A `ConfigError` has a line for each problem of its table.
 
-    def drive(self, director: Director, last_tick: int) -> str:
-        """Let time pass until the run is over; return how a controller ended before that."""
+    Args:
+        scenario: with its table.
+        config: of its bench.
+        parameters: the SI value of each parameter.
+    """
+    if scenario.controller is None:
+        return None
+    problems = Problems(str(scenario.path))
+    chosen = _choose(scenario, parameters, problems)
+    problems.raise_any()
+    if chosen is None:
+        return None
+    record = config_of(ONLY, ONLY, chosen, config.buses, problems)
+    problems.raise_any()
+    return record
 
 
-class NobodyDriver:
-    """Nobody drives: the steps alone act.
+def _choose(
+    scenario: Scenario, parameters: Mapping[str, float], problems: Problems
+) -> Chosen | None:
+    controller = scenario.controller
+    if controller is None:
+        return None
+    if controller.firmware:
+        return Chosen(PROCESS, {"command": controller.firmware})
+    if controller.example:
+        # canopen is slow to import, and not all scenarios have an example.
+        from hil_bench.abilities.controllers.python.examples import (  # noqa: PLC0415
+            CONTROLLERS,
+            settings_of,
+        )
+
+        example, settings = CONTROLLERS[controller.example], settings_of(parameters)
+        return Chosen(PYTHON, {"call": lambda rig: example(rig, settings)})
+    given = give(ONLY, controller.table, Origin.FILE, problems)
+    return read_controller(ONLY, given, scenario.path.parent, problems)
+
+
+class RunnerDriver:
+    """The runner lets time pass, tick by tick, beside a controller or alone.
 
     Args:
         bench: on which.
+        desks: its controllers; None for nobody.
+        parameters: of the scenario, in their own units.
     """
 
-    on_firmware: FirmwareHook | None = None
-
-    def __init__(self, bench: VirtualBench) -> None:
-        self._bench = bench
+    def __init__(self, bench: VirtualBench, desks: Desks | None) -> None:
+        self._bench, self._desks = bench, desks
 
     def drive(self, director: Director, last_tick: int) -> str:
-        """Run all ticks."""
-        self._bench.session.tick((), 0)
-        _run_alone(self._bench, director, last_tick)
-        return ""
-
-
-class ExampleDriver:
-    """An example controller drives.
-
-    Args:
-        bench: on which.
-        name: of the controller.
-        parameters: of the scenario, in SI.
-    """
-
-    on_firmware: FirmwareHook | None = None
-
-    def __init__(self, bench: VirtualBench, name: str, parameters: Mapping[str, float]) -> None:
-        self._bench = bench
-        self._cycles = CONTROLLERS[name](bench, settings_of(parameters))
-
-    def drive(self, director: Director, last_tick: int) -> str:
-        """Let the controller run; where a device ends it in its work, go on without.
+        """Let time pass until the run is over; return how a controller ended before that.
 
         Raises:
-            ControllerError: it could not begin.
+            ControllerError: one has failed.
         """
-        self._bench.session.tick((), 0)
-        ending, has_begun = "", False
-        try:
-            for _ in self._cycles:
-                has_begun = True
-                if director.is_over:
-                    break
-        except (DriverError, ValueError) as error:
-            if not has_begun or not isinstance(error, DriverError):
-                raise ControllerError(f"the controller could not work: {error}") from error
-            ending = f"the controller ended: {error}"
-        finally:
-            with suppress(DriverError):  # a valve that is dead cannot be disabled
-                self._cycles.close()
-        _run_alone(self._bench, director, last_tick)
-        return ending
-
-
-class FirmwareDriver:
-    """A program drives, in lock-step; while none runs, time passes without.
-
-    Args:
-        bench: on which.
-        words: the command line, with ``{bus}``.
-        directory: for its output.
-        first: the first of the steps that concern it, in a list; it starts now unless that is its
-            start.
-    """
-
-    def __init__(
-        self,
-        bench: VirtualBench,
-        words: Sequence[str],
-        directory: Path,
-        first: Sequence[FirmwareCommand],
-    ) -> None:
-        self.on_firmware: FirmwareHook | None = self._obey
-        self._bench, self._words, self._directory = bench, words, directory
-        self._bus: FirmwareBus | None = None
-        self._program: Firmware | None = None
-        self._starts = 0
-        self._is_due = FirmwareCommand.START not in first
-
-    def drive(self, director: Director, last_tick: int) -> str:
-        """Let the program's SYNC move time; a `ControllerError` says how it has failed."""
-        tick_ns = self._bench.config.tick_ns
-        session = self._bench.session
-        bus = self._bus = FirmwareBus(self._bench, HUB, is_realtime=False)  # runs the first tick
+        session, tick_ns = self._bench.session, self._bench.config.tick_ns
+        session.tick((), 0)
         while not director.is_over and session.now < last_tick * tick_ns:
-            if self._is_due:
-                self._start(bus)
-            if self._program is not None and self._program.is_running:
-                bus.link.step()
-                continue
-            self._look_at_the_end()
             session.tick((), session.now + tick_ns)
-        return ""
-
-    def close(self) -> None:
-        """End the program and close the bus."""
-        if self._bus is not None:
-            self._bus.close()
-
-    def _obey(self, command: FirmwareCommand) -> None:
-        if command is not FirmwareCommand.START and self._program is not None:
-            self._program.process.kill()
-            self._program.process.wait()
-            self._program = None
-        if command is not FirmwareCommand.KILL:
-            self._is_due = True
-
-    def _start(self, bus: FirmwareBus) -> None:
-        """Start the program; a `ControllerError` says why it cannot be."""
-        self._is_due = False
-        self._starts += 1
-        directory = self._directory / str(self._starts)
-        directory.mkdir()
-        self._program = bus.start(self._words, directory)
-
-    def _look_at_the_end(self) -> None:
-        """Say so where the program has ended by itself, with an error.
-
-        Raises:
-            ControllerError: it has.
-        """
-        program, self._program = self._program, None
-        if program is not None and program.process.returncode:
-            raise ControllerError(program.epitaph())
+        if self._desks is None:
+            return ""
+        end = session.now + _MOST_BEHIND
+        while not self._desks.have_begun and session.now < end:
+            session.tick((), session.now + tick_ns)  # it says what keeps it
+        if not self._desks.have_begun and session.now >= end:
+            raise ControllerError("the controller had not begun its work when the run was over")
+        return self._desks.ending
 
 
-def _run_alone(bench: VirtualBench, director: Director, last_tick: int) -> None:
-    """Run the ticks that are left, without a controller."""
-    tick_ns = bench.config.tick_ns
-    while not director.is_over and bench.session.now < last_tick * tick_ns:
-        bench.bus.advance(tick_ns * 1e-9)
-        for bus in bench.buses.values():
-            while bus.recv(0.0):
-                pass  # nobody reads it any more
+@contextmanager
+def driver_of(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[RunnerDriver]:
+    """Give what drives a run, and end its controller with the run.
+
+    Yields:
+        It, before the first tick.
+    """
+    scenario = prepared.scenario
+    chosen = controller_of(scenario, prepared.config, prepared.parameters)
+    if chosen is None:
+        yield RunnerDriver(bench, None)
+        return
+    values = {
+        each.name: each.unit.from_si(prepared.parameters[each.name]) for each in scenario.parameters
+    }
+    with ExitStack() as stack:
+        scratch = stack.enter_context(scratch_folder())
+        desks = Desks([chosen], bench.session, prepared.config, scratch, values)
+        stack.callback(desks.close)
+        commands = [step.command for step in scenario.steps if _is_for_it(step)]
+        if commands[:1] == [Power.START]:
+            desks.leave_off()
+        yield RunnerDriver(bench, desks)
+
+
+def _is_for_it(step: Step) -> TypeGuard[FirmwareStep]:
+    return isinstance(step, FirmwareStep) and step.target in {"", ONLY}
+
+
+def switch_problems(scenario: Scenario, config: BenchConfig) -> Iterator[str]:
+    """Yield a line for each step that switches a controller that is not there."""
+    others = config.of(ControllersConfig)
+    names = [each.name for each in others.controllers] if others is not None else []
+    if scenario.controller is not None:
+        names.insert(0, ONLY)
+    for step in scenario.steps:
+        if not isinstance(step, FirmwareStep):
+            continue
+        if not names:
+            yield f"{step.place}: there is no firmware; give it in [controller]"
+        elif step.target and step.target not in names:
+            wrong = f"{quote(step.target)} is no controller"
+            yield f"{step.place}: {wrong}; the nearest is {find_nearest(step.target, names)}"
+        elif not step.target and scenario.controller is None and len(names) > 1:
+            yield f"{step.place}: there are several controllers; give target = {quote(names[0])}"

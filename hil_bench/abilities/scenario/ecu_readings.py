@@ -1,4 +1,4 @@
-"""What a J1939 device tells the expectations: its signals, its address claim, its trouble codes."""
+"""Readings of a J1939 device: its signals, its address claim, its trouble codes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -32,7 +32,7 @@ def ecu_names(
 
 
 def ecu_reader(ecus: Mapping[str, EcuHandle], name: str) -> Read | None:
-    """Return what reads a name, or whether a trouble code is active; None for another name."""
+    """Return the reader of a name or of a trouble code's activity; None for another name."""
     if name.startswith(f"{DM1}("):
         device, *numbers = name[len(DM1) + 1 : -1].split(", ")
         return _code_reader(ecus[device], tuple(map(int, numbers)))
@@ -50,5 +50,5 @@ def ecu_reader(ecus: Mapping[str, EcuHandle], name: str) -> Read | None:
 
 
 def _code_reader(ecu: EcuHandle, code: tuple[int, ...]) -> Read:
-    """Return whether a code of this SPN and FMI is active, or any where they are left out."""
+    """Return the reader of an active code with this SPN and FMI; those left out match any."""
     return lambda _row: float(any(each[: len(code)] == code for each in ecu.trouble_codes))

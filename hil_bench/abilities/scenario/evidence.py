@@ -1,38 +1,21 @@
-"""What a run leaves for its report: signals, faults and frames."""
+"""The evidence of a run for its report: signals, faults and frames."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from hil_bench.abilities.scenario.sliding import Floats
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.plot import Span
+from hil_bench.session.frame_reader import FrameReader
 
 MOST_FRAMES = 500_000
 """Frames that a run keeps for its report; of more, the latest."""
 
 
-class FrameReader(Protocol):
-    """Puts frames in words."""
-
-    def name(self, frame: Frame) -> str:
-        """Return whose frame it is and which."""
-
-    def meaning(self, frame: Frame) -> str:
-        """Return what a frame says."""
-
-    def news(self, frames: Sequence[LoggedFrame]) -> Iterable[LoggedFrame]:
-        """Yield what did not come cyclically."""
-
-    def latest(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
-        """Yield the last frame of each identifier that comes cyclically."""
-
-
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What is known of a run.
+    """The evidence of a run.
 
     Attributes:
         signals: a row a tick; without rows where nothing was recorded.

@@ -66,7 +66,7 @@ class Examination:
         self.view = View(self.monitor.asked, seen, ticks, tick_ns, planned)
 
     def find_cause(self) -> Cause:
-        """Return what decides; only where the requirement is decided."""
+        """Return the cause of the decision; only where the requirement is decided."""
         is_failed = self.monitor.is_failed
         explainer = Explainer(self._log, self._tick_ns, self._ticks, is_failed=is_failed)
         return explainer.find(self._requirement)

@@ -1,4 +1,4 @@
-"""Which comparison decides a requirement, and at which tick."""
+"""The search for the comparison that decides a requirement, and for its tick."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from hil_bench.abilities.scenario.values import Block
 
 
 class Cause(NamedTuple):
-    """What decides.
+    """The cause of a decision.
 
     Attributes:
         node: the comparison, state, event or edge.
@@ -79,7 +79,7 @@ class Explainer:
         self._is_failed = is_failed
 
     def find(self, node: Condition, tick: int = 0) -> Cause:
-        """Return what decides a condition at a tick."""
+        """Return the cause that decides a condition at a tick."""
         match node:
             case nodes.Not():
                 cause = self._contrary().find(node.operand, tick)

@@ -1,4 +1,4 @@
-"""What was done to a running bench by hand, as the steps of a scenario."""
+"""Conversion of manual commands to a running bench into the steps of a scenario."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -112,7 +112,7 @@ class JournalSteps:
         self._settings.append(step)
 
     def _factor(self, owner: str, name: str) -> float:
-        """Return what 1 of a value is in SI: a J1939 signal is set in its own unit."""
+        """Return the value of 1 in SI: a J1939 signal is set in its own unit."""
         signals = self._hello.get("ecus", {}).get(owner, {}).get("signals", {})
         return si_unit(signals[name]["unit"])[1] if name in signals else 1.0
 

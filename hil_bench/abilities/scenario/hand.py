@@ -60,7 +60,7 @@ class Hand:
         self._buses = number_buses(config)
 
     def set(self, target: Target, value: float) -> Frame | SetObject | SetPlant | WriteRegister:
-        """Return what gives a target a value: a frame to the bench, or a command to its door."""
+        """Return a frame to the bench, or a command to its door, that sets a target's value."""
         if isinstance(target, PlantTarget):
             return SetPlant(target.axis, target.influence.name, value)
         if isinstance(target, RegisterTarget):

@@ -24,7 +24,7 @@ from hil_bench.abilities.scenario.wording import (
 
 
 class RequirementOutcome(StrEnum):
-    """What became of a requirement."""
+    """The outcome of a requirement."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -74,7 +74,7 @@ class Deciding:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What a run says of a requirement.
+    """The judgement of a run on a requirement.
 
     Attributes:
         outcome: one of four.
@@ -106,7 +106,7 @@ def judge(
     tick_ns: int,
     planned: int | None = None,
 ) -> Judgement:
-    """Return what a run says of a requirement.
+    """Judge a requirement by a run.
 
     Args:
         requirement: the condition.

@@ -23,7 +23,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def load_requirements(path: str | os.PathLike[str]) -> RequirementsFile:
-    """Return what a file requires.
+    """Return the requirements of a file.
 
     The file is a scenario, or holds nothing but ``duration_s``, ``[[expect]]`` and
     ``[parameters]``.

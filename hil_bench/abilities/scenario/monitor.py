@@ -1,4 +1,4 @@
-"""Whether a requirement holds for a run, known as early as the run allows it.
+"""The monitor of a requirement: it decides as early as the run allows.
 
 A requirement is its condition at the first tick. What spans the run, as in ``always ...``, is not
 kept: a monitor holds the worst margin so far. So a violation is known a block after it is decided,
@@ -34,7 +34,7 @@ _UNKNOWN = (-math.inf, math.inf)
 
 
 class Violation(NamedTuple):
-    """Where a requirement does not hold.
+    """The ticks at which a requirement does not hold.
 
     Attributes:
         first: number of the first tick.
@@ -48,7 +48,7 @@ class Violation(NamedTuple):
 
 
 class Exercise(NamedTuple):
-    """How often the trigger of an implication became true.
+    """The number of times that the trigger of an implication became true.
 
     Attributes:
         node: the implication.
@@ -66,7 +66,7 @@ class _Summary(Protocol):
         """Take the next ticks, and return what is known."""
 
     def finish(self) -> Pair:
-        """Return what is known at the end of the run."""
+        """Return the bounds known at the end of the run."""
 
     def violation(self) -> Violation | None:
         """Return the ticks that violate it, where it is about ticks of their own."""
@@ -125,7 +125,7 @@ class Monitor:
 
     @property
     def exercises(self) -> tuple[Exercise, ...]:
-        """How often each implication was triggered."""
+        """The number of triggers of each implication."""
         return tuple(Exercise(node, trigger.times) for node, trigger in self._builder.triggers)
 
 

@@ -8,7 +8,7 @@ from hil_bench.abilities.scenario.dimensions import Dimension
 
 
 class Position(NamedTuple):
-    """Where something stands in the text of an expectation, both from 1."""
+    """The place of an element in the text of an expectation, both numbers from 1."""
 
     line: int
     column: int
@@ -30,7 +30,7 @@ UNBOUNDED = Window()
 
 
 class Relation(StrEnum):
-    """What a comparison asks."""
+    """The relation of a comparison."""
 
     LESS = "<"
     LESS_EQUAL = "<="
@@ -50,7 +50,7 @@ class Operation(StrEnum):
 
 
 class Turn(StrEnum):
-    """What an edge looks for."""
+    """The direction of an edge."""
 
     RISES = "rises"
     FALLS = "falls"
@@ -144,7 +144,7 @@ class StateIs(Node):
 
 @dataclass(frozen=True, slots=True)
 class Event(Node):
-    """Whether something happened in the tick, such as ``frame(0x181)``."""
+    """The occurrence of an event in the tick, such as ``frame(0x181)``."""
 
     name: str
 

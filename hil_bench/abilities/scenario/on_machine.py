@@ -107,7 +107,7 @@ def prepare_for_machine(
     try:
         requirements = compile_expectations(scenario, channel_vocabulary(channels, values))
     except ConfigError as error:
-        problems.append(f"{error}; a machine tells what its sensors measure")
+        problems.append(f"{error}; a machine has only what its sensors measure")
     if problems:
         raise ConfigError("\n".join(problems))
     moves = [(each.tick, each.action) for each in actions if isinstance(each.action, SetAction)]

@@ -1,4 +1,4 @@
-"""What the pieces of an expectation are while it is read: values with a unit, states, texts."""
+"""The operands of an expectation while it is read: values with a unit, states, texts."""
 
 from typing import NamedTuple
 
@@ -61,7 +61,7 @@ Operand = MeasuredValue | State | Text | Condition
 
 
 def position_of(operand: Operand) -> Position:
-    """Return where an operand begins."""
+    """Return the place at which an operand begins."""
     return operand.node.position if isinstance(operand, MeasuredValue) else operand.position
 
 
@@ -94,7 +94,7 @@ def quantity_of(operand: Operand, word: str) -> MeasuredValue:
 
 
 def describe(operand: Operand) -> str:
-    """Return what an operand is, for a message."""
+    """Describe an operand for a message."""
     match operand:
         case MeasuredValue():
             return f"a value {show_dimension(operand.dimension)}".replace("value a ", "")

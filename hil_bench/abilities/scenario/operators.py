@@ -77,7 +77,7 @@ def _smallest_of(*values: MeasuredValue) -> float:
 
 
 def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
-    """Return what two values measure, where that is the same.
+    """Return the common dimension of two values.
 
     Raises:
         ExpectationError: it is not.

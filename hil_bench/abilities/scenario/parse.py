@@ -111,7 +111,7 @@ class _Builder:
         }
 
     def build(self, tree: "Tree[Token]") -> Operand:
-        """Return what a tree says.
+        """Build the operand of a tree.
 
         Raises:
             ExpectationError: it makes no sense, or is nested too deep.

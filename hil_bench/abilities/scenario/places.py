@@ -1,4 +1,4 @@
-"""Where a key stands in a file: line and column, which the TOML parser does not tell."""
+"""The place of a key in a file: line and column, which the TOML parser does not give."""
 
 import re
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class LocatedProblems(Problems):
         return f"{where}: {name}" if name else where
 
     def find(self, table: str, key: str) -> Spot | None:
-        """Return where a key stands, or what it is part of; None where that is unknown."""
+        """Return the place of a key, else of the part around it; None where it is unknown."""
         parent, _, name = table.rpartition(".")
         for wanted in ((table, key), (table, ""), (parent, name), ("", table)):
             if wanted in self.spots:
@@ -51,7 +51,7 @@ class LocatedProblems(Problems):
 
 
 def find_spots(text: str) -> Spots:
-    """Return where each key of a TOML text stands, and each table."""
+    """Return the places of all keys and tables of a TOML text."""
     spots: dict[tuple[str, str], Spot] = {}
     counts: dict[str, int] = {}
     table, quotes = "", ""
@@ -74,7 +74,7 @@ def _name(table: str, counts: dict[str, int]) -> str:
 
 
 def _value_spot(number: int, start: int, line: str) -> Spot:
-    """Return where the text of a value begins: behind its quotes."""
+    """Return the place of a value's text: behind its quotes."""
     rest = line[start:]
     for quotes in (*_QUOTES, '"', "'"):
         if rest.startswith(quotes):

@@ -45,7 +45,7 @@ class ScenarioFile(pytest.File):
             yield item
 
     def result(self) -> ScenarioResult:
-        """Return what came of the scenario."""
+        """Return the result of the scenario, which is played at the first call."""
         if self._result is None:
             self._result = played_once(self.config, self.path, self._play)
         return self._result
@@ -59,7 +59,7 @@ class ScenarioFile(pytest.File):
 def played_once(
     config: pytest.Config, path: Path, play: Callable[[], ScenarioResult]
 ) -> ScenarioResult:
-    """Return what came of a scenario, played by one worker of pytest-xdist for all of them.
+    """Return the result of a scenario, played by one worker of pytest-xdist for all of them.
 
     The others wait for it. Its result is in a file beside the workers' temporary folders; where
     the worker dies, the next one plays.
@@ -151,7 +151,7 @@ class ScenarioItem(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None
     ) -> str:
-        """Return what is wrong, without a traceback through the bench."""
+        """Return the reason of a failure, without a traceback through the bench."""
         if isinstance(excinfo.value, ScenarioFailedError | HilBenchError):
             return str(excinfo.value)
         return str(super().repr_failure(excinfo, style))  # type: ignore[arg-type]

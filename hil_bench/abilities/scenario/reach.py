@@ -1,4 +1,4 @@
-"""What a requirement needs of a run: how far it looks, and at which signals."""
+"""The needs of a requirement in a run: its time span, and its signals."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields

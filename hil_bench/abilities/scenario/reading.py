@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.controllers.kinds import find_kind
 from hil_bench.abilities.scenario.courses import read_course
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
@@ -86,7 +87,7 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
 
 
 def read_requirements(document: Document, problems: LocatedProblems) -> RequirementsFile:
-    """Return what a document requires.
+    """Return the requirements of a document.
 
     Args:
         document: the tables; of a scenario, all else is left out.
@@ -153,7 +154,7 @@ class StepReader:
             case "sync":
                 steps = [SyncStep(at, found["sync"].value)]
             case _:
-                steps = [FirmwareStep(at, found["firmware"].value)]
+                steps = [FirmwareStep(at, found["firmware"].value, found["target"].value)]
         return steps
 
     def _settings(self, table: str, values: Mapping[str, object], keys: Sequence[Key]) -> Settings:
@@ -289,11 +290,13 @@ def _read_controller(document: Document, problems: Problems) -> Controller | Non
         problems.add(problems.place("controller"), "is not a table; write it as [controller]")
         return None
     given = give("controller", values, Origin.FILE, problems)
+    if "kind" in values:
+        return Controller(table=values) if find_kind("controller", given, problems) else None
     found = read_table("controller", given, CONTROLLER_KEYS, problems)
     chosen = [name for name in found if found[name].value]
     if len(found) == len(CONTROLLER_KEYS) and len(chosen) != 1:
         place = problems.place("controller")
-        problems.add(place, "needs a controller; give either firmware or example")
+        problems.add(place, "needs a controller; give kind, firmware or example")
     if len(found) < len(CONTROLLER_KEYS):
         return None
     return Controller(found["firmware"].value, found["example"].value)

@@ -44,7 +44,7 @@ class Trace(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What a recording says of a requirement.
+    """The finding of a recording on a requirement.
 
     Attributes:
         requirement: which.
@@ -56,7 +56,7 @@ class Finding(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """What a recording says of some requirements, and the recording on its ticks."""
+    """The findings of a recording on some requirements, and the recording on its ticks."""
 
     findings: list[Finding]
     trace: Trace
@@ -65,7 +65,7 @@ class Judged(NamedTuple):
 def judge_with_trace(
     requirements: Path, signals: Recording, source: str, start: float | None = None
 ) -> Judged:
-    """Return what a recording says of each requirement of a file, and the recording on its ticks.
+    """Judge each requirement of a file by a recording; return the recording on its ticks too.
 
     Args:
         requirements: a file with ``[[expect]]``: a scenario, or that alone.
@@ -86,7 +86,7 @@ def judge_with_trace(
 
 
 def judge_trace(requirement: Requirement, trace: Trace) -> Finding:
-    """Return what a recording on its ticks says of a requirement, by the signals that it names."""
+    """Judge a requirement by the signals that it names in a recording on its ticks."""
     columns = {name: trace.columns[name] for name in names_in([requirement.condition])}
     judgement = judge(
         requirement.condition,
@@ -158,7 +158,7 @@ def _check_span(ticks: float, source: str) -> None:
 
 
 def _outside(times: Floats, start: float, length: float | None) -> str:
-    """Return which rows a recording has, and which times are judged, of its clock."""
+    """Describe the time span of a recording's rows and the judged span, of its clock."""
     end = times[-1] if length is None else start + length
     return (
         f"its rows are from {times[0]:.9g} to {times[-1]:.9g} s; judged are {start:.9g} to "

@@ -4,11 +4,13 @@ The records hold what the file says, in the units of its keys. A number may be t
 parameter. `hil_bench.abilities.scenario.resolve` puts the numbers in and turns times into ticks.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.units import Unit
 
@@ -24,7 +26,7 @@ Amount = float | Reference
 
 
 def ticks_of(duration: float, tick_ns: int) -> int:
-    """Return how many ticks a run has: that at its beginning, and all up to its end.
+    """Return the number of ticks of a run: that at its beginning, and all up to its end.
 
     Args:
         duration: of the run [s].
@@ -34,21 +36,13 @@ def ticks_of(duration: float, tick_ns: int) -> int:
 
 
 class NmtVerb(StrEnum):
-    """What an NMT master may ask of a node (CiA 301)."""
+    """A command of an NMT master to a node (CiA 301)."""
 
     START = "start"
     STOP = "stop"
     PRE_OPERATIONAL = "pre_operational"
     RESET_NODE = "reset_node"
     RESET_COMMUNICATION = "reset_communication"
-
-
-class FirmwareCommand(StrEnum):
-    """What may happen to the controller's process."""
-
-    START = "start"
-    KILL = "kill"
-    RESTART = "restart"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +129,11 @@ class SyncStep:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareStep:
-    """The controller's process is started, killed or both."""
+    """A controller is started, killed or both: the named one, or the only one."""
 
     at: Amount
-    command: FirmwareCommand
+    command: Power
+    target: str = ""
     place: str = field(default="", compare=False)
 
 
@@ -147,20 +142,22 @@ Step = SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """Who drives the bench.
+    """The controller that drives the bench.
 
     Attributes:
         firmware: a command line; ``{bus}`` and names of parameters stand for their values.
         example: the name of a controller of the package; empty for none.
+        table: the whole table of a controller of another kind, with its ``kind``; empty for none.
     """
 
     firmware: tuple[str, ...] = ()
     example: str = ""
+    table: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What is expected.
+    """An expectation of a scenario.
 
     Attributes:
         id: of the requirement.
@@ -174,7 +171,7 @@ class Expectation:
 
 
 class TextPlace(NamedTuple):
-    """Where a text stands in a file.
+    """The place of a text in a file.
 
     Attributes:
         source: the file.
@@ -193,7 +190,7 @@ class TextPlace(NamedTuple):
 
 
 class RequirementsFile(NamedTuple):
-    """What a file requires, of whatever run.
+    """The requirements of a file, for any run.
 
     Attributes:
         expectations: one or more.

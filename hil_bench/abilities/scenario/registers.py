@@ -102,7 +102,7 @@ def name_registers(modbus: ModbusBinding | None) -> dict[str, RegisterTarget]:
 
 
 def name_shared(registers: Mapping[str, RegisterTarget]) -> dict[str, str]:
-    """Return what is right for each name that several tables of a unit share."""
+    """Return the right names for each name that several tables of a unit share."""
     found: dict[str, list[str]] = {}
     for name, target in registers.items():
         short = f"{MODBUS}.{target.unit.name}.{target.entry.register.name}"

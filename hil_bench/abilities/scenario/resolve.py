@@ -73,7 +73,7 @@ Action = SetAction | FaultConfig | NmtStep | SyncStep | FirmwareStep
 
 
 class TimedAction(NamedTuple):
-    """What a runner does at the start of a tick.
+    """An action of a runner at the start of a tick.
 
     Attributes:
         tick: its number, from 0.
@@ -213,7 +213,7 @@ class _Resolver:
         return -(-round(self._number(time) * 1e9) // self._tick_ns)
 
     def action(self, step: SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep) -> Action:
-        """Return what a step does."""
+        """Return the action of a step."""
         match step:
             case SetStep():
                 course = tuple(

@@ -1,4 +1,4 @@
-"""What came of a scenario, in words and as a JUnit file."""
+"""The result of a scenario, in words and as a JUnit file."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ _EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a s
 
 @dataclass(frozen=True, slots=True)
 class ScenarioResult:
-    """What came of a scenario.
+    """The result of a scenario.
 
     Attributes:
         path: its file.
@@ -114,7 +114,7 @@ def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
 
 
 def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:
-    """Return what a JUnit file says of a requirement, beside its outcome."""
+    """List a requirement's properties for a JUnit file, beside its outcome."""
     judgement = finding.judgement
     margin = "" if judgement.margin is None else f"{judgement.margin:.6g}"
     return [

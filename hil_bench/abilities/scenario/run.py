@@ -5,21 +5,16 @@ one likes, each time on a fresh bench.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from hil_bench.abilities.scenario.controllers import CONTROLLERS
-from hil_bench.abilities.scenario.driving import (
-    ExampleDriver,
-    FirmwareDriver,
-    NobodyDriver,
-    Timekeeper,
-)
-from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
+from hil_bench.abilities.controllers.python.kind import EXAMPLES
+from hil_bench.abilities.scenario.driving import controller_of, driver_of, switch_problems
+from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
-from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
+from hil_bench.abilities.scenario.records import NmtStep, Scenario, SyncStep
 from hil_bench.abilities.scenario.resolve import (
     Requirement,
     SetAction,
@@ -36,8 +31,8 @@ from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
 from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
-from hil_bench.scratch import scratch_folder
 from hil_bench.session.fault_spans import fault_spans
+from hil_bench.session.frame_reader import FrameReader
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench
@@ -48,7 +43,7 @@ def _alone(_bench: VirtualBench, _stage: Stage) -> AbstractContextManager[object
 
 
 class PlayOptions(NamedTuple):
-    """How to play.
+    """The options of playing a scenario.
 
     Attributes:
         stops_at_failure: whether a run ends when the first requirement has failed.
@@ -70,7 +65,7 @@ PLAIN = PlayOptions()
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run found.
+    """The findings of a run.
 
     Attributes:
         findings: the judgement on each requirement, in the order of the file.
@@ -133,7 +128,7 @@ def prepare_on(
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()
     problems = [
-        *_controller_problems(scenario),
+        *_controller_problems(scenario, config, values),
         *usage_problems(scenario),
         *_step_problems(actions, config, session),
     ]
@@ -157,12 +152,11 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
     config, last_tick = prepared.config, prepared.last_tick
     with (
         _open_bench(prepared, options) as bench,
-        _driver(prepared, bench) as driver,
+        driver_of(prepared, bench) as driver,
     ):
         stage = Stage(
             prepared,
             bench.session,
-            driver.on_firmware,
             stops_at_failure=options.stops_at_failure,
         )
         with options.beside(bench, stage):
@@ -198,45 +192,23 @@ def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBenc
     )
 
 
-@contextmanager
-def _driver(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Timekeeper]:
-    controller = prepared.scenario.controller
-    if controller is None:
-        yield NobodyDriver(bench)
-    elif controller.example:
-        yield ExampleDriver(bench, controller.example, prepared.parameters)
-    else:
-        values = {
-            each.name: each.unit.from_si(prepared.parameters[each.name])
-            for each in prepared.scenario.parameters
-        }
-        words = [_filled(word, values) for word in controller.firmware]
-        starts = [s.command for s in prepared.scenario.steps if isinstance(s, FirmwareStep)]
-        with scratch_folder() as directory:
-            driver = FirmwareDriver(bench, words, directory, starts[:1])
-            try:
-                yield driver
-            finally:
-                driver.close()
-
-
-def _filled(word: str, values: Mapping[str, float]) -> str:
-    for name, value in values.items():
-        word = word.replace("{" + name + "}", f"{value:.12g}")
-    return word
-
-
-def _controller_problems(scenario: Scenario) -> Iterator[str]:
+def _controller_problems(
+    scenario: Scenario, config: BenchConfig, values: Mapping[str, float]
+) -> Iterator[str]:
     controller = scenario.controller
-    if controller is not None and controller.example and controller.example not in CONTROLLERS:
-        near = find_nearest(controller.example, CONTROLLERS)
+    if controller is not None and controller.example and controller.example not in EXAMPLES:
+        near = find_nearest(controller.example, EXAMPLES)
         wrong = f"{quote(controller.example)} is no example; the nearest is {near}"
         yield f"{scenario.path}: controller.example: {wrong}"
-    is_firmware = controller is not None and bool(controller.firmware)
+        return
+    chosen = None
+    try:
+        chosen = controller_of(scenario, config, values)
+    except ConfigError as error:
+        yield from str(error).splitlines()
+    yield from switch_problems(scenario, config)
     for step in scenario.steps:
-        if isinstance(step, FirmwareStep) and not is_firmware:
-            yield f"{step.place}: there is no firmware; give it in [controller]"
-        if isinstance(step, SyncStep) and is_firmware:
+        if isinstance(step, SyncStep) and chosen is not None and chosen.kind.is_clock:
             wrong = "the firmware's SYNC lets bench time pass, so it cannot be switched"
             yield f"{step.place}: {wrong}; kill the firmware instead"
 

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from hil_bench.abilities.scenario.controllers import CONTROLLERS
-from hil_bench.abilities.scenario.records import FirmwareCommand, NmtVerb
+from hil_bench.abilities.controllers.power import Power
+from hil_bench.abilities.controllers.python.kind import EXAMPLES
+from hil_bench.abilities.scenario.records import NmtVerb
 from hil_bench.abilities.scenario.step_keys import (
     CONTROLLER_KEYS,
     EXPECT_KEYS,
@@ -28,7 +29,7 @@ _VALUES: Final[_Schema] = {"type": "object", "minProperties": 1, "additionalProp
 _HEAD_FORMS: Final[dict[str, _Schema]] = {"duration_s": _NUMBER, "requirement_ids": _TEXTS}
 _CONTROLLER_FORMS: Final[dict[str, _Schema]] = {
     "firmware": _TEXTS,
-    "example": {"enum": sorted(CONTROLLERS)},
+    "example": {"enum": sorted(EXAMPLES)},
 }
 _PARAMETER_FORMS: Final[dict[str, _Schema]] = {
     "value": _NUMBER,
@@ -41,7 +42,14 @@ _STEP_FORMS: Final[dict[str, _Schema]] = {
     "table": _TEXT,
     "nmt": {"enum": [each.value for each in NmtVerb]},
     "sync": {"type": "boolean"},
-    "firmware": {"enum": [each.value for each in FirmwareCommand]},
+    "firmware": {"enum": [each.value for each in Power]},
+}
+
+
+_CONTROLLER_OF_A_KIND: Final[_Schema] = {
+    "type": "object",
+    "properties": {"kind": _TEXT},
+    "required": ["kind"],  # beside it the keys of the kind
 }
 
 
@@ -49,9 +57,10 @@ def scenario_schema() -> _Schema:
     """Return the schema (JSON Schema 2020-12) of a scenario as TOML."""
     head = _table(HEAD_KEYS, _HEAD_FORMS, _TEXT, ["title", "duration_s", "expect"])
     parameter = _table(PARAMETER_KEYS, _PARAMETER_FORMS, _NUMBER, ["value"])
+    plain = _table(CONTROLLER_KEYS, _CONTROLLER_FORMS, _TEXT) | {"minProperties": 1}
     head["properties"] = {
         **_properties(HEAD_KEYS, _HEAD_FORMS, _TEXT),
-        "controller": {**_table(CONTROLLER_KEYS, _CONTROLLER_FORMS, _TEXT), "minProperties": 1},
+        "controller": {"anyOf": [plain, _CONTROLLER_OF_A_KIND]},
         "parameters": {
             "type": "object",
             "additionalProperties": {"anyOf": [_NUMBER, parameter]},
@@ -75,7 +84,7 @@ def _steps() -> Iterable[_Schema]:
         kind = "set" if form in {"set", "table"} else form
         what = {"set": _VALUES, "table": _TEXT}.get(form, {})
         forms = {**_STEP_FORMS, "set": what}
-        required = [key.name for key in keys if key.name != "over_s"]
+        required = [key.name for key in keys if key.default is None]
         yield {**_table(keys, forms, _ANY, required), "title": f"{kind} ({form})"}
     for fault in FaultKind:
         forms = {**_STEP_FORMS, "fault": {"const": fault.value}}

@@ -74,7 +74,7 @@ def read_cells(path: Path) -> Sheet:
 
 
 def _is_separated_by_semicolons(line: str) -> bool:
-    """Return what the first line says: behind its first word, or of numbers, anywhere."""
+    """Return True if the first line has a semicolon: behind its first word, else anywhere."""
     word = _FIRST_WORD.match(line)
     return word[1] == ";" if word else ";" in line
 

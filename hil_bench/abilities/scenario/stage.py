@@ -1,6 +1,6 @@
 """A scenario on a session: its steps act there, and what its expectations need is taken down."""
 
-from hil_bench.abilities.scenario.director import Director, FirmwareHook, RunPlan
+from hil_bench.abilities.scenario.director import Director, RunPlan
 from hil_bench.abilities.scenario.hand import Hand
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.prepared import PreparedScenario
@@ -15,12 +15,11 @@ _BLOCK = 64  # ticks between two looks at whether a requirement has failed
 
 
 class Stage:
-    """What a scenario does to a session, and sees of it, whoever lets time pass there.
+    """The stage of a scenario: its actions on a session and its view of it.
 
     Args:
         prepared: the scenario.
         session: of its bench, before the first tick.
-        on_firmware: what happens to the controller's process; None where there is none.
         stops_at_failure: whether the run is over when a requirement has failed.
 
     Attributes:
@@ -32,14 +31,13 @@ class Stage:
         self,
         prepared: PreparedScenario,
         session: Session,
-        on_firmware: FirmwareHook | None = None,
         *,
         stops_at_failure: bool = False,
     ) -> None:
         config = prepared.config
         self._prepared = prepared
         targets, hand = Targets(config, session), Hand(config, session)
-        self.director = Director(_plan(prepared), session, targets, hand, on_firmware)
+        self.director = Director(_plan(prepared), session, targets, hand)
         names = names_in(each.condition for each in prepared.requirements)
         self.witness = Witness(config, session, names, prepared.last_tick)
         if stops_at_failure:

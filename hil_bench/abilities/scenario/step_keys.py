@@ -4,26 +4,16 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.abilities.scenario.records import FirmwareCommand, NmtVerb
+from hil_bench.abilities.controllers.power import Power
+from hil_bench.abilities.scenario.records import NmtVerb
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, describe, number, text
+from hil_bench.config.values import boolean, choice, describe, number, text, texts
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 
 LONGEST_RUN = 1e6  # [s]
-
-
-def texts(value: object) -> tuple[str, ...]:
-    """Return a list of texts.
-
-    Raises:
-        ConfigError: the value is something else.
-    """
-    if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
-        raise ConfigError(f'{describe(value)} is not a list of texts; write it as ["A", "B"]')
-    return tuple(value)
 
 
 def span(value: object) -> tuple[float, float]:
@@ -82,7 +72,7 @@ STEP_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
         "table": (AT_KEY, *_TABLE_KEYS),
         "nmt": (AT_KEY, Key("nmt", choice(NmtVerb)), _TARGET_KEY),
         "sync": (AT_KEY, Key("sync", boolean)),
-        "firmware": (AT_KEY, Key("firmware", choice(FirmwareCommand))),
+        "firmware": (AT_KEY, Key("firmware", choice(Power)), Key("target", text, "")),
     }
 )
 """The keys of each kind of step but a fault; the kind is one of its keys."""

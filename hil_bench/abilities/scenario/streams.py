@@ -30,7 +30,7 @@ from hil_bench.abilities.scenario.values import Block
 
 
 def identity_of(extreme: np.ufunc) -> float:
-    """Return what changes nothing in a minimum, or in a maximum."""
+    """Return the neutral element of a minimum, or of a maximum."""
     return math.inf if extreme is np.minimum else -math.inf
 
 

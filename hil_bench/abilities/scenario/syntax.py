@@ -66,7 +66,7 @@ def _parser() -> "Lark":
 
 
 def _explain(text: str, error: "UnexpectedInput") -> tuple[Position, str]:
-    """Return what is wrong at the place where the grammar could not go on."""
+    """Return place and reason of a syntax error."""
     offset = getattr(error, "pos_in_stream", 0)
     if getattr(getattr(error, "token", None), "type", "") == "$END":
         offset = len(text.rstrip())

@@ -1,4 +1,4 @@
-"""What a step may set: influences on a plant, objects, set-points of valves, J1939 signals.
+"""The targets of a step: influences on a plant, objects, set-points of valves, J1939 signals.
 
 And Modbus registers.
 """
@@ -36,7 +36,7 @@ _REFERENCE_OBJECT = 0x6311, 1
 
 
 class PlantTarget(NamedTuple):
-    """What acts on a plant from outside.
+    """An influence on a plant from outside.
 
     Attributes:
         axis: the name of the axis.
@@ -66,7 +66,7 @@ class ObjectTarget(NamedTuple):
         return name_object(self.variable.index, self.variable.subindex)
 
     def raw(self, value: float) -> int | float | bool:
-        """Return what the object holds for a value; integers are rounded."""
+        """Return the object's raw value for a value; integers are rounded."""
         scaled = value * self.scale
         match self.variable.data_type:
             case BooleanType():
@@ -92,7 +92,7 @@ class SignalTarget(NamedTuple):
 
     @property
     def factor(self) -> float:
-        """What 1 of the signal's own unit is in SI."""
+        """The value of 1 of the signal's own unit in SI."""
         return si_unit(self.handle.values[self.name].unit)[1]
 
     def raw(self, value: float) -> float:
@@ -118,7 +118,7 @@ Target = PlantTarget | ObjectTarget | RegisterTarget | SignalTarget | ValveTarge
 
 
 class Targets:
-    """What may be set on a bench, by name.
+    """The targets of a bench, by name.
 
     Args:
         config: the bench.

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
-from hil_bench.abilities.scenario.controllers import ControllerSettings
+from hil_bench.abilities.controllers.python.examples import ControllerSettings
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.registers import MODBUS
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
@@ -20,6 +20,8 @@ _ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
 
 def unused_parameters(scenario: Scenario) -> Iterator[str]:
     """Yield the names of the parameters that no step, no expectation and no controller takes."""
+    if scenario.controller is not None and scenario.controller.table:
+        return  # it is given them all
     used = {*_names_in_steps(scenario), *_settings(scenario)}
     for each in scenario.expectations:
         used.update(_WORD.findall(each.that))
@@ -78,7 +80,7 @@ def _idle_valves(
         for unit in units
         if any(name.startswith(f"{MODBUS}.{unit.name}.") for name in names)
     }
-    has_example = scenario.controller is not None
+    has_example = scenario.controller is not None and bool(scenario.controller.example)
     first = config.first_axis.name if has_example else ""
     for valve in (node for node in config.nodes if node.kind is VALVE):
         if valve.name in enabled or getattr(valve, "axis", None) == first:
@@ -98,7 +100,7 @@ def _targets(actions: Sequence[TimedAction]) -> Iterator[tuple[str, str]]:
 
 
 def _settings(scenario: Scenario) -> list[str]:
-    """Return what the example controller takes; nothing where another one controls."""
+    """List the settings of the example controller; empty for another controller."""
     if scenario.controller is None or not scenario.controller.example:
         return []
     return [field.name for field in fields(ControllerSettings)]

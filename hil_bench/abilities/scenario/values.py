@@ -69,7 +69,7 @@ class Shift:
 
 
 def build_values(node: Value, tick_ns: int) -> Values:
-    """Return what computes a value.
+    """Build the function that computes a value.
 
     Args:
         node: the value.

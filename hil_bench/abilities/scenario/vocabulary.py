@@ -1,4 +1,4 @@
-"""Which names an expectation may use: signals, states, events and parameters."""
+"""The names that an expectation may use: signals, states, events and parameters."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What a run tells the expectations: signals, states, objects, registers, events, tick by tick."""
+"""A run's readings for the expectations: signals, states, objects, registers, events by tick."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -100,7 +100,7 @@ class Witness:
 
     @property
     def ticks(self) -> int:
-        """How many ticks it has seen."""
+        """The number of ticks seen."""
         return len(self._rows)
 
     def columns(self, start: int = 0) -> dict[str, Floats]:

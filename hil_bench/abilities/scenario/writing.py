@@ -10,6 +10,7 @@ from typing import Any
 from hil_bench.abilities.scenario.csv_form import TIME
 from hil_bench.abilities.scenario.records import (
     Amount,
+    Controller,
     FaultStep,
     FirmwareStep,
     NmtStep,
@@ -19,7 +20,7 @@ from hil_bench.abilities.scenario.records import (
     Step,
     SyncStep,
 )
-from hil_bench.errors import about_file, whole_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 
 
 def write_scenario(scenario: Scenario, path: Path) -> None:
@@ -33,9 +34,8 @@ def to_toml(scenario: Scenario) -> str:
     """Return a scenario as TOML."""
     lines = [f"{key} = {_toml(value)}" for key, value in _head(scenario).items()]
     if scenario.controller:
-        key = "example" if scenario.controller.example else "firmware"
-        value = scenario.controller.example or list(scenario.controller.firmware)
-        lines += ["", "[controller]", f"{key} = {_toml(value)}"]
+        pairs = _controller(scenario.controller)
+        lines += ["", "[controller]", *(f"{key} = {_toml(value)}" for key, value in pairs.items())]
     if scenario.parameters:
         lines += ["", "[parameters]"]
     for each in scenario.parameters:
@@ -51,8 +51,24 @@ def to_toml(scenario: Scenario) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _controller(controller: Controller) -> Mapping[str, object]:
+    """Return the table of a controller."""
+    if controller.table:
+        return controller.table
+    if controller.example:
+        return {"example": controller.example}
+    return {"firmware": list(controller.firmware)}
+
+
 def to_csv(scenario: Scenario) -> str:
-    """Return a scenario as CSV: its head, then a row a step."""
+    """Return a scenario as CSV: its head, then a row a step.
+
+    Raises:
+        ConfigError: its controller is of a kind, which has no cells in a sheet.
+    """
+    if scenario.controller and scenario.controller.table:
+        wrong = "has no cells in a sheet; write TOML"
+        raise ConfigError(f"{scenario.path}: controller.kind: {wrong}")
     rows: list[list[str]] = []
     for key, value in _head(scenario).items():
         rows.append([key, *(value if isinstance(value, list) else [_cell(value)])])
@@ -94,6 +110,7 @@ def step_table(step: Step) -> dict[str, object]:
             table["sync"] = step.is_on
         case FirmwareStep():
             table["firmware"] = step.command.value
+            table |= {"target": step.target} if step.target else {}
     return table
 
 
@@ -124,7 +141,7 @@ def _step_cell(step: Step) -> tuple[str, str]:
         case SyncStep():
             return "sync", "on" if step.is_on else "off"
         case FirmwareStep():
-            return "firmware", step.command.value
+            return f"firmware:{step.target}".rstrip(":"), step.command.value
 
 
 def _plain(value: Amount | object) -> object:

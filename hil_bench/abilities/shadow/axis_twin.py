@@ -32,7 +32,7 @@ _SHORTEST_PATIENCE = 1.0
 
 
 class Window(NamedTuple):
-    """How well the twin predicted one axis for a while.
+    """The quality of the twin's prediction of one axis for a while.
 
     Attributes:
         axis: its name.
@@ -123,7 +123,7 @@ class AxisTwin:
         return POSITION in self._anchors and set(self._anchors) <= set(self._quantities.values())
 
     def missing(self, now: float) -> dict[str, str]:
-        """Return what is not known at a time [s], and why."""
+        """Return the unknown values at a time [s], with the reasons."""
         found = {}
         for name in self._needed:
             heard = self._heard.get(name)

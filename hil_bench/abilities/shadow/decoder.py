@@ -1,4 +1,4 @@
-"""What the devices of a bus say, in SI units, from their TPDOs alone."""
+"""Decoding of a bus' devices, in SI units, from their TPDOs alone."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""How late a PDO came, by when it usually comes.
+"""The lateness of a PDO against its usual time.
 
 A computer or a bus that is too slow for a bench holds commands up, too, and by as much. A PDO that
 is sent when its value changes comes at any time, and is never late.
@@ -38,7 +38,7 @@ class _Times:
 
 
 class PdoPunctuality:
-    """How late one PDO comes, after the frame before and after the SYNC that it may answer."""
+    """The lateness of one PDO after the frame before and after the SYNC that it may answer."""
 
     def __init__(self) -> None:
         self._came_at: float | None = None

@@ -1,4 +1,4 @@
-"""What the twin of an axis did in the last ticks."""
+"""The trace of an axis' twin over the last ticks."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ class Trace:
         return _between(rows[0], rows[1], name, time)
 
     def distance(self, name: str, value: float, begin: float, end: float) -> float:
-        """Return how far a value lies beyond all that the twin had from `begin` to `end` [s].
+        """Return the distance of a value beyond all of the twin's from `begin` to `end` [s].
 
         Args:
             name: of the device.

@@ -45,6 +45,11 @@ class BusesSection:
         self._further = _read_further_buses(document, self._wires, problems)
         self._problems = problems
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all buses, the first one first."""
+        return (FIRST_BUS, *self._further)
+
     def check_nodes(self, nodes: Mapping[str, Settings], ecus: Mapping[str, str]) -> None:
         """Note devices on a bus that is not there, buses without any, and two that are one.
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from hil_bench.ability import table_sections
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.ecus import EcusSection
@@ -59,7 +60,8 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     file = _choose_file(path)
     document = merge(read_document(file, Sort.BENCH) if file else {}, tables or {})
     problems = Problems(str(file) if file else "built-in bench")
-    check_tables(document, TABLES, problems)
+    special = table_sections([name for name in document if name not in TABLES])
+    check_tables(document, (*TABLES, *special), problems)
     base = file.parent if file else Path()
     on_bus = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
@@ -70,10 +72,12 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     nodes = NodesSection(document, buses, axes, ecus, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
     failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)
-    sections = (bench, buses, supplies, axes, ecus, nodes, served, failing)
+    parts = [make(document, buses.names, base, problems) for make in special.values()]
+    sections = (bench, buses, supplies, axes, ecus, nodes, served, failing, *parts)
     found = build_sections(sections, problems)
     warn_of_nodes(nodes.nodes)
-    return BenchConfig(path=file, **found)
+    built = tuple(found.pop(name) for name in special)
+    return BenchConfig(path=file, parts=built, **found)
 
 
 def _choose_file(path: str | os.PathLike[str] | None) -> Path | None:

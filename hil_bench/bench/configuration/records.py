@@ -1,8 +1,10 @@
 """The resolved configuration: frozen records, SI inside, checked while they were loaded."""
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 from hil_bench.config.settings import Setting
 from hil_bench.devices.faults.kinds import FaultKind
@@ -103,6 +105,20 @@ class FaultConfig:
     values: Mapping[str, float | int | str]
 
 
+class Part(Protocol):
+    """A part of a bench that an ability's table describes."""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines on it at the start of a run."""
+
+    def attached(self, session: Any, config: "BenchConfig") -> AbstractContextManager[object]:  # noqa: ANN401 - of a layer above
+        """Return the part at work on a session, from before its first tick to its end."""
+
+
+PartT = TypeVar("PartT", bound=Part)
+
+
 @dataclass(frozen=True, slots=True)
 class BenchConfig:
     """A whole bench.
@@ -124,6 +140,7 @@ class BenchConfig:
         realtime: how the loop runs where it is paced.
         ecus: the J1939 devices, in the order of the file.
         supplies: those that several axes share, in the order of the file.
+        parts: what the tables of abilities say.
         sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
             None where faults have no key for it.
     """
@@ -144,6 +161,15 @@ class BenchConfig:
     ecus: tuple[EcuConfig, ...] = ()
     supplies: tuple[SupplyConfig, ...] = ()
     sensor_units: Mapping[str, Unit | None] = field(default_factory=dict)
+    parts: tuple["Part", ...] = ()
+
+    def of(self, kind: type["PartT"]) -> "PartT | None":
+        """Return the part of an ability's table; None where the file has no such table.
+
+        Args:
+            kind: its class.
+        """
+        return next((part for part in self.parts if isinstance(part, kind)), None)
 
     @property
     def buses(self) -> dict[str, BusConfig]:

@@ -25,7 +25,7 @@ _EARLY = 0.5e-9  # of a row [s]: times are whole nanoseconds
 
 
 class Server(Protocol):
-    """What a client is served by."""
+    """The server of a client."""
 
     def admit(self, client: "ClientLink") -> bool:
         """Take a client, if there is room for it."""

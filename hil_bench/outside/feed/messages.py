@@ -201,7 +201,7 @@ def number_text(value: float) -> str:
 
 
 def pack_value(value: object) -> object:
-    """Return what an object holds as JSON can have it."""
+    """Return the value of an object in a form that JSON supports."""
     if isinstance(value, bytes):
         return {"hex": value.hex()}
     if isinstance(value, float) and not math.isfinite(value):
@@ -210,7 +210,7 @@ def pack_value(value: object) -> object:
 
 
 def unpack_value(value: object) -> Any:  # noqa: ANN401 - what an object may hold
-    """Return what an object is to hold, from what `pack_value` makes of it."""
+    """Return the value of an object from the form that `pack_value` makes."""
     return bytes.fromhex(value["hex"]) if isinstance(value, dict) else value
 
 
@@ -256,7 +256,7 @@ def check_version(bench: str, hello: Mapping[str, Any]) -> None:
 
 
 def value_of(answer: Mapping[str, Any]) -> Any:  # noqa: ANN401 - what a bench answers
-    """Return what a bench answers to a request.
+    """Return the value in a bench's answer to a request.
 
     `ConfigError`: the request is wrong. `ControllerError`: the bench cannot do it.
     """

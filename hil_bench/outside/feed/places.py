@@ -1,4 +1,4 @@
-"""Where the sockets of running benches are: a folder of the user's own.
+"""The place of running benches' sockets: a folder of the user's own.
 
 It is ``$XDG_RUNTIME_DIR/hil-bench``, or ``hil-bench-UID`` in the folder for temporary files. Each
 bench has a socket there, ``NAME.sock``. The folder has the permissions 0700, a socket 0600.

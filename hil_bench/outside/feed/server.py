@@ -42,7 +42,7 @@ LOOK = 0.1
 
 
 class FeedPlan(NamedTuple):
-    """What a server serves.
+    """The greeting, the row width and the queues of a server.
 
     Attributes:
         hello: what a client is greeted with, beside type and version.
@@ -60,7 +60,7 @@ class FeedPlan(NamedTuple):
 
     @property
     def row(self) -> struct.Struct:
-        """How a row goes through shared memory."""
+        """The layout of a row in shared memory."""
         return struct.Struct(f"<{self.width}d")
 
 

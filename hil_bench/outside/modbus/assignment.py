@@ -1,4 +1,4 @@
-"""What a write request is to the loop."""
+"""An assignment: a part of a write request, in the form that the loop takes."""
 
 from typing import NamedTuple
 

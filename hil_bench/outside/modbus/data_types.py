@@ -1,4 +1,4 @@
-"""What a number looks like in 16-bit registers.
+"""The encoding of numbers in 16-bit registers.
 
 Each register is sent high byte first (MODBUS Application Protocol V1.1b3, 4.2). In which order the
 two registers of a 32-bit value come is left open there, and real devices differ: `WordOrder`.
@@ -18,7 +18,7 @@ _LARGEST_FLOAT32: Final = struct.unpack(">f", bytes.fromhex("7f7fffff"))[0]
 
 
 class WordOrder(StrEnum):
-    """Which register of a 32-bit value comes first."""
+    """The order of the two registers of a 32-bit value."""
 
     BIG = "big"
     """The high word, as in ABCD."""
@@ -50,7 +50,7 @@ class DataType(NamedTuple):
 
     @property
     def no_value(self) -> float:
-        """What stands for a value that is no number."""
+        """The number that stands for an invalid value."""
         if self.is_real:
             return math.nan
         return self.low if self.low < 0 else self.high

@@ -18,7 +18,7 @@ _LOW_WORD = 0xFFFF
 
 
 class RowSink(Protocol):
-    """Where the rows go."""
+    """The destination of the rows."""
 
     def write(self, values: Sequence[float]) -> None:
         """Publish one row."""

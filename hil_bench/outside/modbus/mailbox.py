@@ -29,7 +29,7 @@ _NUMBER: Final = struct.Struct("<Q")
 
 
 class Order(NamedTuple):
-    """What one write request asks for.
+    """The assignments of one write request.
 
     Attributes:
         number: counts from 1.

@@ -43,7 +43,7 @@ _REFERENCES = {
 
 
 class RegisterAccess(StrEnum):
-    """Who may write a value."""
+    """The access to a value by clients."""
 
     READ = "r"
     WRITE = "rw"
@@ -52,7 +52,7 @@ class RegisterAccess(StrEnum):
 
 
 class Holes(StrEnum):
-    """What an address is where a map has nothing."""
+    """The reaction to an access to an address that is not in the map."""
 
     REFUSE = "refuse"
     """An error: exception 2."""
@@ -142,7 +142,7 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class DeviceIdentification:
-    """What function 43/14 tells of a device; empty texts are not there.
+    """The device identification of function 43/14; empty texts are left out.
 
     Attributes:
         vendor_name: object 0x00.

@@ -41,7 +41,7 @@ def find_rivals(registers: Iterable[tuple[int, Register]]) -> Mapping[int, int]:
 
 
 class ClientMemory:
-    """What one client wrote to registers that are rivals, in any unit."""
+    """The last values that one client wrote to rival registers, in any unit."""
 
     def __init__(self) -> None:
         self._last: dict[int, float] = {}

@@ -1,4 +1,4 @@
-"""Where a Modbus server is found: all that its process needs to know of a configuration."""
+"""The configuration of a Modbus server's process: its addresses, its line and its TLS files."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -126,7 +126,7 @@ class UnitImage:
         return self._tables[table].read(address, count, sequence, row)
 
     def parse_write(self, table: Table, address: int, words: Sequence[int]) -> list[Assignment]:
-        """Return what a write request assigns.
+        """Return the assignments of a write request.
 
         `ModbusException` 2 where something cannot be written there, or is not there as a whole; 3
         where a value is out of range.
@@ -152,7 +152,7 @@ class UnitImage:
         return register.access in self._writable
 
     def parse_mask(self, address: int, and_mask: int, or_mask: int) -> list[Assignment]:
-        """Return what a mask write to a holding register assigns.
+        """Return the assignments of a mask write to a holding register.
 
         `ModbusException` 2 where it cannot be written, or is half of a value.
         """
@@ -162,7 +162,7 @@ class UnitImage:
         return [Assignment(position, and_mask << 16 | or_mask, is_mask=True)]
 
     def _find_writable(self, table: Table, address: int, room: int) -> tuple[int, Register]:
-        """Return what can be written at an address, and its position in the row.
+        """Return the writable register at an address, and its position in the row.
 
         Raises:
             ModbusException: 2, nothing can, or it takes more than `room` registers.

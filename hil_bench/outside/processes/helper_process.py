@@ -18,7 +18,7 @@ _WANT_OF_MEMORY = ", by somebody or for want of memory"
 
 
 class Failure(NamedTuple):
-    """What a helper says where an exception has ended it.
+    """The report of a helper that an exception has ended.
 
     Attributes:
         text: the exception in a line.

@@ -1,4 +1,4 @@
-"""What Linux does for a real-time thread, each a call that acts at once.
+"""Linux calls for a real-time thread, each of which acts at once.
 
 Where the kernel refuses, an `OSError` says why; on other systems it is always ENOSYS. Sources:
 prctl(2), mlockall(2), sched(7), sched_setattr(2), getrlimit(2) of the Linux manual pages; numbers
@@ -28,7 +28,7 @@ _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274, "riscv64": 274, "loongarch64": 
 
 
 def timer_slack() -> int:
-    """Return how late the kernel may wake this thread to save energy [ns]."""
+    """Return the time by which the kernel may delay this thread's waking to save energy [ns]."""
     return _call("prctl", _PR_GET_TIMERSLACK, 0, 0, 0, 0)
 
 
@@ -66,7 +66,7 @@ def set_processors(cpus: set[int]) -> None:
 
 
 def policy_restorer() -> Callable[[], None]:
-    """Return what gives this thread the scheduling policy back that it has now."""
+    """Return a function that restores this thread's present scheduling policy."""
     _require_linux()
     # Without CAP_SYS_NICE nobody can take the flag back, and it does no harm.
     policy = os.sched_getscheduler(0) | os.SCHED_RESET_ON_FORK

@@ -1,4 +1,4 @@
-"""What this process may ask of the operating system, and what to grant where it may not."""
+"""The real-time permissions of this process, and the remedies for missing ones."""
 
 import sys
 from collections.abc import Iterable

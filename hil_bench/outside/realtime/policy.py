@@ -1,4 +1,4 @@
-"""How a paced loop runs: what is asked of the operating system, and what an overrun does."""
+"""The policy of a paced loop: requests to the operating system, and reaction to overruns."""
 
 from dataclasses import dataclass
 from enum import StrEnum

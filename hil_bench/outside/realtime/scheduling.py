@@ -1,4 +1,4 @@
-"""What the process asks of the operating system so that the loop is not held up.
+"""Requests to the operating system that keep the loop from being held up.
 
 Some of it needs no permission: the garbage collector is set aside, and the timer slack is 1 ns in
 place of 50 us. The rest is what `RealtimeConfig` wants: a real-time policy, locked memory, a

@@ -1,4 +1,4 @@
-"""How late the loop woke and how long it worked, in fixed memory however long the bench runs.
+"""Statistics of the loop's lateness and work, in fixed memory however long the bench runs.
 
 The histograms are those of HdrHistogram (Tene): bins whose width grows with the value, so that
 every duration from 1 ns to half an hour is known to better than 1 %. They may lie in memory that
@@ -49,7 +49,7 @@ class DurationSummary:
 
 @dataclass(frozen=True, slots=True)
 class TickSummary:
-    """What a paced loop did.
+    """The summary of a paced loop.
 
     Attributes:
         ticks: ticks that were run.

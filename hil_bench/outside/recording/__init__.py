@@ -1,1 +1,1 @@
-"""What a run leaves behind: channels, frames and their files."""
+"""Recordings of a run: channels, frames and their files."""

@@ -1,4 +1,4 @@
-"""Which file a suffix stands for."""
+"""The file formats of recordings, by suffix."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -21,7 +21,7 @@ SUFFIXES = (".csv", *BUS_LOGS, ".mf4")
 
 
 class Heading(NamedTuple):
-    """What a recording says of itself, in the formats with a place for it.
+    """The heading of a recording, in the formats with a place for it.
 
     Attributes:
         comment: in words.

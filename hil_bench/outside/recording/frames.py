@@ -172,7 +172,7 @@ class _BlockBlfWriter(BLFWriter):
         self.start_timestamp = 0.0  # ours count from the recording's start, not the first frame
 
     def take_containers(self) -> bytes:
-        """Return what is to be appended."""
+        """Return the bytes to append to the file."""
         while self._buffer_size:
             self._flush()
         return self._take()
@@ -192,7 +192,7 @@ class _BlockBlfWriter(BLFWriter):
 
 @dataclass(slots=True)
 class LeftOut:
-    """What of a log is not among its frames.
+    """The parts of a log that are not among its frames.
 
     Attributes:
         error_frames: of the bus.

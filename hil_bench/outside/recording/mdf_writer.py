@@ -132,7 +132,7 @@ class MdfFile(BlockFile):
 
 
 class _Group:
-    """Where a data group stands in the file, and what it holds.
+    """The addresses of a data group in the file, and its size so far.
 
     Attributes:
         dg: address of its DG block.

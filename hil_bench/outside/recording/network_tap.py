@@ -9,7 +9,7 @@ from hil_bench.outside.recording.inline_recorder import RecordingSink
 
 
 class NetworkTap:
-    """What the drivers' `Network.observe` tells, as frames of a recording.
+    """An observer of the drivers' `Network` that records its frames.
 
     Args:
         recording: what takes the frames; its time 0 is now.

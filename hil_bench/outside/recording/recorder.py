@@ -28,7 +28,7 @@ BLOCK_PERIOD = 0.25
 
 @dataclass(frozen=True, slots=True)
 class RecordingPlan:
-    """What to record.
+    """The plan of a recording: files, channels and trigger.
 
     Attributes:
         paths: the files; their suffixes are their formats.
@@ -154,7 +154,7 @@ class Recorder:
 
 
 def ended_early(path: Path | str, end: float, reason: str) -> str:
-    """Return what to say of a file, or of several, whose recording ended at a time [s]."""
+    """Return the message on one or more files whose recording ended at a time [s]."""
     return f"{path}: recording ended at {end:.3f} s: {reason}; what was written before is readable"
 
 
@@ -187,7 +187,7 @@ class _History:
         self._frames.extend(frames)
 
     def since(self, trigger: float) -> tuple[Recording, list[LoggedFrame]]:
-        """Return what is there of the reach before the trigger [s] and after it."""
+        """Return rows and frames from the reach before the trigger [s] to now."""
         import numpy as np  # noqa: PLC0415 - as `channels` does
 
         start = trigger - self._reach

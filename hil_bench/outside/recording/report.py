@@ -1,4 +1,4 @@
-"""What a recording holds, counted where two processes see it: of a killed recorder, too."""
+"""The counts of a recording, shared by two processes: they survive a killed recorder."""
 
 import ctypes
 import multiprocessing
@@ -119,7 +119,7 @@ class Progress:
         return max(ends) / _NS_PER_S
 
     def report(self, problems: dict[int, str], lost: int = 0) -> RecordingReport:
-        """Return what the files hold by now.
+        """Return the report on the files as they are now.
 
         Args:
             problems: why files were given up, by their numbers.

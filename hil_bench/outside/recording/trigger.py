@@ -1,4 +1,4 @@
-"""What begins a recording: a signal that crosses a level."""
+"""The trigger of a recording: a signal that crosses a level."""
 
 import re
 from collections.abc import Sequence

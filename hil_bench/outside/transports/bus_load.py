@@ -1,4 +1,4 @@
-"""How busy a bus is, in the share of its time that frames take."""
+"""The load of a bus: the share of its time that frames take."""
 
 from collections import deque
 

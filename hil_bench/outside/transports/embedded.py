@@ -23,7 +23,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class Pace(Protocol):
-    """What holds the ticks back to real time: `hil_bench.outside.realtime.pacer.Pacer`."""
+    """A pace that holds ticks back to real time, as `hil_bench.outside.realtime.pacer.Pacer`."""
 
     def wait(self) -> int:
         """Return when the next tick may start."""
@@ -281,6 +281,16 @@ class EmbeddedBus(EmbeddedPort):
         time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, wire)
         super().__init__(time, can_filters)
         self.channel_info = description
+
+    def hear(self, frames: Sequence[Frame]) -> None:
+        """Keep frames that passed before the user came, for `recv`."""
+        for frame in frames:
+            self._time.readers[frame.bus](frame, None)
+
+    def take_sent(self) -> list[Frame]:
+        """Take back what waits for the next tick."""
+        sent, self._time.to_bench = self._time.to_bench, []
+        return sent
 
     def make_further(self) -> EmbeddedPort:
         """Return the next bus of the same bench; waiting on either lets time pass for both."""

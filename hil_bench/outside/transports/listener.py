@@ -83,7 +83,7 @@ class Listener:
 
     @property
     def losses(self) -> dict[str, int]:
-        """What was on the bus and could not be read, by its name; the bus is still open."""
+        """The counts of unreadable or lost frames, by name; the bus is still open."""
         return {
             "error frames": self.error_frames,
             "CAN FD frames left out": self.fd_frames,

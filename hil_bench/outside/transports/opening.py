@@ -151,7 +151,7 @@ def _check_socketcand(settings: dict[str, Any], what: str) -> None:
 
 
 def _answer_to_open(host: str, port: int, channel: str) -> str:
-    """Return what a socketcand says to "< open CHANNEL >", without its brackets."""
+    """Return a socketcand's answer to "< open CHANNEL >", without its brackets."""
     with socket.create_connection((host, port), timeout=_ANSWER_TIMEOUT) as probe:
         probe.recv(256)  # the greeting
         probe.sendall(f"< open {channel} >".encode("ascii", "replace"))
@@ -171,7 +171,7 @@ def _open(settings: dict[str, Any], what: str) -> can.BusABC:
 
 
 def _why(settings: dict[str, Any], error: Exception) -> str:
-    """Return what is wrong, and what would be right where that is known."""
+    """Return the reason why a bus does not open, with a remedy where one is known."""
     if settings["interface"] == "socketcan" and isinstance(error, OSError):
         return _why_not_socketcan(str(settings["channel"]), error)
     if isinstance(error, TypeError):

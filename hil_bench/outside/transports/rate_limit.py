@@ -1,4 +1,4 @@
-"""What one program may send on a hub: as much as a bus of some bit rate carries."""
+"""A limit on a program's frames on a hub: as many as a bus of some bit rate carries."""
 
 BURST = 10_000_000
 """Time on the bus of the frames that a program may send at once after it was quiet [ns]."""

@@ -272,7 +272,7 @@ class SocketCanTransport:
 
 
 def _reason(code: int | None, channel: str) -> str:
-    """Return what this errno says of the interface, and what brings it back where that is known."""
+    """Return the meaning of an errno for the interface, with a remedy where one is known."""
     if code == errno.ENETDOWN:
         return f"the interface is down; 'ip link set {channel} up' starts it"
     if code in {errno.ENODEV, errno.ENXIO}:

@@ -65,7 +65,7 @@ _QUICKACK = getattr(socket, "TCP_QUICKACK", None)
 
 @dataclass(slots=True)
 class HubCounters:
-    """What passed a hub.
+    """The counters of a hub.
 
     Attributes:
         connections: clients that connected.
@@ -84,7 +84,7 @@ class HubCounters:
 
 
 class HubLimits(NamedTuple):
-    """How much clients may send.
+    """The limits on the clients of a hub.
 
     Attributes:
         bitrate: of each bus [bit/s]; None for no limit.
@@ -345,7 +345,7 @@ class _Told(NamedTuple):
 
 
 def _frame_of(command: bytes) -> _Told | None:
-    """Return what the others read of a "send" command; None where it is malformed."""
+    """Return the message of a "send" command to the others; None where it is malformed."""
     frame = parse_send(command)
     if frame is None:
         return None

@@ -64,7 +64,7 @@ def is_remote_request(command: bytes) -> bool:
 
 
 def format_send(frame: Frame) -> bytes:
-    """Return how a client sends a frame; the protocol has no remote frames."""
+    """Return a client's command to send a frame; the protocol has no remote frames."""
     digits = b"%08X" if frame.is_extended else b"%03X"
     payload = frame.data.hex(" ").encode()
     return b"< send %b %d %b >" % (digits % frame.can_id, len(frame.data), payload)
@@ -81,7 +81,7 @@ def parse_frame(text: bytes) -> Frame | None:
 
 
 def format_frame(frame: Frame, now: int) -> bytes:
-    """Return how a hub tells a frame to its clients, stamped with the time `now` [ns]."""
+    """Return a hub's message of a frame to its clients, stamped with the time `now` [ns]."""
     digits = b"%08X" if frame.is_extended else b"%03X"
     seconds, nanoseconds = divmod(now, _NS_PER_S)
     return b"< frame %b %d.%06d %b >" % (

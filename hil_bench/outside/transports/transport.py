@@ -87,7 +87,7 @@ class Transport(Protocol):
 
 
 def outage_at_end(transport: Transport) -> BusError | None:
-    """Return what a run ends with whose interface is down at its end, None where it is up."""
+    """Return the error of a run whose interface is down at its end, None where it is up."""
     if not transport.counters().is_down:
         return None
     return BusError(f"{transport.description}: the interface was down at the end")

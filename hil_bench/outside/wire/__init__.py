@@ -1,1 +1,1 @@
-"""What copper does to frames: their length to the bit, and who sends first (ISO 11898-1)."""
+"""The bus at bit level: exact lengths of frames, arbitration and errors (ISO 11898-1)."""

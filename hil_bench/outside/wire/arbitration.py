@@ -1,4 +1,4 @@
-"""Which of the frames that wait goes on the bus next (ISO 11898-1: the lowest identifier)."""
+"""Arbitration among waiting frames (ISO 11898-1: the lowest identifier wins)."""
 
 import heapq
 
@@ -48,7 +48,7 @@ class Arbitration:
         return due
 
     def decide(self, now: int) -> tuple[Station, ...]:
-        """Return who sends at `now` [ns]: the winner, and who has the same identifier."""
+        """Return the senders at `now` [ns]: the winner, and stations with the same identifier."""
         heads = self._heads
         winner: _Entry | None = None
         rivals: list[Station] = []

@@ -1,4 +1,4 @@
-"""How a transmission ends, which is known when it begins: passed, or broken and by whom."""
+"""The outcome of a transmission, known at its start: passed, or broken and by which station."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
@@ -39,7 +39,7 @@ class Attempt(NamedTuple):
 
 
 class Disturbances:
-    """Which bits of a bus are not what their sender meant.
+    """The disturbed bits of a bus.
 
     Args:
         chance: of disturbed bits; None for none.
@@ -104,7 +104,7 @@ class Disturbances:
         return Attempt(senders, frames, length, broken, culprit, tuple(deaf))
 
     def _position(self, sender: Station, frame: Frame, bits: list[int]) -> int | None:
-        """Return which bit is disturbed on the bus, None for none."""
+        """Return the position of the disturbed bit on the bus, None without a disturbance."""
         share = _share(sender.send_rules, frame)
         length = length_on_bus(bits)
         if share is not None:
@@ -120,7 +120,7 @@ class Disturbances:
 
 
 def _clash(sent: list[tuple[list[int], Station]]) -> Broken | None:
-    """Return how different frames of one identifier break each other, None where none does.
+    """Return the break between different frames of one identifier, None without a conflict.
 
     Who sends a recessive bit and reads a dominant one notices. An error-passive one cannot break
     the other's frame, and falls out.

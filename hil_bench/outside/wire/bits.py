@@ -1,4 +1,4 @@
-"""How long a frame is on the bus, to the bit (ISO 11898-1).
+"""The length of a frame on the bus, to the bit (ISO 11898-1).
 
 A classical frame has a start bit, the identifier with its control bits, the data and a CRC of 15
 bits; after five equal bits of these comes one of the other value. Ten bits end the frame without

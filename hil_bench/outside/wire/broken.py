@@ -1,4 +1,4 @@
-"""How a transmission ends that an error breaks: who notices, and when the bus is free again.
+"""The end of a broken transmission: the stations that notice, and the time until the bus is free.
 
 ISO 11898-1: who notices an error sends six bits, dominant ones where it is error-active. These
 break the rule of stuffing, so that all others notice, and send six bits of their own. Eight
@@ -25,7 +25,7 @@ ACK_SLOT: Final = 1
 
 
 class ErrorKind(StrEnum):
-    """What was wrong."""
+    """The kind of an error on the bus."""
 
     BIT = "bit error"
     STUFF = "stuff error"
@@ -99,7 +99,7 @@ def length_on_bus(bits: Sequence[int]) -> int:
 
 
 def _run(bits: Sequence[int], level: int) -> int:
-    """Return how many bits of a level are at the end."""
+    """Return the number of bits of a level at the end."""
     count = 0
     for bit in reversed(bits):
         if bit != level:

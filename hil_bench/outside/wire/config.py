@@ -1,4 +1,4 @@
-"""What is said of a bus of copper in `bench.toml`."""
+"""The configuration of a simulated bus in `bench.toml`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -34,7 +34,7 @@ _MOST: Final = 0xFF
 
 
 def broken_frame(error: ErrorFrame, adapter: Station, bus: int) -> Frame:
-    """Return what an adapter reports of a transmission that failed.
+    """Return the error frame of an adapter for a transmission that failed.
 
     Args:
         error: what failed.
@@ -52,7 +52,7 @@ def broken_frame(error: ErrorFrame, adapter: Station, bus: int) -> Frame:
 
 
 def event_frame(event: CanEvent, adapter: Station, bus: int) -> Frame | None:
-    """Return what an adapter reports of itself; None where it reports nothing."""
+    """Return the error frame of an adapter for its own event; None for an event without one."""
     if event is CanEvent.BUS_OFF:
         return _frame(BUS_OFF | COUNTERS, adapter, bus)
     if event is CanEvent.RECOVERED:

@@ -1,4 +1,4 @@
-"""What a dominant bus does to error counters, and how a station comes back (ISO 11898-1)."""
+"""Error counters on a dominant bus, and the recovery of a station (ISO 11898-1)."""
 
 from collections.abc import Callable
 from typing import Final
@@ -45,7 +45,7 @@ class Absence:
 
 
 def dominant_errors(bits: int, *, is_sender: bool) -> int:
-    """Return what some dominant bits in a row add to the counter of an error-active station.
+    """Return the increment of an error-active station's counter for dominant bits in a row.
 
     A sender notices at the first bit, a receiver at the sixth by the rule of stuffing. Six bits of
     the error flag follow; a dominant bit behind it counts 8 for a receiver, and so do for all the

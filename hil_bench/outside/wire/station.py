@@ -15,14 +15,14 @@ _AFTER_PASSIVE: Final = 127
 
 
 class Order(StrEnum):
-    """Which frame of a buffer goes to arbitration."""
+    """The order in which a buffer's frames go to arbitration."""
 
     PRIORITY = "priority"
     FIFO = "fifo"
 
 
 class CanState(StrEnum):
-    """How a station takes part in the handling of errors."""
+    """The error state of a station."""
 
     ACTIVE = "error-active"
     PASSIVE = "error-passive"
@@ -50,7 +50,7 @@ Rule = Callable[[Frame], float | None]
 
 
 def priority(frame: Frame) -> int:
-    """Return what arbitration compares, the lowest first: the bits up to the control field.
+    """Return the key of arbitration, the lowest first: the bits up to the control field.
 
     A data frame goes before a remote frame of its identifier, and one of 11 bits before one of 29
     bits that begins with them.
@@ -129,7 +129,7 @@ class Station:
 
     @property
     def state(self) -> CanState:
-        """How it takes part in the handling of errors."""
+        """The error state of the station."""
         if self.is_off:
             return CanState.BUS_OFF
         return CanState.PASSIVE if self.is_passive else CanState.ACTIVE

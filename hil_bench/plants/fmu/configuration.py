@@ -189,7 +189,7 @@ def check_step(name: str, description: FmuDescription, step_us: int, problems: P
 
 
 def parameters_of(settings: Settings, description: FmuDescription) -> tuple[tuple[int, float], ...]:
-    """Return what is set before the start; what is no parameter is a `ConfigError`."""
+    """Return value references and values of the parameters; `ConfigError` for other variables."""
     given: Mapping[str, float] = settings["parameters"].value or {}
     return tuple(
         (find_variable(description, name, "parameter").reference, value)

@@ -1,4 +1,4 @@
-"""What an FMU says of itself, and what of it this bench needs."""
+"""The part of an FMU's model description that the bench needs."""
 
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -76,7 +76,7 @@ def require_fmpy() -> Any:  # noqa: ANN401 - a module without types
 
 
 def read_fmu(path: Path) -> FmuDescription:
-    """Return what an FMU says of itself.
+    """Return the model description of an FMU.
 
     Raises:
         ConfigError: it is none for co-simulation on this machine.

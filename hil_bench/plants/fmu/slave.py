@@ -15,7 +15,7 @@ class SlaveError(Exception):
 
 
 class Setup(NamedTuple):
-    """What an instance is made of; plain values, which go to another process as JSON.
+    """The set-up of an instance; plain values, which go to another process as JSON.
 
     Attributes:
         version: of FMI, 2 or 3.

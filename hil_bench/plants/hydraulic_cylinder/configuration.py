@@ -164,7 +164,7 @@ class CylinderConfig(AxisConfig):
 
     @property
     def cylinder(self) -> "CylinderConfig":
-        """What the axis is to the equations: itself."""
+        """The cylinder of the equations: the axis itself."""
         return self
 
     def fed_by(self, unit: SupplyUnit) -> "CylinderConfig":
@@ -186,7 +186,7 @@ class CylinderConfig(AxisConfig):
 
     @property
     def defects(self) -> tuple[Influence, ...]:
-        """What the full model of this axis can have, stepped by the bench's own solver."""
+        """The defects that the full model supports, stepped by the bench's own solver."""
         if self.model is Model.REDUCED or self.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
             return ()
         return (
@@ -202,7 +202,7 @@ class CylinderConfig(AxisConfig):
 
 
 def supply_defects(unit: SupplyUnit | None) -> tuple[Influence, ...]:
-    """Return what may be worn or broken at a supply unit."""
+    """Return the defects of a supply unit; empty without a unit."""
     if unit is None:
         return ()
     return _SUPPLY_DEFECTS if unit.filter is None else (*_SUPPLY_DEFECTS, *_FILTER_DEFECTS)
@@ -386,7 +386,7 @@ def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
 
 
 def _build_pump(axis: Settings) -> VariablePump | None:
-    """Return how the pump swivels.
+    """Return the variable pump of an axis; None for a fixed pump.
 
     Raises:
         ParameterError: the supply has no pump.
@@ -402,7 +402,7 @@ def _build_pump(axis: Settings) -> VariablePump | None:
 
 
 def variable_pump(settings: Settings) -> VariablePump | None:
-    """Return how the pump of a supply swivels; None where it does not."""
+    """Return the variable pump of a supply; None for a fixed pump."""
     control = settings["pump_control"].value
     if control is PumpControl.FIXED:
         return None

@@ -40,7 +40,7 @@ _HIGHEST = 10.0
 
 
 class _Cylinder(PlantModel):
-    """What a bench asks of a plant, by what both models have.
+    """The bench's view of a plant, the same for both models.
 
     Attributes:
         load: what acts on the rod from outside [N].
@@ -91,7 +91,7 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
 
     @property
     def model(self) -> "FullOrderCylinder":
-        """What solves the equations: itself."""
+        """The model that solves the equations: itself."""
         return self
 
     def drive(self, command: float, steps: int) -> Sequence[float]:

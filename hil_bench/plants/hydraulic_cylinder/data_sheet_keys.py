@@ -22,7 +22,7 @@ from hil_bench.units import (
 
 
 class LineModel(StrEnum):
-    """What a line between valve and cylinder is."""
+    """The model of a line between valve and cylinder."""
 
     VOLUME = "volume"
     WAVES = "waves"

@@ -51,14 +51,14 @@ class Friction(StrEnum):
 
 
 class Supply(StrEnum):
-    """What stands behind port P."""
+    """The supply of port P."""
 
     CONSTANT = "constant"
     UNIT = "unit"
 
 
 def supply(value: object) -> str:
-    """Return what stands behind port P: a `Supply`, or the name of a ``[supply.NAME]``.
+    """Return the supply of port P: a `Supply`, or the name of a ``[supply.NAME]``.
 
     Raises:
         ConfigError: the value is no name.
@@ -70,7 +70,7 @@ def supply(value: object) -> str:
 
 
 class PumpControl(StrEnum):
-    """What a pump holds."""
+    """The quantity that a pump controls."""
 
     FIXED = "fixed"
     PRESSURE = "pressure-compensated"

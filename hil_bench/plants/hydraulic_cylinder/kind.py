@@ -68,7 +68,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         return build_cylinder(axis, dt, start)
 
     def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
-        """Return what moves the models without extensions in one call."""
+        """Return the group that moves the models without extensions in one call."""
         from hil_bench.plants.hydraulic_cylinder.group import (  # noqa: PLC0415 - wants NumPy
             group_cylinders,
         )

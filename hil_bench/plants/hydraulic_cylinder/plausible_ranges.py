@@ -1,4 +1,4 @@
-"""What is usual, and what is possible, of each physical key of a cylinder.
+"""The usual and the possible range of each physical key of a cylinder.
 
 The table is data: `hil_bench.bench.configuration.plausibility` compares a configuration with it.
 """

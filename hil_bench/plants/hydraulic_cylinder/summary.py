@@ -1,4 +1,4 @@
-"""What an engineer checks first of an axis: speeds, forces, pressures, frequencies, energies.
+"""The key figures of an axis: speeds, forces, pressures, frequencies, energies.
 
 `docs/data-sheets.md` has the formulas with their sources, and one machine by hand.
 """
@@ -28,7 +28,7 @@ _HALVINGS = 100  # more than a float has bits
 
 
 def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
-    """Return what an engineer checks first of an axis.
+    """Return the key figures of an axis that an engineer checks first.
 
     Args:
         axis: its record.
@@ -248,7 +248,7 @@ def _swing_facts(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[F
 
 
 def verdict(frequency: float, period_us: int, needed: float) -> str:
-    """Return whether a period of sampling resolves a frequency, and what it needs."""
+    """Judge the resolution of a frequency by a sampling period, with the samples needed."""
     verdict = "resolved" if 1e6 / (frequency * period_us) >= needed else "not resolved"
     return f"{verdict}: {needed:g} are needed"
 

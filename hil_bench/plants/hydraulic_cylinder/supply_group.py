@@ -108,7 +108,7 @@ class SupplyConfig:
 
     @property
     def defects(self) -> tuple[Influence, ...]:
-        """What may be worn or broken at it."""
+        """The defects of the supply."""
         return supply_defects(self.unit)
 
 
@@ -161,7 +161,7 @@ def summarise_supply(supply: SupplyConfig, axes: Sequence[Fed], dt: float) -> It
 
 
 def _wanted(unit: SupplyUnit, axis: CylinderConfig) -> float:
-    """Return what an axis draws at its top speed from a pump that gives all that is drawn."""
+    """Return the flow of an axis at its top speed from an unlimited pump [m³/s]."""
     options = replace(axis.options, supply=replace(unit, pump_flow=_ANY_FLOW))
     return max(
         steady_motion(axis.parameters, options, extends=extends).supply_flow
@@ -345,7 +345,7 @@ class SupplyGroup:
 
 
 def passed_on_by(model: FullOrderCylinder, before: Sequence[float]) -> float:
-    """Return what a plant has done on its load and stored in mass and oil since then [J]."""
+    """Return the plant's work on its load and the energy stored in mass and oil since then [J]."""
     p, options, modulus = model.parameters, model.options, model.modulus
     x_0, v_0, a_0, b_0, *_ = before
     x_1, v_1, a_1, b_1, *_ = model.seen

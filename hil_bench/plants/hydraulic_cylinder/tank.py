@@ -58,7 +58,7 @@ class TankConfig:
         return self.volume * self.oil.density_at(TEMPERATURE_C) * HEAT_CAPACITY
 
     def pump_at(self, dynamic: float) -> tuple[float, float]:
-        """Return what the pump gives over its flow at 40 °C, and its efficiency then.
+        """Return the pump's flow over that at 40 °C, and its efficiency then.
 
         With mu over that at 40 °C, V the displacement's flow and a half each for the terms without
         viscosity, after W. M. J. Schlösser (Mathematical model for displacement pumps and motors,

@@ -1,4 +1,4 @@
-"""What the kinds of plants share that a spool valve controls: cylinder and motor."""
+"""Common parts of the kinds of plants that a spool valve controls: cylinder and motor."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -94,7 +94,7 @@ class RotaryConfig(AxisConfig):
 
     @property
     def defects(self) -> tuple[Influence, ...]:
-        """What may be worn or broken: as of a cylinder, but for friction that is a force."""
+        """The defects of a cylinder, without friction that is a force."""
         return tuple(each for each in self.cylinder.defects if each.unit != "N")
 
 

@@ -1,4 +1,4 @@
-"""What is usual of each key of a motor; valve, oil and supply as a cylinder's."""
+"""The usual range of each key of a motor; valve, oil and supply as a cylinder's."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,4 +1,4 @@
-"""What an engineer checks first of a motor: speeds, torques, pressures, frequencies, times."""
+"""The key figures of a motor: speeds, torques, pressures, frequencies, times."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
 
 
 def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
-    """Return what an engineer checks first of a motor.
+    """Return the key figures of a motor that an engineer checks first.
 
     Args:
         axis: its record.

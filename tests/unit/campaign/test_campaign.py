@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +41,33 @@ def counted(done):
             yield from perform_here([spec])
 
     return backend
+
+
+@pytest.mark.parametrize(
+    ("limit", "code"),
+    [
+        (30, 1),  # P_A is 48 bar at rest: the two runs that were done fail
+        (250, 130),
+    ],
+)
+def test_an_interrupted_campaign_judges_the_runs_that_are_done(
+    limit, code, tmp_path, capsys, monkeypatch
+):
+    def interrupted(specs):
+        for number, spec in enumerate(specs):
+            if number == 2:
+                raise KeyboardInterrupt
+            yield from perform_here([spec])
+
+    backend = "hil_bench.abilities.campaign.verbs.campaign.local_backend"
+    monkeypatch.setattr(backend, lambda _jobs: nullcontext(interrupted))
+    path = write_rest(tmp_path, REST.replace("250.0, range = [1.0, 301.0]", f"{limit}.0"))
+    words = ["campaign", str(path), "--runs=5", f"--output={tmp_path / 'out'}"]
+    assert cli.main(words) == code
+    said = capsys.readouterr()
+    assert "out: interrupted; what is done is kept" in said.err
+    what = "failed" if code == 1 else "passed"
+    assert said.out.startswith(f"2 runs: 2 {what}; 3 not done yet")
 
 
 def test_every_margin_is_the_distance_from_its_limit(plan, tmp_path):
@@ -181,6 +209,8 @@ def test_a_bench_that_changes_under_a_campaign_is_refused(tmp_path):
 
 
 def test_a_full_disk_is_said_once_and_earlier_runs_are_kept(plan, tmp_path, monkeypatch):
+    # However slow the machine is, no time passes that would begin another file.
+    monkeypatch.setattr("hil_bench.abilities.campaign.executing.monotonic", lambda: 0.0)
     store = Store(tmp_path / "out", {})
     execute(plan, store, perform_here, Shard(1, 2))
 

@@ -215,6 +215,21 @@ def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
     assert "no parameter has a range; give one, as in" in capsys.readouterr().err
 
 
+def test_a_run_that_decides_nothing_keeps_a_search_from_passing(tmp_path, monkeypatch):
+    """P_A is 48 bar at rest: a bound above it is never met, and one below it holds."""
+    monkeypatch.chdir(tmp_path)
+    rule = "whenever axis1.P_A > limit_bar then axis1.P_A < 200 bar"
+    text = REST.replace("always axis1.P_A < limit_bar", "always axis1.P_A < 200 bar")
+    text = text.replace("always axis1.P_B < 200 bar", rule)
+    text = text.replace("value = 250.0, range = [1.0, 301.0]", "value = 50.0, range = [1.0, 99.0]")
+    path = write_rest(tmp_path, text)
+    found = falsify_here(path, tmp_path / "out", perform_here)
+    tally = next(each.tally for each in found.search.finds if each.id == "R-2")
+    assert tally.passed
+    assert tally.undecided
+    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=6", "--seed=1"]) == 6
+
+
 @pytest.mark.parametrize(
     ("never", "outcome"),
     [

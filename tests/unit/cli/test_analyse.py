@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench import errors
+from hil_bench import extras
 from hil_bench.abilities.analysis.verbs import analyse
 from hil_bench.cli import main
 
@@ -189,7 +189,7 @@ def test_an_output_that_cannot_be_is_refused(
 def test_a_missing_extra_is_one_line_that_names_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _name: None)
 
     assert main(["analyse", "root-locus"]) == 2
     assert capsys.readouterr().err == (

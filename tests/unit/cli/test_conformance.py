@@ -80,7 +80,7 @@ def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, caps
 def test_reading_only_prints_a_line_a_check(capsys):
     assert main(["conformance", "--virtual", "--node-id", "4"]) == 0
     out, err = capsys.readouterr()
-    assert "passed          7.5.2.1      1000h tells the device type of the EDS" in out
+    assert "passed          7.5.2.1      1000h has the device type of the EDS" in out
     assert "7.2.8.3.3" not in out  # a reset is no reading
     assert err.endswith(" not applicable\n")
 

@@ -10,11 +10,11 @@ from support.documents import ROOT
 from hil_bench.abilities.analysis.validation import subject
 from hil_bench.abilities.analysis.validation.suite import validate
 from hil_bench.abilities.conformance.check import Impact
-from hil_bench.abilities.conformance.evidence import determinism, devices
-from hil_bench.abilities.conformance.evidence.page import page_html
-from hil_bench.abilities.conformance.evidence.texts import classification
-from hil_bench.abilities.conformance.evidence.versions import examine_software
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
+from hil_bench.abilities.evidence import determinism, devices
+from hil_bench.abilities.evidence.page import page_html
+from hil_bench.abilities.evidence.texts import classification
+from hil_bench.abilities.evidence.versions import examine_software
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant

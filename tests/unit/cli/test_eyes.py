@@ -1,6 +1,7 @@
 """`hil-bench monitor`, `decode` and `record`: logs in, lines and files out."""
 
 import json
+import math
 import socket
 import struct
 
@@ -369,6 +370,46 @@ def test_a_dbc_of_a_user_is_read_and_never_written(folder, capsys):
     assert main(["decode", "t.log", "bench.toml", "--write-dbc", "vendor.dbc"]) == 2
     assert "vendor.dbc: is there already, and not written by hil-bench" in capsys.readouterr().err
     assert vendor.read_text() == VENDOR_DBC
+
+
+IDLE = 'BO_ 9 Idle: 1 drive\n SG_ x : 0|8@1+ (1,0) [0|0] "" drive\n'
+SPEED = 2.5 * 2.0 * math.pi / 60.0
+"""7 · 0.5 - 1 = 2.5 rpm [rad/s]."""
+
+
+def test_a_j1939_message_of_nobody_known_becomes_channels_by_a_dbc(folder, capsys):
+    """PGN 65280 from address 5, behind its claim; a DBC marks 29-bit identifiers by bit 31."""
+    identifier = 0x18FF0005
+    vendor = VENDOR_DBC.replace("801", str(identifier | 1 << 31))
+    (folder / "vendor.dbc").write_text(vendor)
+    with can.TRCWriter("t.trc") as log:
+        claim = [1, 0, 0, 0, 0, 0, 0, 128]
+        log(can.Message(timestamp=1.7e9, arbitration_id=0x18EEFF05, data=claim))
+        log(can.Message(timestamp=1.7e9 + 0.3, arbitration_id=identifier, data=[7, 0, 0]))
+    assert main(["decode", "t.trc", "--dbc", "vendor.dbc", "-o", "d.csv"]) == 0
+    assert lines(capsys) == ["1 rows, 1 channels: d.csv"]
+    assert read_recording(folder / "d.csv")["Motor.speed"].tolist() == pytest.approx([SPEED])
+
+
+def test_the_signals_of_a_dbc_become_channels(folder, capsys, monkeypatch):
+    (folder / "vendor.dbc").write_text(VENDOR_DBC + IDLE)
+    motor = can.Message(timestamp=1.7e9, arbitration_id=801, data=[7, 0, 0], is_extended_id=False)
+    with can.TRCWriter("t.trc") as log:
+        log(motor)
+    assert main(["decode", "t.trc", "--dbc", "vendor.dbc", "-o", "d.csv"]) == 0
+    assert lines(capsys) == ["1 rows, 1 channels: d.csv"]  # of the messages that came
+    decoded = read_recording(folder / "d.csv")
+    assert decoded["Motor.speed"].tolist() == pytest.approx([SPEED])
+
+    for words in (["record", "r.csv"], ["monitor"]):
+        monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus([motor]), "can0"))
+        assert main([*words, "--dbc", "vendor.dbc", "-i", "socketcan", "-c", "can0"]) == 0
+    assert capsys.readouterr().out.endswith("speed 2.5 rpm\n")
+    recorded = read_recording(folder / "r.csv")
+    assert recorded["Motor.speed"].tolist() == pytest.approx([SPEED])
+    assert math.isnan(recorded["Idle.x"][0])
+    assert main(["decode", "t.trc", "--dbc", "vendor.dbc", "--write-dbc", "w.dbc"]) == 2
+    assert "--write-dbc writes what is known without --dbc" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("folder")

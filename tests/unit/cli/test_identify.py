@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.machine_record import Machine, random_steps
 
-from hil_bench import errors
+from hil_bench import extras
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
@@ -114,7 +114,7 @@ def test_the_reduced_model_is_refused(
 def test_without_scipy_the_way_to_install_it_is_told(
     recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _: None)
 
     assert "pip install 'hil-bench[analysis]'" in refusal(capsys, recording)
 

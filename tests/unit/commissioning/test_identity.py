@@ -174,7 +174,7 @@ def test_slow_answers_are_given_up_after_a_while(make_network):
     network = make_network(Endless(latency=400_000_000))  # [ns], each just in time
     begin = network.now()
     assert (
-        "node 5: has not told all in 10 s; 0x1000 was the last"
+        "node 5: has not answered all in 10 s; 0x1000 was the last"
         in describe(network, Sighting(5)).problem
     )
     assert network.now() - begin <= LONGEST_READING + 0.5
@@ -195,7 +195,7 @@ def test_a_long_history_of_slow_answers_is_given_up_too(make_network):
     begin = network.now()
     found = describe(network, Sighting(5))
     assert re.fullmatch(
-        r"node 5: has not told all in 10 s; 0x1003\.[0-9A-F]{2} was the last", found.problem
+        r"node 5: has not answered all in 10 s; 0x1003\.[0-9A-F]{2} was the last", found.problem
     )
     assert found.vendor_id == 254  # what was read before counts
     assert network.now() - begin <= LONGEST_READING + 0.5

@@ -64,11 +64,11 @@ def outcomes(request):
 @pytest.mark.parametrize(
     ("clause", "text"),
     [
-        ("7.5.2.1", "1000h tells the device type of the EDS"),
-        ("7.5.2.21", "1018h tells the identity of the EDS"),
+        ("7.5.2.1", "1000h has the device type of the EDS"),
+        ("7.5.2.21", "1018h has the identity of the EDS"),
         ("7.2.4.3.17", "reading a write-only object aborts with 0601 0001h"),
         ("7.2.4.3.17", "reading an object that does not exist aborts with 0602 0000h"),
-        ("7.2.4.3.6", "an expedited answer tells its length and names the object"),
+        ("7.2.4.3.6", "an expedited answer states its length and names the object"),
         ("7.2.4.3.7", "a longer object comes in segments with alternating toggle bits"),
         ("7.2.4.3.17", "a toggle bit that does not alternate aborts with 0503 0000h"),
         ("7.2.4.3.3", "an expedited download is confirmed and can be read back"),

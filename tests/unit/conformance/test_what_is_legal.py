@@ -180,7 +180,7 @@ def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_
         variable = laboratory.node.object_dictionary.variable(index)
         variable.default = variable.value = value
     found = check_all(laboratory)
-    assert found["1000h tells the device type of the EDS"] == (
+    assert found["1000h has the device type of the EDS"] == (
         Outcome.NOT_APPLICABLE,
         "what the EDS says of 0x1000.00 is in doubt",
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.conformance.evidence.pack import (
+from hil_bench.abilities.evidence.pack import (
     MANIFEST,
     check_folder,
     verify_pack,

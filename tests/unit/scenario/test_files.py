@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import (
     Controller,
     Expectation,
     FaultStep,
-    FirmwareCommand,
     FirmwareStep,
     NmtStep,
     NmtVerb,
@@ -108,7 +108,7 @@ def test_a_file_becomes_records(tmp_path):
         SetStep(0.5, "axis1.load", 5000.0, 0.2),
         NmtStep(3.0, NmtVerb.STOP, "valve"),
         SyncStep(3.0004, is_on=False),
-        FirmwareStep(4.0, FirmwareCommand.RESTART),
+        FirmwareStep(4.0, Power.RESTART),
     )
     assert found.expectations == (Expectation("R1", "always axis1.P_A < 250 bar"),)
 
@@ -230,7 +230,7 @@ STEPS = st.one_of(
     ),
     st.builds(NmtStep, TIMES, st.sampled_from(NmtVerb), st.just("valve")),
     st.builds(SyncStep, TIMES, st.booleans()),
-    st.builds(FirmwareStep, TIMES, st.sampled_from(FirmwareCommand)),
+    st.builds(FirmwareStep, TIMES, st.sampled_from(Power)),
 )
 SCENARIOS = st.builds(
     Scenario,
@@ -333,7 +333,10 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
             HEAD + '[[step]]\nat_s = 1\nset = "a"\ntable = "none.csv"\n' + EXPECT,
             "none.csv: cannot be read: No such file or directory; give a CSV file",
         ),
-        (HEAD + "[controller]\n" + EXPECT, ":3:2: controller: needs a controller; give either"),
+        (
+            HEAD + "[controller]\n" + EXPECT,
+            ":3:2: controller: needs a controller; give kind, firmware or",
+        ),
         (HEAD + EXPECT + EXPECT, ':7:7: expect[2].id: "R1" is there twice; give each its own'),
         (HEAD + "step = 3\n" + EXPECT, "step: 3 is no list; write it as [[step]]"),
         (HEAD + "x = [\n", "is not valid TOML"),

@@ -7,7 +7,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.joined import LockStepLink, Patience
+from hil_bench.session.joined import USUAL_PATIENCE, LockStepLink, Patience
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
 
@@ -41,12 +41,16 @@ def bus():
     return Bus(VirtualClock())
 
 
-@pytest.fixture
-def link(bus):
+def make_link(bus, patience=USUAL_PATIENCE):
     bench = build_bench(load_config())
     bench.start(0)
     lockstep = LockStep(Session(bench), tick_ns=1_000_000)
-    return LockStepLink(lockstep, bus, clock=bus.clock)
+    return LockStepLink(lockstep, bus, patience, clock=bus.clock)
+
+
+@pytest.fixture
+def link(bus):
+    return make_link(bus)
 
 
 def steps_until_given_up(link):
@@ -78,8 +82,8 @@ def test_so_is_one_that_says_all_but_sync(link, bus):
     assert count == pytest.approx(200, abs=1)
 
 
-def test_the_patience_is_a_choice_and_says_what_else_would_be_right(link):
-    link._patience = Patience(1.0, ", or wait longer")
+def test_the_patience_is_a_choice_and_says_what_else_would_be_right(bus):
+    link = make_link(bus, Patience(1.0, ", or wait longer"))
     count, why = steps_until_given_up(link)
     assert why.startswith("nobody has sent a frame for 1 s, ")
     assert why.endswith("0x1006), or wait longer")

@@ -13,7 +13,7 @@ from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_dir
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import print_lines
-from hil_bench.errors import require_extra
+from hil_bench.extras import require_extra
 
 _EXAMPLES = """\
 examples:

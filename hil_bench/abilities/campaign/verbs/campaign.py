@@ -135,8 +135,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.output:
         args.output = args.campaign.with_name(f"{args.campaign.name.split('.')[0]}.results")
     store = Store(args.output, plan.firmware, given)
-    if not args.merge:
-        _execute(args, plan, store)
+    is_whole = args.merge or _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)
     changes = compare(_before(args.compare), outcome.results) if args.compare else []
     sensitivity = sobol_indices(plan, outcome.results)
@@ -144,6 +143,8 @@ def run(args: argparse.Namespace) -> int:
     lines = [*_lines(*found), f"  results are in {args.output}"]
     ending = Ending(args)
     ending.take(_exit_code(outcome))
+    if not is_whole:
+        ending.take(ExitCode.INTERRUPTED)
     with ending.going_on():
         print_results(args, lines, _content(*found))
     if args.report:
@@ -159,7 +160,8 @@ def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
     )
 
 
-def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
+def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> bool:
+    """Do the runs that are not done yet; return False where somebody interrupts that."""
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
         opened = DaskBackend(args.dask) if args.dask else local_backend(args.jobs)
@@ -178,7 +180,8 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
         except KeyboardInterrupt:
             kept = "what is done is kept; the same command goes on from there"
             logger.warning("%s: interrupted; %s", store.folder, kept)
-            raise
+            return False
+    return True
 
 
 def _before(folder: Path) -> Iterator[RunResult]:

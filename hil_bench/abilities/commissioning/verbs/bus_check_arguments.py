@@ -1,9 +1,9 @@
-"""What `hil-bench check` has for the devices on a bus."""
+"""The arguments of `hil-bench check` for the devices on a bus."""
 
 import argparse
 from pathlib import Path
 
-from hil_bench.cli.arguments import load_bench_config
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.network_arguments import add_network_arguments
 from hil_bench.errors import ConfigError
 
@@ -37,7 +37,7 @@ def add_options(container: "argparse._ActionsContainer") -> None:
     )
 
 
-def take_over(args: argparse.Namespace) -> int | None:
+def take_over(args: argparse.Namespace, config: BenchConfig) -> int | None:
     """Check a bus where the command line asks for it.
 
     Raises:
@@ -55,4 +55,4 @@ def take_over(args: argparse.Namespace) -> int | None:
         check_bus,
     )
 
-    return check_bus(args, load_bench_config(args))
+    return check_bus(args, config)

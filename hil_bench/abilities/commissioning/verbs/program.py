@@ -109,11 +109,11 @@ def _read(path: Path) -> bytes:
 
 
 def _lines(state: ProgramState) -> list[str]:
-    running = {None: "not told", True: "running", False: "stopped"}[state.is_running]
-    identification = "not told"
+    running = {None: "not reported", True: "running", False: "stopped"}[state.is_running]
+    identification = "not reported"
     if state.identification is not None:
         identification = f"0x{state.identification:08X}"
-    status = "not told"
+    status = "not reported"
     if state.status is not None:
         status = "busy" if state.is_busy else state.error or "no error"
     return [

@@ -135,7 +135,7 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     if not count and not (found.unconfigured and any(found.unconfigured)):
         lines[-1] += (
             ": is the bus powered and terminated, and the bit rate right? "
-            "--listen 5 tells whether anything is heard at all"
+            "--listen 5 shows whether anything is heard at all"
         )
     return "\n".join(lines)
 
@@ -150,8 +150,8 @@ def _table(nodes: Sequence[NodeDescription]) -> list[str]:
         rows.append(
             (
                 str(node.node_id),
-                (node.nmt_state or "not told").replace("_", "-"),
-                node.profile or "not told",
+                (node.nmt_state or "not reported").replace("_", "-"),
+                node.profile or "not reported",
                 _hex(node.revision_number),
                 "-" if register is None else f"0x{register:02X}",
                 "twice on the bus" if node.clash else node.device_name or "-",

@@ -1,4 +1,4 @@
-"""What is wrong in an EDS file, line by line (CiA 306), beyond what loaders notice.
+"""Check of an EDS file, line by line (CiA 306), beyond the checks of loaders.
 
 >>> for finding in check_eds(Path("vendor.eds")):
 ...     print(finding)

@@ -14,7 +14,7 @@ _ANY_NODE_ID: Final = 1
 
 
 def check_eds(path: Path) -> list[EdsFinding]:
-    """Return what is wrong in an EDS file, in the order of its lines.
+    """Return the findings on an EDS file, in the order of its lines.
 
     What does not work on the bench is an error: the findings of the loader are among these.
     `EdsError` where the file cannot be read, or is too long to be an EDS.

@@ -1,4 +1,4 @@
-"""What an EDS says of itself and of its device: FileInfo, DeviceInfo, DummyUsage (CiA 306)."""
+"""Checks of the EDS header: FileInfo, DeviceInfo, DummyUsage (CiA 306)."""
 
 import re
 from collections.abc import Iterator

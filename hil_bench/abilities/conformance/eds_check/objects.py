@@ -1,4 +1,4 @@
-"""What CiA 306 asks of an object's section and no loader needs."""
+"""Checks of an object's section by CiA 306 that no loader makes."""
 
 from collections.abc import Iterator
 from typing import Final

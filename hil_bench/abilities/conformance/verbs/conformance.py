@@ -186,7 +186,7 @@ def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
     except Deviation as deviation:
         print(
             f"node {dut.node_id} on {opened.description}: 0x1000.00 cannot be read: {deviation}; "
-            "is it powered, not STOPPED, and the bit rate right? hil-bench scan tells who is there",
+            "is it powered, not STOPPED, and the bit rate right? hil-bench scan shows who is there",
             file=sys.stderr,
         )
         return False

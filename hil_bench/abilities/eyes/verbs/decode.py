@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil_bench.abilities.eyes.channels import BusChannels
-from hil_bench.abilities.eyes.dbc_words import DbcWords
+from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_filter_arguments,
@@ -61,13 +61,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="RECORDING",
         help="print nothing: write the values as channels, in SI; .mf4 (with the frames) or .csv",
     )
-    parser.add_argument(
-        "--dbc",
-        type=Path,
-        metavar="FILE.dbc",
-        help="read a DBC file: frames of no known node are shown by its messages and signals "
-        "(pip install 'hil-bench[dbc]')",
-    )
+    add_dbc_argument(parser, "shown")
     parser.add_argument(
         "--write-dbc",
         type=Path,
@@ -113,18 +107,17 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError(f"-o {args.output}: give a file name that ends in .mf4 or .csv")
     if args.write_dbc is not None and args.write_dbc.suffix.lower() != ".dbc":
         raise ConfigError(f"--write-dbc {args.write_dbc}: give a file name that ends in .dbc")
-    if args.dbc is not None and not (args.output is None and args.write_dbc is None):
-        raise ConfigError("--dbc is for lines; leave -o and --write-dbc out")
+    if args.dbc is not None and args.write_dbc is not None:
+        raise ConfigError("--write-dbc writes what is known without --dbc; give one of them")
 
 
 def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
     """Print all lines, and return how many frames there were."""
     lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
-    named = None if args.dbc is None else DbcWords(args.dbc)
+    dbc = DbcMessages(args.dbc)
     for logged in frames:
         count += 1
-        sights = decoder.take(logged)
-        lines.show(sights if named is None else map(named.explain, sights))
+        lines.show(map(dbc.explain, decoder.take(logged)))
     lines.show(decoder.finish())
     return count
 
@@ -139,7 +132,9 @@ def _write(
     """
     owners: dict[int, PdoOwner] = {}
     groups: set[tuple[int, int]] = set()
+    seen: set[tuple[int, bool]] = set()
     for logged in frames:
+        seen.add((logged.frame.can_id, logged.frame.is_extended))
         for sight in decoder.take(logged):
             if sight.message is not None:
                 groups.add((sight.frame.bus, sight.message.group))
@@ -152,10 +147,13 @@ def _write(
 
         written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
     if args.output is not None:
-        channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus))
+        dbc = DbcMessages(args.dbc, seen)
+        channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus), dbc)
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"
-            raise ConfigError(f"{args.log}: {what}; give bench.toml or --eds N=FILE")
+            raise ConfigError(
+                f"{args.log}: {what}; give bench.toml, --eds N=FILE or --dbc FILE.dbc"
+            )
         report = _record(args.output, channels, _decoder(args), frames)
         ending.take(recording_code(report))
         written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")

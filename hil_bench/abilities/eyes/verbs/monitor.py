@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_filter_arguments,
@@ -48,6 +49,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_listening_arguments(parser, assumes=True)
     add_duration_argument(parser, "listen")
+    add_dbc_argument(parser, "shown")
     add_filter_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -59,13 +61,13 @@ def run(args: argparse.Namespace) -> int:
     config = seen_from_bus(args, load_bench_config(args))
     decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
     check_nodes(args.node, decoder)
-    lines, bits, last = SightLines(args), 0.0, 0
+    lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0
     with open_listener(config.bus) as listener:
         say_assumed(args, config)
         for logged in heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
             bits += frame_bits(len(logged.frame.data), is_extended=logged.frame.is_extended)
-            lines.show(decoder.take(logged))
+            lines.show(map(dbc.explain, decoder.take(logged)))
         lines.show(decoder.finish())
         losses = loss_words(listener.losses)
     bitrate = config.bus.bitrate or USUAL_BITRATE

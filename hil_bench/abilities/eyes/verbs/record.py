@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from hil_bench.abilities.eyes.channels import BusChannels
+from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_listening_arguments,
@@ -38,6 +39,7 @@ examples:
   hil-bench record -i socketcan -c can0 bus.log                      frames, until Ctrl-C
   hil-bench record -i socketcan -c can0 bus.mf4 bench.toml           and values as channels
   hil-bench record -i socketcan -c can0 bus.mf4 --eds 5=vendor.eds --duration 60
+  hil-bench record -i socketcan -c can0 bus.mf4 --dbc vendor.dbc     signals of its messages
   hil-bench record -i socketcan -c can0 bus.mf4 bench.toml \\
       --trigger "pressure_a.ai_input_process_value_1 > 80 bar"
 """
@@ -61,6 +63,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="the recording, in place of the first FILE",
     )
     add_listening_arguments(parser, assumes=False)
+    add_dbc_argument(parser, "recorded")
     add_duration_argument(parser, "record")
     add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
@@ -79,9 +82,10 @@ def run(args: argparse.Namespace) -> int:
     config = seen_from_bus(args, load_bench_config(args))
     ecus = known_ecus(args, config)
     decoder = Decoder(known_nodes(args, config), ecus)
-    channels = BusChannels((owner for owners in decoder.pdos.values() for owner in owners), ecus)
+    owners = (owner for owners in decoder.pdos.values() for owner in owners)
+    channels = BusChannels(owners, ecus, DbcMessages(args.dbc))
     if args.file.suffix.lower() == ".csv" and not channels.channels:
-        right = "give bench.toml or --eds N=FILE, or record .mf4 or .log"
+        right = "give bench.toml, --eds N=FILE or --dbc FILE.dbc, or record .mf4 or .log"
         raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")
     plan = RecordingPlan(
         (args.file,), tuple(channels.channels), trigger=args.trigger, pre_trigger=args.pre_trigger

@@ -1,4 +1,4 @@
-"""What `hil-bench watch` has for a bus; nothing here imports what reads its frames."""
+"""The options of `hil-bench watch` for a bus; nothing here imports its frame readers."""
 
 import argparse
 

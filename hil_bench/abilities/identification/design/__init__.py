@@ -1,1 +1,1 @@
-"""Which manoeuvre would tell more of a machine: candidates, what each would tell, a scenario."""
+"""Design of informative manoeuvres: candidates, the information of each, a scenario."""

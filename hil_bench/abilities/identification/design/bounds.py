@@ -1,4 +1,4 @@
-"""Where a manoeuvre may take the axis."""
+"""The bounds of a manoeuvre of the axis."""
 
 from typing import NamedTuple
 
@@ -66,7 +66,7 @@ class Bounds(NamedTuple):
         return 0.5 * (self.position[1] - self.position[0])
 
     def leaves(self, states: Values) -> str:
-        """Return what a run leaves first, empty where it stays within.
+        """Return the name of the bound that a run leaves first, empty where it stays within.
 
         Args:
             states: position, velocity and both pressures of each row, shape (rows, 4).

@@ -1,4 +1,4 @@
-"""Which manoeuvres, one after the other, leave least uncertain.
+"""The choice of successive manoeuvres that leave the least uncertainty.
 
 The measure is A-optimality: the sum of the parameters' variances, each in multiples of the
 deviation up to which a parameter counts as identified. The parameter that is known worst has the
@@ -213,7 +213,7 @@ class Designer:
         return np.asarray(np.diag(invert(total)) / limits**2)
 
     def _within(self, prior: Values, candidates: Sequence[_Candidate]) -> npt.NDArray[np.bool_]:
-        """Return which parameters count: what no candidate tells cannot choose between them."""
+        """Mark the parameters that count: those that some candidate makes identifiable."""
         nothing = np.zeros_like(candidates[0].information)
         before = self._variances(prior, nothing)
         whole = sum((one.information for one in candidates), nothing)

@@ -1,4 +1,4 @@
-"""What a fit will know of the parameters after a manoeuvre: its Fisher information.
+"""Prediction of a fit's knowledge after a manoeuvre: its Fisher information.
 
 The same pieces, slopes and elimination of the pieces' starts as in the fit itself, on the run of
 the model without noise. Residuals with independent normal noise have the information J' J, where J
@@ -47,7 +47,7 @@ class Foresight:
         object.__setattr__(self, "start", self.unknowns.variables_of(guess))
 
     def information(self, setpoints: Values, states: Values, end: int | None = None) -> Values:
-        """Return what a run says of the free variables, offsets of the sensors among them.
+        """Return the information of a run on the free variables, offsets of the sensors among them.
 
         Args:
             setpoints: of each row, as shares of the full opening, shape (rows,).

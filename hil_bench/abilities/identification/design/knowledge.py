@@ -1,4 +1,4 @@
-"""What is known of the sought parameters before a manoeuvre."""
+"""The knowledge of the sought parameters before a manoeuvre."""
 
 import json
 import math
@@ -20,7 +20,7 @@ _MOST_BYTES = 10_000_000
 
 
 class Knowledge(NamedTuple):
-    """What an identification has found.
+    """The knowledge from an identification.
 
     Attributes:
         values: of the identified parameters [SI], by name.
@@ -38,7 +38,7 @@ class Knowledge(NamedTuple):
 
     @classmethod
     def of(cls, found: Identification) -> "Knowledge":
-        """Return what an identification has found."""
+        """Return the knowledge from an identification."""
         return cls(
             {one.name: one.value for one in found.told},
             {one.name: one.deviation for one in found.estimates},
@@ -66,7 +66,7 @@ class Knowledge(NamedTuple):
 
 
 def read_knowledge(path: Path) -> Knowledge:
-    """Return what a file of `hil-bench identify --json` says; a `ConfigError` if it is none."""
+    """Return the knowledge in a file of `hil-bench identify --json`; `ConfigError` for others."""
     with about_file(path, what="cannot be read"):
         content = path.read_bytes()[: _MOST_BYTES + 1]
     wrong = ConfigError(f"{path}: is no result of hil-bench identify --json")

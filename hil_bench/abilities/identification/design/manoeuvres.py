@@ -40,7 +40,7 @@ class Manoeuvre(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How fast the piston goes at an opening.
+    """The speed of the piston at an opening.
 
     Attributes:
         opening: as a share of the full opening.
@@ -160,7 +160,7 @@ def draw_contacts(twin: Twin, bounds: Bounds, paces: list[Pace]) -> Iterator[Man
 
 
 class _Gait(NamedTuple):
-    """How the piston goes at an opening to one side: a slow one sticks and slips.
+    """The motion of the piston at an opening to one side: a slow one sticks and slips.
 
     Attributes:
         opening: as a share of the full opening.

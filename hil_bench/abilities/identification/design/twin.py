@@ -26,7 +26,7 @@ _SPOOL_COUNTS = 1 << 14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """What stands for the machine, and for what records it.
+    """The model of the machine and of its recording.
 
     Attributes:
         axis: its name.
@@ -78,7 +78,7 @@ class Twin:
         return states
 
     def record(self, setpoints: Values, states: Values) -> AxisRecord:
-        """Return what is recorded of a run, without noise.
+        """Return the recording of a run, without noise.
 
         Args:
             setpoints: of each row, as shares of the full opening, shape (rows,).

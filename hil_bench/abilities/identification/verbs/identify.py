@@ -49,7 +49,8 @@ from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
 from hil_bench.devices.measurement.parameters import ChainParameters
-from hil_bench.errors import ConfigError, about_file, require_extra, whole_file
+from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.extras import require_extra
 from hil_bench.figure_style import write_figure
 from hil_bench.kinds.motion_sensor import MotionConfig
 from hil_bench.kinds.pressure_404 import PressureConfig

@@ -122,7 +122,7 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
     spool = _SPOOL if twin.has_spool else ()
     names = tuple(name for name in asked.names if name not in {*spool, SESSION_FLOW})
     if not names:
-        raise ConfigError("--design: the spool alone is sought, and its position tells it")
+        raise ConfigError("--design: the spool alone is sought, and its position shows it")
     bounds, known, aside = Bounds.of(asked.axis, limits), asked.knowledge, tuple[str, ...]()
     if bounds.stops and not {_STOP, *args.fix} & {*names, "stroke_mm"}:
         names, aside = (*names, _STOP), (_STOP,)
@@ -267,7 +267,7 @@ def _scenario(path: Path, design: Design, asked: Question, plan: Path | None) ->
     limits = Bounds.of(asked.axis, None if plan is None else _limits(load_plan(plan), asked)).limits
     return Scenario(
         path=path,
-        title=f"Identification of {axis}: the manoeuvre that tells most",
+        title=f"Identification of {axis}: the most informative manoeuvre",
         bench=bench,
         duration=round(_BEGIN + design.duration + 0.1, 3),
         requirement_ids=(),

@@ -1,4 +1,4 @@
-"""What a report holds: a chapter a run, and the tables over all of them."""
+"""The content of a report: a chapter a run, and the tables over all of them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class FrameTable:
 
 @dataclass(frozen=True, slots=True)
 class Exhibit:
-    """What shows how a requirement came to its outcome.
+    """The evidence for a requirement's outcome.
 
     Attributes:
         violated: begin and end of each time in which it is violated [s].

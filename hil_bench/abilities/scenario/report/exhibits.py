@@ -1,15 +1,16 @@
-"""What shows how a requirement came to its outcome: times, frames and a picture."""
+"""The evidence for a requirement's outcome: times, frames and a picture."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 
-from hil_bench.abilities.scenario.evidence import Evidence, FrameReader
+from hil_bench.abilities.scenario.evidence import Evidence
 from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.judgement import Judgement, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.report.content import Exhibit, FrameLine, FrameTable
 from hil_bench.abilities.scenario.report.picture import Scene, draw_scene
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.session.frame_reader import FrameReader
 
 _BEFORE, _AFTER = 2_000_000_000, 100_000_000  # reach of the frames around an instant [ns]
 _KNOWN = 2 * _BEFORE  # reach of those that say what is no news at its beginning [ns]
@@ -34,7 +35,7 @@ def is_near(now: int, moments: Iterable[float]) -> bool:
 
 
 def make_exhibit(finding: Finding, evidence: Evidence) -> Exhibit:
-    """Return what shows how a requirement came to its outcome."""
+    """Make the evidence for a requirement's outcome."""
     requirement, judgement = finding
     tick = evidence.tick_ns * 1e-9
     examination = Examination(

@@ -38,7 +38,7 @@ _MERGED = 1 / 2000  # of the run: times of violation that are closer are one pat
 
 
 class Scene(NamedTuple):
-    """What a picture shows.
+    """The contents of a picture.
 
     Attributes:
         condition: the requirement.

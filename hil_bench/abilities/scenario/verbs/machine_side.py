@@ -88,8 +88,8 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         "--record",
         type=Path,
         metavar="FILE",
-        help="record what the drivers tell while the scenario plays; the suffix gives the format: "
-        ".mf4 signals and frames, .csv signals",
+        help="record what the drivers receive while the scenario plays; the suffix gives the "
+        "format: .mf4 signals and frames, .csv signals",
     )
     parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)
 

@@ -1,4 +1,4 @@
-"""What `hil-bench run` has for scenarios; nothing here imports what plays them."""
+"""The options of `hil-bench run` for scenarios; nothing here imports their player."""
 
 import argparse
 from pathlib import Path

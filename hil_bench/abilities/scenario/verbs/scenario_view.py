@@ -89,4 +89,4 @@ def _action_text(action: Action) -> str:
         case SyncStep():
             return "SYNC on" if action.is_on else "SYNC off"
         case FirmwareStep():
-            return f"firmware: {action.command}"
+            return f"{action.target or 'firmware'}: {action.command}"

@@ -1,4 +1,4 @@
-"""What is said about bad clients: a line each, but no more of them than a person can read."""
+"""Log lines about bad clients: one each, limited to a readable number."""
 
 import logging
 from collections.abc import Callable

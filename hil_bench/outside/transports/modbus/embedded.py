@@ -12,7 +12,7 @@ from hil_bench.outside.transports.modbus.session import ModbusSession, serial_se
 
 
 class EmbeddedLink:
-    """What `hil_drivers.modbus.ModbusClient` takes as its link.
+    """A link for `hil_drivers.modbus.ModbusClient` to a server in the same process.
 
     Args:
         server: answers the requests.
@@ -72,7 +72,7 @@ class EmbeddedLink:
         self._check_open()
 
     def receive(self, timeout: float) -> bytes:
-        """Return what came, letting ticks run for up to `timeout` seconds until there is something.
+        """Return the received bytes, after up to `timeout` seconds of ticks if there are none yet.
 
         `ConnectionResetError` where the link is cut or closed.
         """

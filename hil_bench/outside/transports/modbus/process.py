@@ -36,11 +36,11 @@ _REASONS = {
 
 
 class Plan(Protocol):
-    """What is served, and where."""
+    """The plan of a server's process: its address, its units and its data."""
 
     @property
     def server(self) -> ServerConfig:
-        """Where it is found."""
+        """The configuration of its address."""
 
     @property
     def units(self) -> Mapping[int, UnitImage]:
@@ -48,15 +48,15 @@ class Plan(Protocol):
 
     @property
     def rows(self) -> RowSource:
-        """Where the values come from."""
+        """The source of the values."""
 
     @property
     def mailbox(self) -> Mailbox:
-        """Where writes go."""
+        """The destination of writes."""
 
 
 class Endpoints(NamedTuple):
-    """Where clients find the server.
+    """The end points at which clients find the server.
 
     Attributes:
         port: TCP port, None where it is not on TCP.

@@ -60,7 +60,7 @@ class Row(Protocol):
 
 
 class RowSource(Protocol):
-    """Where the loop publishes its rows."""
+    """The source of the rows that the loop publishes."""
 
     def read(self) -> Row | None:
         """Return the newest row, None before the first."""
@@ -216,7 +216,7 @@ class RegisterServer:
         self.on_wait()
 
     def _read_beside(self, unit: UnitImage, request: Request) -> Sequence[int]:
-        """Return what function 23 reads besides its write; nothing for the other functions."""
+        """Return the registers that function 23 reads beside its write; empty for others."""
         if request.function != READ_WRITE:
             return ()
         return self._read(unit, request.table, request.read_address, request.read_count)

@@ -29,7 +29,7 @@ _PARITIES = {Parity.EVEN: "E", Parity.ODD: "O", Parity.NONE: "N"}
 
 
 class SerialDevice(Protocol):
-    """What reads and writes a line without waiting."""
+    """A serial device that reads and writes without waiting."""
 
     def fileno(self) -> int:
         """Return the descriptor."""

@@ -33,7 +33,7 @@ def _ignore(_reason: str) -> None:
 
 
 class ModbusSession:
-    """What was received of one peer and not yet answered.
+    """The session of one peer: its received bytes and its unanswered requests.
 
     No method raises because of what the peer sent, or because of a response to it.
 

@@ -24,7 +24,7 @@ _SHORT_LENGTH: Final = 0x80
 
 
 def server_context(config: TlsConfig) -> ssl.SSLContext:
-    """Return what the server's connections are opened with.
+    """Return the TLS context of the server's connections.
 
     Raises:
         BusError: a file cannot be read, or holds something else.

@@ -1,1 +1,1 @@
-"""What the data sheets of cylinder, valve, oil and pump say, in their words, as parameters."""
+"""Parameters from the data sheets of cylinder, valve, oil and pump, in the sheets' terms."""

@@ -63,7 +63,7 @@ CYLINDERS: Final[dict[str, dict[int, tuple[int, ...]]]] = {
 
 
 def describe_cylinder(bore: float, rod: float) -> str:
-    """Return which standards have a bore with a rod [mm]; empty for none."""
+    """Return the standards that have a bore with a rod [mm]; empty without any."""
     standards = [name for name, bores in CYLINDERS.items() if rod in bores.get(int(bore), ())]
     return " and ".join(standards) if bore == int(bore) else ""
 

@@ -1,4 +1,4 @@
-"""What a data sheet gives, and what follows from it."""
+"""The values of a data sheet, and the values derived from them."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -26,7 +26,7 @@ class Derived(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Where the value comes from, in the words of `hil-bench check`."""
+        """The origin of the value, in the words of `hil-bench check`."""
         parts = [f"from {join(self.sources)}"] if self.sources else []
         parts += [f"typical: {self.typical}"] if self.typical else []
         return "; ".join(parts)

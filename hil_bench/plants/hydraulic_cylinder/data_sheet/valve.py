@@ -41,7 +41,7 @@ def orifice_width(
 
 
 def step_response(angle: float, damping: float) -> float:
-    """Return what a second-order lag shows of a unit step at omega_0 t = angle."""
+    """Return the unit step response of a second-order lag at omega_0 t = angle."""
     root = math.sqrt(abs(1.0 - damping * damping))
     mu, decay = angle * root, math.exp(-damping * angle)
     if root < 1e-6:
@@ -95,7 +95,7 @@ class NullEdge(NamedTuple):
 
 
 def null_flow(x_0: float, edges: Sequence[NullEdge], saturation: float) -> float:
-    """Return what a centred spool leaks with blocked ports, over K sqrt(P_S - P_T) [m].
+    """Return the leakage of a centred spool with blocked ports, over K sqrt(P_S - P_T) [m].
 
     The edges of each port are in series: a_1 a_2 / sqrt(a_1² + a_2²) for A, and the same for B.
 

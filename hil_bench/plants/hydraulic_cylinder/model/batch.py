@@ -191,7 +191,7 @@ def spread_setpoints(setpoints: Values) -> Values:
 
 
 def _run(block: Values, lanes: Values, cuts: Cuts, every: int) -> Values:
-    """Return what is seen of all lanes of a block, shape (LANES, rows, 5)."""
+    """Run a block and return the outputs of all its lanes, shape (LANES, rows, 5)."""
     steps = len(lanes)
     seen = np.empty((steps // every, len(SEEN), LANES))
     run_block(

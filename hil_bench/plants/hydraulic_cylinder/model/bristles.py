@@ -34,7 +34,7 @@ def slip_rate(v: float, friction: FrictionConstants, bristles: BristleConstants)
 
 @kernel
 def bend(rate: float, dt: float) -> Bending:
-    """Return how the bristles move over a step, exact for a constant velocity.
+    """Return the bristles' motion over a step, exact for a constant velocity.
 
     Args:
         rate: lambda [1/s].

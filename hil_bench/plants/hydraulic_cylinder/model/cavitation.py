@@ -103,7 +103,7 @@ def hold(
     oil: Oil,
     constants: Constants,
 ) -> Response:
-    """Return how the pressures respond in a step that at least one chamber ends at the floor.
+    """Return the pressures' response in a step that at least one chamber ends at the floor.
 
     Args:
         rise_A: from P_A at the start of the step to the floor [Pa].

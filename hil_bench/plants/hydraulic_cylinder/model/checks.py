@@ -1,4 +1,4 @@
-"""What a plant refuses: states that it cannot be in, parameters that do not go together."""
+"""Checks of a plant: impossible states, and parameters that contradict each other."""
 
 import math
 

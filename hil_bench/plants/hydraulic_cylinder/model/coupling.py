@@ -60,7 +60,7 @@ def couple(rows: Oil, lag: float, sigma: float, chambers: ChamberConstants) -> O
 
 @kernel
 def eliminate_pressures(oil: Oil, chambers: ChamberConstants) -> Response:
-    """Return how both pressures respond to the step's velocity change, with no cavity at its end.
+    """Return both pressures' response to the step's velocity change, with no cavity at its end.
 
     Args:
         oil: of the step.

@@ -15,7 +15,7 @@ TAPER = 0.2
 
 @kernel
 def cushion_resistance(distance: float, length: float, resistance: float) -> float:
-    """Return what oil that leaves a chamber has to pass in the cushion [1/m].
+    """Return the resistance of the cushion to oil that leaves a chamber [1/m].
 
     Args:
         distance: of the piston from the end of its stroke [m].

@@ -1,4 +1,4 @@
-"""Where steps are cut into parts: taken down in one run, and followed by others beside it.
+"""Cuts of steps into parts: recorded in one run, and followed by others beside it.
 
 A step that is cut in one run and whole in the next makes their difference jump: by some thousandths
 of a sensor's noise, which is nothing for a run and all for a slope. So the runs beside a run, of

@@ -1,4 +1,4 @@
-"""What is worn or broken at a plant: the parameters that it has then.
+"""Defects of a plant: wear and breakage as changed parameters.
 
 Each defect is an amount that may grow and go away while the plant runs. The equations stay those of
 the model; a defect changes the constants in them.
@@ -32,7 +32,7 @@ MOST_AIR = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Defects:
-    """What is worn or broken; 0 is sound.
+    """The amounts of all defects; 0 is sound.
 
     Attributes:
         internal_leakage: adds to C_L [m³/(s Pa)].
@@ -135,7 +135,7 @@ def wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:
 
 
 def _lighten(load: Load, share: float) -> Load:
-    """Return what is left of a load; a spring stays."""
+    """Return the load reduced to a share; a spring stays."""
     if share == 1.0:
         return load
     if isinstance(load, ConstantLoad):

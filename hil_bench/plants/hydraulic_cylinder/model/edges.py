@@ -43,7 +43,7 @@ Resistances = tuple[float, float]
 def edge_opening(
     beyond: float, largest: float, gain: float, x_0: float, saturation: float
 ) -> float:
-    """Return what an edge opens [m], with its gain, its leakage and its saturation.
+    """Return the opening of an edge [m], with its gain, its leakage and its saturation.
 
     Args:
         beyond: spool position beyond the edge's overlap [m].

@@ -1,4 +1,4 @@
-"""What the extended kernels need to know beyond the paper's constants, and their further states."""
+"""Constants of the extended kernels beyond the paper's, and their further states."""
 
 import math
 from collections.abc import Sequence

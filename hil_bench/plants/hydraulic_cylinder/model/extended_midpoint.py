@@ -70,7 +70,7 @@ def find_bending(
     constants: Constants,
     bristles: BristleConstants,
 ) -> Bending:
-    """Return how the bristles bend at the velocity that the step has in its middle.
+    """Return the bristles' bending at the velocity in the middle of the step.
 
     Args:
         drive: force on the piston without friction, at the start of the step [N].

@@ -61,7 +61,7 @@ def middle_compliance(
 
 @kernel
 def charge_supply(P_S: float, drawn: float, dt: float, supply: SupplyConstants) -> Charge:
-    """Return what the supply line makes of a step; infinite compliance for a constant P_S.
+    """Return charge and compliance of the supply line in a step; infinite for a constant P_S.
 
     A relief valve that opens during the step takes its backward Euler share, so that the pressure
     does not overshoot however small the line is.
@@ -159,7 +159,7 @@ def compress_through_edges(
     constants: Constants,
     extension: ExtendedConstants,
 ) -> tuple[Oil, Ports, Feeding]:
-    """Return what `compress_oil` does, for a valve both of whose edges at a port may pass oil.
+    """Act as `compress_oil`, for a valve both of whose edges at a port may pass oil.
 
     Args:
         cylinder: at the start of the step.

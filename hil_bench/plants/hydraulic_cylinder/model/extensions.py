@@ -1,4 +1,4 @@
-"""What may stand in place of the paper's constants: air in the oil, bristles, a real supply."""
+"""Extensions of the paper's constants: air in the oil, bristles, a real supply."""
 
 import math
 from dataclasses import dataclass
@@ -233,7 +233,7 @@ class MeteringLands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CounterbalanceValve:
-    """What holds a load in a line of the cylinder until the other line's pressure opens it.
+    """A valve in a line of the cylinder that holds a load until the other line's pressure opens it.
 
     Attributes:
         in_line_a: whether there is one between the valve and A.
@@ -271,7 +271,7 @@ class CounterbalanceValve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cushion:
-    """What brakes the piston near one end of its stroke: oil leaves through a throttle only.
+    """A cushion near one end of the stroke: oil leaves through a throttle only.
 
     Attributes:
         length: before the end, over which it works [m].

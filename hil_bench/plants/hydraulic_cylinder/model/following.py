@@ -14,7 +14,7 @@ NO_DRAG: Drag = (math.inf, 0.0, 0.0)
 
 @kernel
 def implicit_share(secant: float, tangent: float, inertia: float) -> float:
-    """Return how much a damping element adds to the inertia it works on, in one step.
+    """Return the addition of a damping element to the inertia that it works on, in one step.
 
     tangent / 2 is the midpoint rule's share, secant that of a backward Euler step on the secant.
     Between them, secant² / (8 inertia) brings the step close to the exact solution of both

@@ -247,7 +247,7 @@ class FullOrderPlant:
 
     @property
     def defects(self) -> Defects:
-        """What is worn or broken; what is written holds until it is written again."""
+        """The defects; an assigned value holds until the next one."""
         return self._defects
 
     @defects.setter

@@ -205,7 +205,7 @@ def try_step(
 def try_free_step(
     cylinder: Cylinder, spool: Spool, F_L: float, constants: Constants
 ) -> tuple[Cylinder, float]:
-    """Return what `try_step` does, with an infinite error where a cavity is or opens."""
+    """Act as `try_step`, with an infinite error where a cavity exists or opens."""
     (dt, m, _, _), _, opening, _, _, _, _, _ = constants
     z = orifice_state(0.5 * (spool[0] + spool[1]), opening)
     force, drag, rows, ports = prepare_step(cylinder, z, F_L, constants)

@@ -94,7 +94,7 @@ class _Late:
 
 @functools.cache
 def _watch_compiling() -> None:
-    """Have it said, once a process, that a kernel is compiled because no cache has it."""
+    """Announce, once a process, that a kernel is compiled because no cache has it."""
     from numba.core import event  # noqa: PLC0415 - as Numba
 
     class Announcer(event.Listener):
@@ -132,7 +132,7 @@ def _cached_by_sources(config: Any) -> Iterator[None]:  # noqa: ANN401 - Numba's
 
 @functools.cache
 def _cache_directory(given: str) -> str:
-    """Return where machine code of the plants as they are now is kept; empty where Numba chooses.
+    """Return the folder of the present plants' machine code; empty where Numba chooses.
 
     Args:
         given: NUMBA_CACHE_DIR; empty for none.

@@ -13,7 +13,7 @@ LandConstants = tuple[float, float, float, float, float]
 def meter_openings(
     z: float, opening: OpeningConstants, lands: LandConstants
 ) -> tuple[float, float]:
-    """Return what the ports A and B see of an orifice state [m], in the signs of `port_flow`.
+    """Return the openings of the ports A and B at an orifice state [m], signed as for `port_flow`.
 
     With a = |z| / alpha the flow follows a sqrt((1 + s) / (1 + s a²)): linear for s = 0, and for
     a large s soon as much as it will be. It is the law z / sqrt(1 + (z / z_s)²) with

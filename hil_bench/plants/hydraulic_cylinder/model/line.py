@@ -50,7 +50,7 @@ class Line:
 
     @property
     def compliance(self) -> float:
-        """What it takes up per pressure, V / E [m³/Pa]."""
+        """The compliance of the line, V / E [m³/Pa]."""
         return self.volume / self.bulk_modulus
 
     def wave_speed(self, density: float) -> float:

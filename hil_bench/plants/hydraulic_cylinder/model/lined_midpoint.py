@@ -203,7 +203,7 @@ def compress_between(
     constants: Constants,
     extension: ExtendedConstants,
 ) -> tuple[Oil, Ports, Feeding, Shares]:
-    """Return what `extended_oil.compress_through_edges` does, and the shares of the lines.
+    """Act as `extended_oil.compress_through_edges`, and return the shares of the lines too.
 
     Args:
         cylinder: at the start of the step.
@@ -358,7 +358,7 @@ def ports_now(row: Floats, groups: Groups) -> tuple[Port, Port]:
 
 @kernel
 def see_lined_supply(row: Floats, constants: Floats) -> tuple[float, float]:
-    """Return what `state_row.see_supply` does, of a plant with lines."""
+    """Act as `state_row.see_supply`, for a plant with lines."""
     groups = unpack(constants), unpack_extended(constants), unpack_lines(constants)
     A, B = ports_now(row, groups)
     return A[5] + B[5], filter_drop(row, groups[0], groups[1])

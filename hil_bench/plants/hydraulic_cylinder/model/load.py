@@ -1,4 +1,4 @@
-"""What acts on the piston from outside the oil: the end stops, and loads.
+"""Forces on the piston from outside the oil: the end stops, and loads.
 
 A contact is a spring and a damper that push the piston back and never pull it, so it can only take
 energy out of the motion.

@@ -23,7 +23,7 @@ WANTS_PYTHON: Final = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
 
 @dataclass(frozen=True, slots=True)
 class MachineCode:
-    """What a wheel carries.
+    """The compiled kernels of a wheel.
 
     Attributes:
         bind: returns a kernel by its name with the rows that it moves on; None: it is not used.
@@ -43,12 +43,12 @@ class MachineCode:
 
 @functools.cache
 def find_machine_code() -> MachineCode:
-    """Return what this installation carries for this process."""
+    """Return the compiled kernels of this installation for this process."""
     return MachineCode() if WANTS_PYTHON else examine(_EXTENSION, _MODEL)
 
 
 def examine(extension: str, sources: Path) -> MachineCode:
-    """Return what an extension module has, and whether that fits.
+    """Return the compiled kernels of an extension module, with the reason if they do not fit.
 
     Args:
         extension: its name.

@@ -1,4 +1,4 @@
-"""Which model stands behind a bench's cylinder."""
+"""The models of a bench's cylinder."""
 
 from enum import StrEnum
 

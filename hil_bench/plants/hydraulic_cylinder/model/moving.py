@@ -22,7 +22,7 @@ def is_machine_code() -> bool:
 
 
 def describe_kernels() -> str:
-    """Return what makes the kernels fast here, and why it is not what the wheel carries."""
+    """Return the kind of kernels in use, and why those of the wheel are not used."""
     carried = find_machine_code()
     if carried.bind is not None:
         return str(carried)
@@ -44,7 +44,7 @@ def piece_of(row: Floats, first: int, size: int) -> Floats:
 
 
 def bind_advance(advance: Advance, state: Floats, constants: Floats) -> Move:
-    """Return what moves a row of states on."""
+    """Return a function that moves a row of states on."""
     bind = find_machine_code().bind
     if bind is not None:
         return bind(advance.__name__, state, constants)
@@ -60,7 +60,7 @@ def bind_advance(advance: Advance, state: Floats, constants: Floats) -> Move:
 
 
 def bind_group(kernel: Callable[..., int], *rows: Floats) -> Callable[[int, int], int]:
-    """Return what moves a group of plants on, given their count and steps."""
+    """Return a function that moves a group of plants on, given their count and steps."""
     bind = find_machine_code().bind
     if bind is not None:
         return bind(kernel.__name__, *rows)

@@ -1,4 +1,4 @@
-"""What the paper leaves open about its model, as explicit choices."""
+"""Explicit choices for the points that the paper leaves open about its model."""
 
 import math
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class EndStop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantOptions:
-    """How the full-order model reads what the paper leaves open; the defaults are the paper's.
+    """The full-order model's choices where the paper is open; the defaults are the paper's.
 
     Attributes:
         signed_root: whether the flow of eqs. (5), (6) turns round when the pressure drop does;
@@ -187,7 +187,7 @@ class PlantOptions:
 
     @property
     def load_mass(self) -> float:
-        """What the loads add to the moving mass m [kg]."""
+        """The mass that the loads add to the moving mass m [kg]."""
         return sum(load.load_mass for load in self.loads if isinstance(load, MassOnSlope))
 
     def load_at(self, x: float, t: float = 0.0) -> float:

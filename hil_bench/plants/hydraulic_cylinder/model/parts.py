@@ -67,7 +67,7 @@ def largest_part(done: int, size: int) -> int:
 
 @kernel
 def flow_error(rises: tuple[float, float], ports: Ports, constants: Constants) -> float:
-    """Return what the velocity is off by, because the pressure drops change so much [m/s].
+    """Return the velocity error from the change of the pressure drops over a step [m/s].
 
     The mean of a square root over a step misses (change / drop)² / 24 of the flow; where the drop
     turns round, some of secant times change.
@@ -87,7 +87,7 @@ def flow_error(rises: tuple[float, float], ports: Ports, constants: Constants) -
 
 @kernel
 def edge_error(spool: tuple[float, float], z: float, constants: Constants) -> float:
-    """Return what the velocity is off by, because the spool crosses an edge of eq. (2) [m/s].
+    """Return the velocity error from the spool's crossing of an edge of eq. (2) [m/s].
 
     Args:
         spool: spool position at the start and at the end of the step [m].
@@ -107,7 +107,7 @@ def oil_error(
     z: float,
     constants: Constants,
 ) -> float:
-    """Return what the velocity is off by, because of the oil [m/s].
+    """Return the velocity error from the oil: pressure drops and edges [m/s].
 
     Args:
         rises: of P_A and P_B over the step [Pa].

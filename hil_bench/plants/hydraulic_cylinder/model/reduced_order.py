@@ -292,7 +292,7 @@ def check_reduced_rest(parameters: PlantParameters, options: PlantOptions, x: fl
 
 
 def _motion(state: PlantState) -> Motion:
-    """Return what the kernels move on."""
+    """Return the part of the state that the kernels move on."""
     return state.x, state.v, state.P_A - state.P_B, state.V_CB - state.V_CA
 
 

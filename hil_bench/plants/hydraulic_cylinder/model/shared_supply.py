@@ -66,7 +66,7 @@ _CLOSE = 10.0  # [Pa], a step of Newton's method after which it is off by 1e-5 P
 
 
 class Mover(Protocol):
-    """What moves a plant on."""
+    """A plant, or a part of one, that can be moved on."""
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on by `steps` steps under a constant command [SI]."""
@@ -213,7 +213,7 @@ class SharedSupply:
 
     @property
     def energy(self) -> float:
-        """What line and accumulator hold beyond that at 0 Pa and the precharge [J]."""
+        """The energy of line and accumulator beyond that at 0 Pa and the precharge [J]."""
         line, _, _, _, volume, precharge, n = self._constants
         held, p = 0.5 * line * self.pressure**2, self.pressure + ATMOSPHERE
         if not volume or p <= precharge:
@@ -281,7 +281,7 @@ def share_unit(unit: SupplyUnit, share: float, modulus: float, E: float) -> Supp
 
 
 def full_draw(parameters: PlantParameters, options: PlantOptions, pressure: float) -> float:
-    """Return what the wide open valve of a plant draws without a load [m³/s].
+    """Return the flow through a plant's wide open valve without a load [m³/s].
 
     Args:
         parameters: of the plant.

@@ -45,7 +45,7 @@ _REACH = np.linspace(0.0, 3.0, 301)[1:]
 
 
 class _Motion(NamedTuple):
-    """What holds the piston: slope of force over velocity [N s/m] and over position [N/m]."""
+    """The slope of the piston's force over velocity [N s/m] and over position [N/m]."""
 
     slope: float
     stiffness: float
@@ -192,7 +192,7 @@ def _root_slope(drop: float, transition: float) -> float:
 
 
 def _motions(parameters: PlantParameters, options: PlantOptions, *, is_end: bool) -> list[_Motion]:
-    """Return what holds the piston when it slides and when it stands, free and in contact."""
+    """Return the force slopes of a sliding and a standing piston, free and in contact."""
     spring = math.fsum(
         load.spring_stiffness for load in options.loads if isinstance(load, SpringLoad)
     )

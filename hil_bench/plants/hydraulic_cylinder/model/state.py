@@ -1,4 +1,4 @@
-"""What enters the plant, what it remembers and what it shows."""
+"""Inputs, states and outputs of the plant."""
 
 from typing import NamedTuple
 

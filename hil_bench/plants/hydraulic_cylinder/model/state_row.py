@@ -41,7 +41,7 @@ NO_VALVES: Shares = (0.0, 0.0)
 
 @kernel
 def show(states: PlainStates, opening: OpeningConstants, orifice: OrificeConstants) -> Seen:
-    """Return what is seen of a plant in these states."""
+    """Return the outputs of a plant in these states."""
     x, v, P_A, P_B, nu, _, _, _ = states
     z = orifice_state(nu, opening)
     return x, v, P_A, P_B, nu, z, port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
@@ -159,7 +159,7 @@ def filter_drop(row: Floats, constants: Constants, extension: ExtendedConstants)
 
 @kernel
 def see_supply(row: Floats, constants: Floats) -> tuple[float, float]:
-    """Return what a plant draws from its supply unit now [m³/s], and the filter's drop [Pa].
+    """Return a plant's flow from its supply unit now [m³/s], and the filter's drop [Pa].
 
     Args:
         row: states of a plant with extensions, without lines.

@@ -1,4 +1,4 @@
-"""What both models of the plant share: their solvers, and what a step takes and refuses."""
+"""Common parts of both models of the plant: solvers, step sizes and their checks."""
 
 import math
 from enum import StrEnum
@@ -142,21 +142,21 @@ def check_step(dt: float, limit: float, options: PlantOptions, solver: Solver) -
 
 
 def shortcoming(solver: Solver) -> str:
-    """Return what a solver does at a step above the largest one that it can take."""
+    """Describe the behaviour of a solver above its largest step."""
     if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
         return "cannot follow the piston's swing on the oil"
     return "is unstable"
 
 
 def divergence(dt: float, solver: Solver) -> ParameterError:
-    """Return what to raise when a step has left the finite numbers."""
+    """Return the error for a step that has left the finite numbers."""
     return ParameterError(
         f"dt = {dt:g} s: {solver.value} has diverged with these parameters; it needs a shorter step"
     )
 
 
 def _remedy(limit: float) -> str:
-    """Return what is right in place of a step above `limit` [s]."""
+    """Return the remedy for a step above `limit` [s]."""
     if limit == 0.0:
         return f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}, for no step is short enough,"
     digit = 10.0 ** (math.floor(math.log10(limit)) - 2)

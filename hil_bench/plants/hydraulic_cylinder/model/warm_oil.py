@@ -1,4 +1,4 @@
-"""What the temperature of the oil changes at a plant: the constants of its equations."""
+"""The influence of the oil's temperature on the constants of a plant's equations."""
 
 from dataclasses import replace
 from typing import Final, NamedTuple

@@ -188,7 +188,7 @@ def valve_end(
     dt: float,
     orifice: OrificeConstants,
 ) -> ValveEnd:
-    """Return what happens at the valve's end of a line over a step.
+    """Return the state at the valve's end of a line over a step.
 
     At the floor a cavity takes what the line draws and the valve does not give; it closes before
     the pressure rises again (the discrete vapour cavity of E. B. Wylie and V. L. Streeter, Fluid

@@ -1,14 +1,14 @@
-"""What the pack says of the tool itself: known defects, notes on classification."""
+"""The pack's texts about the tool itself: known defects, notes on classification."""
 
 import tomllib
 from importlib.resources import files
 from typing import Any
 
-_PACKAGE = "hil_bench.abilities.conformance.evidence"
+_PACKAGE = "hil_bench.abilities.evidence"
 
 
 def known_defects() -> list[dict[str, str]]:
-    """Return what is known to be wrong or missing: id, subject, text, consequence."""
+    """List the known defects: id, subject, text, consequence."""
     defects: list[dict[str, str]] = _load("known_defects.toml")["defect"]
     return defects
 

@@ -20,7 +20,7 @@ _UNCONFIGURED = 255
 
 
 class Examination(NamedTuple):
-    """What came of the suite on one device.
+    """The result of the suite on one device.
 
     Attributes:
         content: for a program.
@@ -32,7 +32,7 @@ class Examination(NamedTuple):
 
 
 def examine_devices(config: BenchConfig) -> list[Examination]:
-    """Return what the suite found, a device after the other, each on a bench of its own.
+    """Run the suite on each device, each on a bench of its own, and return the results.
 
     The faults of the bench are left out: a broken device breaks clauses. Where a device keeps its
     parameters in a file, so are the checks that would overwrite them.

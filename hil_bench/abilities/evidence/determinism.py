@@ -20,7 +20,7 @@ _SETPOINTS = ((10, 0), (50, 0x2000), (60, 0), (100, -0x2000))
 
 
 class Trace(NamedTuple):
-    """What is left of a run.
+    """The trace of a run.
 
     Attributes:
         digest: SHA-256 of all frames with their times and of all signals.

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.conformance.evidence.content import WORST_FIRST
-from hil_bench.abilities.conformance.evidence.versions import sha256_of
+from hil_bench.abilities.evidence.content import WORST_FIRST
+from hil_bench.abilities.evidence.versions import sha256_of
 from hil_bench.errors import ConfigError, about_file
 
 MOST_BYTES = 64_000_000

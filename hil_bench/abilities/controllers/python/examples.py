@@ -1,4 +1,4 @@
-"""The example controllers of scenarios: on the drivers alone, in the thread of the bench.
+"""The example controllers of the package: on the drivers alone.
 
 Each is a generator that lets bench time pass, and yields after each of its cycles.
 """
@@ -9,11 +9,11 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from hil_bench.abilities.controllers.python.controller import Rig
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.bench.members import find_members
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import (
     ControllerParameters,
     DriverError,
@@ -38,7 +38,7 @@ _LAW = ControllerParameters()
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """What the parameters of a scenario say to its controller, each by its own name.
+    """The settings of a scenario's controller, each by its own name.
 
     Attributes:
         target_mm: where the piston is to go [m].
@@ -64,7 +64,7 @@ class ControllerSettings:
 
 
 def settings_of(parameters: Mapping[str, float]) -> ControllerSettings:
-    """Return what the parameters [SI] that a controller knows say; it leaves out all others.
+    """Return the settings in the parameters [SI]; parameters of no controller are left out.
 
     Raises:
         ConfigError: no valve has such a full speed or dead zone.
@@ -92,7 +92,7 @@ class Devices(NamedTuple):
     pressures: tuple[PressureSensor, PressureSensor]
 
 
-def position_control(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]:
+def position_control(rig: Rig, settings: ControllerSettings) -> Generator[None]:
     """Bring the piston of the first axis to the target, and hold it there.
 
     Yields:
@@ -102,8 +102,8 @@ def position_control(bench: VirtualBench, settings: ControllerSettings) -> Gener
         DriverError: a device has failed, or is not there.
     """
     with ExitStack() as stack:
-        network = stack.enter_context(_network(bench))
-        devices = _set_up(network, bench.config, settings, stack)
+        network = stack.enter_context(rig.network())
+        devices = _set_up(network, rig.config, settings, stack)
         law = PositionController(
             ControllerParameters(
                 position_gain=settings.position_gain,
@@ -131,15 +131,15 @@ def position_control(bench: VirtualBench, settings: ControllerSettings) -> Gener
             network.pump(_PAUSE)
 
 
-def manual(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]:
+def manual(rig: Rig, settings: ControllerSettings) -> Generator[None]:
     """Set the devices of the first axis up, enable its valve, and leave set-points to the steps.
 
     Yields:
         After each cycle.
     """
     with ExitStack() as stack:
-        network = stack.enter_context(_network(bench))
-        devices = _set_up(network, bench.config, settings, stack, command_timeout=0.0)
+        network = stack.enter_context(rig.network())
+        devices = _set_up(network, rig.config, settings, stack, command_timeout=0.0)
         devices.valve.enable()
         due = network.now()
         while True:
@@ -149,18 +149,12 @@ def manual(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]
             yield
 
 
-Example = Callable[[VirtualBench, ControllerSettings], Generator[None]]
+Example = Callable[[Rig, ControllerSettings], Generator[None]]
 
 CONTROLLERS: Final[Mapping[str, Example]] = MappingProxyType(
     {"position_control": position_control, "manual": manual}
 )
 """Each example by its name."""
-
-
-def _network(bench: VirtualBench) -> Network:
-    network = Network(bench.bus, clock=bench.now)
-    bench.pump = network.pump
-    return network
 
 
 def _move(loop: PositionLoop, devices: Devices, settings: ControllerSettings) -> Generator[None]:

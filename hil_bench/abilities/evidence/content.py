@@ -1,4 +1,4 @@
-"""What a pack says, as JSON has it; the page shows the same."""
+"""The content of a pack in a form for JSON; the page shows the same."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

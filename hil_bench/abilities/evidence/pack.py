@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hil_bench.abilities.conformance.evidence.versions import sha256_of
+from hil_bench.abilities.evidence.versions import sha256_of
 from hil_bench.errors import ConfigError, about_file
 
 MANIFEST = "manifest.json"
@@ -86,7 +86,7 @@ def _manifest(files: Mapping[str, bytes]) -> bytes:
 
 
 def verify_pack(folder: Path, digest: str | None = None) -> list[str]:
-    """Return what differs from the manifest, a line a file; none where all is as it was written.
+    """List the differences from the manifest, a line a file; empty without any.
 
     Only files that the folder holds are opened, whatever the manifest names.
 

@@ -1,4 +1,4 @@
-"""Which software made a pack: versions, and digests of what could change a result."""
+"""The software that made a pack: versions, and digests of all that could change a result."""
 
 import hashlib
 import importlib.metadata

@@ -1,0 +1,284 @@
+"""Controllers on the buses of a session: what each hears, and when what it sends acts."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from hil_bench.abilities.controllers.power import ONLY, Power
+from hil_bench.abilities.controllers.seam import (
+    Controller,
+    ControllerEnd,
+    ControllerKind,
+    Surroundings,
+    TimedFrame,
+)
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.session.session import Session
+
+_TIME = attrgetter("time")
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerConfig:
+    """A controller of a bench.
+
+    Attributes:
+        name: of the controller.
+        kind: of controller.
+        settings: the values of its table by key, in SI.
+        buses: the names of its buses.
+        files: that its settings name.
+        place: how messages name its table.
+        folder: from which relative paths count.
+    """
+
+    name: str
+    kind: ControllerKind
+    settings: Mapping[str, Any]
+    buses: tuple[str, ...]
+    files: tuple[Path, ...]
+    place: str = field(compare=False)
+    folder: Path = field(compare=False)
+
+
+class Desk:
+    """The place of one controller: its buses, what waits for it there, and itself.
+
+    Args:
+        config: of the controller.
+        session: of the bench.
+        bench: configuration of the bench.
+        scratch: an empty folder.
+        values: the parameters of a scenario, in their own units.
+
+    Attributes:
+        name: of the controller.
+        place: how messages begin; empty for the only controller of a scenario.
+        is_due: whether it starts with the next tick.
+        ending: how it came to its end by itself; empty where it did not.
+    """
+
+    def __init__(
+        self,
+        config: ControllerConfig,
+        session: Session,
+        bench: BenchConfig,
+        scratch: Path,
+        values: Mapping[str, float],
+    ) -> None:
+        self.name = config.name
+        self.place = "" if config.name == ONLY else f"controller {config.name}: "
+        self.is_due = True
+        self.ending = ""
+        self._config, self._session, self._scratch = config, session, scratch
+        self._numbers = [list(bench.buses).index(name) for name in config.buses]
+        self._places = {number: place for place, number in enumerate(self._numbers)}
+        self._inbox: list[TimedFrame] = []
+        self._own: list[Frame] = []
+        self._starts = 0
+        self._controller: Controller | None = None
+        self._surroundings = Surroundings(
+            config.name,
+            config.place,
+            config.folder,
+            scratch,
+            config.buses,
+            bench,
+            values,
+            bench.tick_ns,
+            self._serve,
+        )
+        session.watch(frames=self._hear)
+
+    @property
+    def is_running(self) -> bool:
+        """Return True if it is switched on and has not come to its end."""
+        return self._controller is not None
+
+    @property
+    def has_begun(self) -> bool:
+        """Return True unless it runs and has not begun its work yet."""
+        return self._controller is None or self._controller.has_begun
+
+    def live(self, until: int) -> Sequence[TimedFrame]:
+        """Let the controller live until a moment; return what it has sent, in order of time.
+
+        Raises:
+            ControllerError: it has failed, or cannot be started.
+        """
+        if self.is_due:
+            self._start()
+        received, self._inbox = self._inbox, []
+        if self._session.bench.wiring is None:
+            self._own.clear()  # on copper they are heard when they have passed
+        if self._controller is None:
+            return ()
+        try:
+            sent = self._controller.advance(until, received)
+        except ControllerEnd as end:
+            sent, self.ending = end.sent, str(end)
+            self.switch_off()
+        except ControllerError as error:
+            raise ControllerError(f"{self.place}{error}") from error
+        if not sent:
+            return ()
+        outside = [TimedFrame(time, self._to_bench(frame)) for time, frame in sent]
+        self._own += [frame for _, frame in outside]
+        return sorted(outside, key=_TIME)
+
+    def switch_off(self, *, at_once: bool = False) -> None:
+        """End the controller; a second call does nothing.
+
+        Args:
+            at_once: as a loss of power does.
+        """
+        controller, self._controller = self._controller, None
+        self.is_due = False
+        if controller is not None:
+            if at_once:
+                controller.reset()
+            controller.close()
+
+    def tail(self) -> str:
+        """The end of what it has printed."""
+        return self._controller.tail() if self._controller is not None else ""
+
+    def _start(self) -> None:
+        """Build the controller, in a new folder."""
+        self.is_due = False
+        self.ending = ""
+        self._starts += 1
+        scratch = self._scratch / str(self._starts)
+        scratch.mkdir(parents=True)
+        if self._starts > 1:
+            self._inbox.clear()  # of the time without power; at first it came with the boot-up
+        surroundings = self._surroundings._replace(scratch=scratch)
+        self._controller = self._config.kind.build(self._config.settings, surroundings)
+
+    def _serve(self, frames: Sequence[Frame]) -> Sequence[TimedFrame]:
+        """Have the bench answer frames while its time stands still; return what has come since."""
+        own = [self._to_bench(frame) for frame in frames]
+        self._own += own
+        self._session.serve(own)
+        received, self._inbox = self._inbox, []
+        return received
+
+    def _hear(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        """Keep what passes on its buses, but for its own frames."""
+        own, places, inbox = self._own, self._places, self._inbox
+        for frame in received:
+            if own and frame in own:
+                own.remove(frame)
+            elif frame.bus in places:
+                inbox.append(TimedFrame(now, self._to_own(frame)))
+        for frame in sent:
+            if frame.bus in places:
+                inbox.append(TimedFrame(now, self._to_own(frame)))
+
+    def _to_own(self, frame: Frame) -> Frame:
+        place = self._places[frame.bus]
+        return frame if place == frame.bus else frame._replace(bus=place)
+
+    def _to_bench(self, frame: Frame) -> Frame:
+        """Return a frame with the number of its bus on the bench.
+
+        Raises:
+            ControllerError: the controller has no such bus.
+        """
+        if not 0 <= frame.bus < len(self._numbers):
+            wrong = f"the controller sent on its bus {frame.bus}, but has {len(self._numbers)}"
+            raise ControllerError(f"{self.place}{wrong}")
+        number = self._numbers[frame.bus]
+        return frame if number == frame.bus else frame._replace(bus=number)
+
+
+class Desks:
+    """All controllers of a session, in the order of their names.
+
+    Args:
+        configs: of the controllers.
+        session: of the bench, before its first tick.
+        bench: configuration of the bench.
+        scratch: an empty folder, which stays the caller's.
+        values: the parameters of a scenario, in their own units.
+
+    Attributes:
+        desks: of each controller.
+
+    Raises:
+        ConfigError: the buses are of copper, and a kind's SYNC is its clock.
+    """
+
+    def __init__(
+        self,
+        configs: Sequence[ControllerConfig],
+        session: Session,
+        bench: BenchConfig,
+        scratch: Path,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        self.desks = [
+            Desk(config, session, bench, scratch / config.name, values or {})
+            for config in sorted(configs, key=attrgetter("name"))
+        ]
+        if session.bench.wiring is not None and any(each.kind.is_clock for each in configs):
+            raise ConfigError(
+                "[bus.wire]: a controller whose SYNC is its clock gives frames no time to pass; "
+                "leave the table out, or give a controller of another kind"
+            )
+        session.sources.append(self._live)
+        for desk in self.desks:
+            session.switches[desk.name] = partial(self.switch, desk)
+
+    @property
+    def ending(self) -> str:
+        """The words on controllers that have come to their end by themselves; empty for none."""
+        ended = [desk for desk in self.desks if desk.ending]
+        return "; ".join(f"{desk.place}the controller ended: {desk.ending}" for desk in ended)
+
+    @property
+    def have_begun(self) -> bool:
+        """Return True unless one runs that has not begun its work yet."""
+        return all(desk.has_begun for desk in self.desks)
+
+    def switch(self, desk: Desk, position: str) -> None:
+        """Turn a controller on or off; where it is so already, nothing changes.
+
+        Args:
+            desk: of the controller.
+            position: of the switch, a `Power`.
+        """
+        power = Power(position)
+        if power is not Power.START:
+            desk.switch_off(at_once=True)
+        if power is not Power.KILL and not desk.is_running:
+            desk.is_due = True
+
+    def leave_off(self) -> None:
+        """Leave all off until they are started."""
+        for desk in self.desks:
+            desk.is_due = False
+
+    def report(self) -> str:
+        """The end of what each controller has printed."""
+        tails = ((desk.name, desk.tail()) for desk in self.desks)
+        return "\n".join(f"{name}:\n{tail}" for name, tail in tails if tail)
+
+    def close(self) -> None:
+        """End all controllers; a second call does nothing."""
+        for desk in reversed(self.desks):
+            desk.switch_off()
+
+    def _live(self, now: int) -> Sequence[Frame]:
+        """Let all live until a tick; return what they have sent, by time and name."""
+        if not now:
+            return ()
+        sent = [each for desk in self.desks for each in desk.live(now)]
+        if len(self.desks) > 1:
+            sent.sort(key=_TIME)
+        return [frame for _, frame in sent]

@@ -1,0 +1,1 @@
+"""A program in another process whose SYNC is its clock, over the bench's own hub."""

@@ -1,0 +1,138 @@
+"""A program on the bench's hub: it lives from SYNC to SYNC, and the bench waits for the next."""
+
+import signal
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ControllerError
+from hil_bench.outside.transports.hosted_bus import HostedBus
+from hil_bench.session.joined import Silence
+from hil_bench.session.lockstep import FRAMES_AT_ONCE, PATIENCE, SYNC_COB_ID
+from hil_bench.session.program import Program, environment
+
+GRACE = 10.0
+"""Time that a program has to end after SIGTERM, before it is killed [s]."""
+
+
+class ProcessController:
+    """A running program, and the hub that it is on.
+
+    Args:
+        command: its words; ``{bus}`` stands for the hub's address.
+        surroundings: where it lives.
+
+    Raises:
+        ControllerError: it cannot be started.
+    """
+
+    has_begun = True  # nobody knows what it does
+
+    def __init__(self, command: Sequence[str], surroundings: Surroundings) -> None:
+        self._command, self._surroundings = command, surroundings
+        channels = [f"can{number}" for number in range(len(surroundings.buses))]
+        self._bus = HostedBus(channels=channels)
+        self._arrived: deque[Frame] = deque()
+        self._silence = Silence()
+        self._period = surroundings.config.ticks_per_sync * surroundings.tick_ns
+        self._due = 0
+        self._starts = 0
+        self._program: Program | None = None
+        try:
+            self._start()
+        except BaseException:
+            self._bus.close()
+            raise
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Let the program live until its next SYNC, where one is due.
+
+        Raises:
+            ControllerEnd: the program has ended, with exit code 0.
+            ControllerError: it has ended with another one, or sends no SYNC.
+        """
+        program = self._program or self._start()
+        self._bus.send([frame for _, frame in received])
+        if until < self._due:
+            return ()
+        while True:
+            self._silence.begin()
+            frame = self._next()
+            is_sync = frame is not None and _is_sync(frame)
+            if frame is None and not program.is_running and not self._next_of_the_dead():
+                if program.process.returncode:
+                    raise ControllerError(program.epitaph())
+                raise ControllerEnd
+            self._silence.end(has_come=frame is not None, has_synced=is_sync)
+            if frame is None:
+                continue
+            if is_sync:
+                self._due = until + self._period
+                return (TimedFrame(until, frame),)
+            self._serve(frame)
+
+    def reset(self) -> None:
+        """Kill the program; it starts anew at the next `advance`."""
+        if self._program is not None:
+            self._program.process.kill()
+            self._program.process.wait()
+            self._program = None
+        self._arrived.clear()
+        self._bus.receive(1 << 20)
+
+    def tail(self) -> str:
+        """The end of what the program has printed."""
+        return self._program.tail() if self._program is not None else ""
+
+    def close(self) -> None:
+        """End the program by SIGTERM, answer it meanwhile, and close the hub."""
+        program, self._program = self._program, None
+        if program is not None and program.is_running:
+            program.process.send_signal(signal.SIGTERM)
+            self._serve_the_leaving(program)
+            program.process.kill()
+            program.process.wait()
+        self._bus.close()
+
+    def _start(self) -> Program:
+        self._starts += 1
+        directory = self._surroundings.scratch / f"program{self._starts}"
+        directory.mkdir()
+        address = f"{self._bus.host}:{self._bus.port}"
+        words = [self._surroundings.filled(word) for word in self._command]
+        words = [word.replace("{bus}", address) for word in words]
+        self._program = Program(words, directory, environment(address))
+        return self._program
+
+    def _next(self) -> Frame | None:
+        """The next frame from the program; None where none came within `PATIENCE`."""
+        if not self._arrived:
+            if not self._bus.wait(PATIENCE):
+                self._bus.send(())  # what the bus did not take before: it may be waited for
+                return None
+            self._arrived.extend(self._bus.receive(FRAMES_AT_ONCE))
+        return self._arrived.popleft() if self._arrived else None
+
+    def _next_of_the_dead(self) -> bool:
+        """Take what the program had sent before its end; return whether there is anything."""
+        self._arrived.extend(self._bus.receive(FRAMES_AT_ONCE))
+        return bool(self._arrived)
+
+    def _serve(self, frame: Frame) -> None:
+        """Have the bench answer a frame while its time stands still."""
+        self._bus.send([frame for _, frame in self._surroundings.serve((frame,))])
+
+    def _serve_the_leaving(self, program: Program) -> None:
+        """Answer a program until it has ended, at most `GRACE` of the machine's time."""
+        deadline = time.monotonic() + GRACE
+        while program.is_running and time.monotonic() < deadline:
+            frame = self._next()
+            if frame is not None:
+                self._serve(frame)
+
+
+def _is_sync(frame: Frame) -> bool:
+    can_id, _, is_remote, is_extended, bus = frame
+    return can_id == SYNC_COB_ID and not is_remote and not is_extended and not bus

@@ -1,0 +1,33 @@
+"""The kind `process`: a program that joins the bench's hub and whose SYNC is its clock."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
+from hil_bench.config.settings import Key
+from hil_bench.config.values import texts
+
+
+class ProcessKind(ControllerKind):
+    """A command line, started beside the bench."""
+
+    name = "process"
+    summary = "a program on the bench's hub, which sends SYNC"
+    keys = (Key("command", texts, example='["build/position_control", "--bus", "{bus}"]'),)
+    is_clock = True
+
+    def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:
+        """Return nothing: a program may be built between the check and the run."""
+        return ()
+
+    def build(self, settings: Mapping[str, Any], surroundings: Surroundings) -> Controller:
+        """Start the program."""
+        from hil_bench.abilities.controllers.process.controller import (  # noqa: PLC0415 - seldom
+            ProcessController,
+        )
+
+        return ProcessController(settings["command"], surroundings)
+
+
+KIND = ProcessKind()

@@ -1,0 +1,196 @@
+"""A Python controller that waits in its drivers while the bench goes on.
+
+It runs on a stack of its own (greenlet). Where it waits on a bus for the next tick, the stack is
+left, and entered again when the bench asks the controller to live on.
+"""
+
+import contextlib
+import inspect
+import traceback
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import can
+from greenlet import greenlet
+
+from hil_bench.abilities.controllers.seam import (
+    Controller,
+    ControllerEnd,
+    Surroundings,
+    TimedFrame,
+)
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ControllerError
+from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
+from hil_drivers import DriverError, Network
+
+if TYPE_CHECKING:
+    from hil_bench.bench.configuration import BenchConfig
+
+
+class Rig:
+    """The rig that a Python controller is given.
+
+    Args:
+        bus: its first bus; bench time passes while it waits there.
+        surroundings: where it lives.
+
+    Attributes:
+        bus: as passed in, a python-can bus.
+        buses: all its buses, by their names in the configuration.
+        config: of the bench.
+        parameters: of the scenario by name, in their own units.
+    """
+
+    def __init__(self, bus: EmbeddedBus, surroundings: Surroundings) -> None:
+        self.bus = bus
+        self.buses: Mapping[str, EmbeddedPort] = {
+            name: bus.make_further() if number else bus
+            for number, name in enumerate(surroundings.buses)
+        }
+        self.config: BenchConfig = surroundings.config
+        self.parameters: Mapping[str, float] = surroundings.values
+
+    def now(self) -> float:
+        """Return the bench time [s]."""
+        return self.bus.now()
+
+    def sleep(self, duration: float) -> None:
+        """Let bench time pass [s]; what arrives meanwhile waits on the buses."""
+        self.bus.advance(duration)
+
+    def network(self, bus: str = "") -> Network:
+        """Return a network for drivers.
+
+        Args:
+            bus: the name of its bus; empty for the first.
+        """
+        return Network(self.buses[bus] if bus else self.bus, clock=self.now)
+
+
+class PythonController:
+    """A callable on a stack of its own.
+
+    Args:
+        call: given the rig, it works until it returns; or it returns a generator, which is worked
+            off and has begun its work with the first ``yield``, or an object with ``advance``.
+        surroundings: where it lives.
+
+    Attributes:
+        has_begun: whether it has begun its work, which nobody knows of what is no generator.
+    """
+
+    def __init__(self, call: Callable[[Rig], object], surroundings: Surroundings) -> None:
+        self._call, self._surroundings = call, surroundings
+        self._stack: greenlet | None = None
+        self._bench: greenlet | None = None
+        self._made: Controller | None = None
+        self._rig: Rig | None = None
+        self.has_begun = True
+        self._is_cyclic = self._is_closing = False
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Let it run until it waits for a time behind `until`.
+
+        Raises:
+            ControllerEnd: it has returned, or a device has ended it in its work.
+            ControllerError: it has failed; where.
+        """
+        if self._made is None:
+            timed = [TimedFrame(until, frame) for frame in self._run(until, received)]
+            if self._stack is not None:
+                return timed
+            if self._made is None:
+                raise ControllerEnd("it has returned", timed)
+        try:
+            return self._made.advance(until, received)
+        except (ControllerEnd, ControllerError):
+            raise
+        except Exception as error:
+            raise ControllerError(_place(error, self._call)) from error
+
+    def reset(self) -> None:
+        """Forget it; it is called again at the next `advance`."""
+        self.close()
+        self.has_begun = True
+        self._is_cyclic = self._is_closing = False
+        self._stack = self._made = None
+
+    def tail(self) -> str:
+        """Return nothing: what it prints goes to the output of the bench."""
+        return ""
+
+    def close(self) -> None:
+        """End it where it waits; its own cleaning up can wait no longer."""
+        self._is_closing = True
+        if self._made is not None:
+            self._made.close()
+        if self._stack is not None and not self._stack.dead:
+            with contextlib.suppress(Exception):
+                self._stack.throw()
+        for bus in self._rig.buses.values() if self._rig is not None else ():
+            bus.shutdown()
+
+    def _run(self, until: int, received: Sequence[TimedFrame]) -> Sequence[Frame]:
+        """Enter the stack until it is left; forget it where it has come to its end."""
+        self._bench = greenlet.getcurrent()
+        try:
+            if self._stack is None:
+                self._stack = greenlet(self._live)
+                sent: Sequence[Frame] = self._stack.switch(self._make_rig(until, received))
+            else:
+                sent = self._stack.switch([frame for _, frame in received])
+        except Exception as error:
+            raise self._ending(error, until) from error
+        if self._stack.dead:
+            self._stack = None
+        return sent
+
+    def _ending(self, error: Exception, until: int) -> Exception:
+        """Return the end of the controller by an exception, as the bench knows ends."""
+        if not self.has_begun and isinstance(error, (DriverError, ValueError)):
+            return ControllerError(f"the controller could not work: {error}")
+        if self._is_cyclic and isinstance(error, DriverError):
+            sent = [] if self._rig is None else self._rig.bus.take_sent()
+            return ControllerEnd(str(error), [TimedFrame(until, frame) for frame in sent])
+        return ControllerError(_place(error, self._call))
+
+    def _make_rig(self, until: int, received: Sequence[TimedFrame]) -> Rig:
+        """Make its rig, with what came while it started."""
+        tick_ns = self._surroundings.tick_ns
+        bus = EmbeddedBus(self._exchange, tick_ns, start_ns=until - tick_ns)
+        rig = Rig(bus, self._surroundings)
+        bus.hear([frame for _, frame in received])
+        self._rig = rig
+        return rig
+
+    def _live(self, rig: Rig) -> Sequence[Frame]:
+        made: Any = self._call(rig)
+        if isinstance(made, Generator):
+            self._is_cyclic, self.has_begun = True, False
+            with contextlib.closing(made):
+                for _ in made:
+                    self.has_begun = True
+        elif hasattr(made, "advance"):
+            self._made = made
+        return rig.bus.take_sent()
+
+    def _exchange(self, frames: Sequence[Frame], _now: int) -> Sequence[Frame]:
+        """Leave the stack until the bench has ticked; return what came then.
+
+        Raises:
+            can.CanOperationError: the run is over.
+        """
+        if self._is_closing or self._bench is None:
+            raise can.CanOperationError("the run is over")
+        received: Sequence[Frame] = self._bench.switch(frames)
+        return received
+
+
+def _place(error: Exception, call: Callable[[Rig], object]) -> str:
+    """Return the exception in words, with the line of the user's file."""
+    file = inspect.getsourcefile(inspect.unwrap(call)) if inspect.isroutine(call) else None
+    trace = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in trace if frame.filename == file] or trace
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{own[-1].filename}:{own[-1].lineno}: {what}"

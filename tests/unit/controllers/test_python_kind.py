@@ -1,0 +1,133 @@
+"""Controllers in Python: a function that waits, a generator, an object, and what goes wrong."""
+
+import pytest
+
+from hil_bench.abilities.controllers.python.kind import find_call
+from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.session.virtual_bench import VirtualBench
+
+FILE = """
+import can
+
+def message(number):
+    return can.Message(arbitration_id=number, data=[], is_extended_id=False)
+
+def blinks(rig):
+    for number in range(3):
+        rig.bus.send(message(0x100 + number))
+        rig.sleep(0.01)
+    rig.bus.send(message(0x1FF))
+
+def boots(rig):
+    seen = {rig.bus.recv(0.01).arbitration_id for _ in range(4)}
+    rig.bus.send(message(0x100 + len(seen)))
+    rig.sleep(1)
+
+class Echo:
+    has_begun = True
+
+    def __init__(self, rig):
+        self.now = rig.now()
+
+    def advance(self, until, received):
+        if until == 5_000_000:
+            raise OSError("no memory")
+        return ()
+
+    def reset(self): pass
+    def tail(self): return ""
+    def close(self): pass
+
+def fails(rig):
+    rig.sleep(0.25)
+    raise RuntimeError("gone\\nwrong")
+
+def unheard(rig):
+    rig.bus.recv(None)
+
+number = 5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "mine.py").write_text(FILE)
+    return tmp_path
+
+
+def make_bench(folder, call, **more):
+    table = {"kind": "python", "call": call, "folder": str(folder), **more}
+    return VirtualBench(load_config(tables={"controllers": {"mine": table}}))
+
+
+def identifiers(bench):
+    """Return when each frame acted [ms], and its identifier; without the boot-ups."""
+    return [(f.now // 1_000_000, f.frame.can_id) for f in bench.frames if f.frame.can_id < 0x700]
+
+
+def test_a_function_waits_on_its_bus_while_the_bench_goes_on(folder):
+    with make_bench(folder, "mine.py:blinks") as bench:
+        bench.run(0.1)
+        # Sent at 0, 10, 20 and 30 ms; each acts in the tick behind.
+        assert identifiers(bench) == [(1, 0x100), (11, 0x101), (21, 0x102), (31, 0x1FF)]
+
+
+def test_a_controller_hears_the_boot_up_of_the_nodes_that_got_power_with_it(folder):
+    with make_bench(folder, "mine.py:boots") as bench:
+        bench.run(0.01)
+        assert [number for _, number in identifiers(bench)] == [0x104]
+
+
+def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
+    with make_bench(folder, "mine.py:blinks") as bench:
+        heard = []
+        while (message := bench.bus.recv(0.05)) is not None:
+            heard.append(message.arbitration_id)
+        assert {0x100, 0x101, 0x102, 0x1FF} <= set(heard)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ("fails", "RuntimeError: gone wrong"),
+        ("Echo", "OSError: no memory"),
+    ],
+)
+def test_an_exception_is_a_line_with_its_place(folder, call, words):
+    raised = words.replace(": ", '("').split()[0]
+    line = next(n for n, text in enumerate(FILE.splitlines(), 1) if f"raise {raised}" in text)
+    with (
+        make_bench(folder, f"mine.py:{call}") as bench,
+        pytest.raises(ControllerError) as error,
+    ):
+        bench.run(1.0)
+    assert str(error.value).endswith(f"mine.py:{line}: {words}")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ("mine.py", 'write it as "axis.py:control"'),
+        ("mine.py:nobody", "mine.py: nobody is not there; give a function or a class"),
+        ("mine.py:number", "mine.py: number is int; give a function or a class"),
+        ("none.py:call", "there is no such file"),
+        ("bad.py:call", "bad.py: cannot be imported: SyntaxError"),
+        ("no_such_module:call", "no_such_module: cannot be imported: ModuleNotFoundError"),
+    ],
+)
+def test_what_is_no_callable_is_one_line(folder, call, words):
+    (folder / "bad.py").write_text("def call(:\n")
+    with pytest.raises(ConfigError) as error:
+        find_call(call, folder)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_same_bench_gives_the_same_frames_twice(folder):
+    runs = []
+    for _ in range(2):
+        with make_bench(folder, "mine.py:blinks") as bench:
+            bench.run(0.05)
+            runs.append([tuple(each) for each in bench.frames])
+    assert runs[0] == runs[1]

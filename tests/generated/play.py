@@ -1,6 +1,8 @@
 """A life of a file: it is written, read by verbs, edited, and read again."""
 
 import contextlib
+import faulthandler
+import gc
 import io
 import json
 import os
@@ -27,9 +29,9 @@ from hil_bench.cli.exit_codes import ExitCode
 
 SLOW = 5.0
 """Processor time of a verb on one file that is reported [s]."""
-_MOST = 120.0
+_MOST = 60.0
 """Processor time after which a verb is ended and reported [s]."""
-_HANGS = 600.0
+_HANGS = 300.0
 """Likewise, time by the clock [s]."""
 _MOST_MEMORY = 1 << 20
 """Memory that a verb may take for a file, beside that of earlier ones [KiB]."""
@@ -114,7 +116,7 @@ def _find_wrong(code: int, said: str, errors: str, words: tuple[str, ...]) -> st
     for line in (said + errors).split("\n"):
         if not line.replace("\t", "").isprintable():
             return f"prints {line!r}"
-    for line in errors.splitlines():
+    for line in errors.splitlines() if code == ExitCode.USAGE else ():
         if line.startswith("hil-bench: error: ") and not _names_input(line, words):
             return f"names no file: {line}"
     return ""
@@ -128,7 +130,10 @@ def _names_input(line: str, words: tuple[str, ...]) -> bool:
 
 @contextlib.contextmanager
 def _limited() -> Iterator[None]:
-    timers = {signal.SIGPROF: (signal.ITIMER_PROF, _MOST), signal.SIGALRM: (0, _HANGS)}
+    timers = {
+        signal.SIGPROF: (signal.ITIMER_PROF, _MOST),
+        signal.SIGALRM: (signal.ITIMER_REAL, _HANGS),
+    }
     reasons = {signal.SIGPROF: "takes too long", signal.SIGALRM: "hangs"}
 
     def end(number: int, _frame: object) -> None:
@@ -137,9 +142,12 @@ def _limited() -> Iterator[None]:
     before = {each: signal.signal(each, end) for each in timers}
     for timer, longest in timers.values():
         signal.setitimer(timer, longest)
+    # Machine code hears no signal: this ends the program, and shows where it is.
+    faulthandler.dump_traceback_later(_HANGS + 60.0, exit=True, file=sys.__stderr__)
     try:
         yield
     finally:
+        faulthandler.cancel_dump_traceback_later()
         for each, (timer, _longest) in timers.items():
             signal.setitimer(timer, 0.0)
             signal.signal(each, before[each])
@@ -231,10 +239,17 @@ def _with_left_behind(result: Result, before: set[str]) -> Result:
     made = [Path(name) for name in set(os.listdir()) - before]
     scratch = Path(tempfile.gettempdir())
     left = [each for each in made if not each.name.startswith(_OUTPUT)]
-    left += [each for each in scratch.iterdir() if "hil" in each.name]
+    if any(map(_is_used, scratch.iterdir())):
+        gc.collect()  # the folder of an FMU goes with its plant
+        left += [each for each in scratch.iterdir() if "hil" in each.name and _is_used(each)]
     for path in (*made, *left):
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     return result._replace(wrong=f"leaves {left[0]}") if left and not result.wrong else result
+
+
+def _is_used(path: Path) -> bool:
+    """Return False for the folder of running benches' sockets, with nothing but their locks."""
+    return not path.is_dir() or any(each.suffix != ".lock" for each in path.iterdir())
 
 
 def to_toml(document: Mapping[str, Any]) -> str:

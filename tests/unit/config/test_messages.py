@@ -35,6 +35,7 @@ ONE_VALUE = [
     ("[plant.axis1]\nstroke_mm = {a = 1}", "plant.axis1.stroke_mm: a table is not a number; give a number in mm"),
     ("[plant.axis1]\nstroke_mm = 2026-11-21", "plant.axis1.stroke_mm: a date or time is not a number; give a number in mm"),
     ("[plant.axis1]\nspool_damping_ratio = false", "plant.axis1.spool_damping_ratio: false is not a number; give a number"),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 1\nfull_opening_mm = 0', "nodes.v.full_opening_mm: 0 is out of range; give a number in mm from 0.001 to 1000"),
     # Integers
     ("[bench]\nseed = 1.5", "bench.seed: 1.5 is not an integer; give an integer from 0 up"),
     ("[bench]\nseed = -1", "bench.seed: -1 is out of range; give an integer from 0 up"),

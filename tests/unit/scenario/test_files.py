@@ -152,6 +152,15 @@ def test_a_course_may_name_parameters(tmp_path):
     assert action.course == ((0, 0.0), (500, 5e5), (1000, 0.0))
 
 
+@pytest.mark.parametrize("late", ["1e9", "1e300", "1e308"])
+def test_a_course_may_end_after_all_time(tmp_path, late):
+    """In nanoseconds, 1e308 s are no number."""
+    (tmp_path / "course.csv").write_text(f"0,0\n1,0\n{late},0\n")
+    text = HEAD + '[[step]]\nat_s = 1\nset = "axis1.load"\ntable = "course.csv"\n' + EXPECT
+    (step,) = resolve_steps(load(tmp_path, text), MS, {})
+    assert step.action.course == ((0, 0.0), (1000, 0.0), (10**12, 0.0))
+
+
 def test_a_course_with_an_unknown_name_is_refused(tmp_path):
     (tmp_path / "profile.csv").write_text("0,0\n0.5,peek_bar\n")
     step = '[[step]]\nat_s = 1\nset = "io.0x6401.01"\ntable = "profile.csv"\n'

@@ -121,6 +121,29 @@ def test_alarms_interrupt_a_pause(start):
     assert lines == [line for pair in expected for line in pair]
 
 
+def test_waits_for_signals_count_bench_time(start):
+    assert live(start("signals"), 9).lines == [
+        "3000 sigtimedwait EAGAIN",
+        "5000 sigsuspend EINTR",
+        "5000 signals 1",
+        "7000 ticks 0",  # of 10 ms
+    ]
+
+
+def test_messages_by_the_batch(start):
+    frames = [Frame(0x100 + number) for number in range(3)]
+    life = live(start("batches"), 4, {2000: frames})
+    assert life.lines == [
+        "0 waiting 0",
+        "2000 received 3",
+        "ids 100 101 102",
+        "2000 waiting 0",
+        "2000 sent 2",
+        "2000 sent EINVAL",
+    ]
+    assert [frame.can_id for _, frame in life.sent] == [0x100, 0x101]
+
+
 def test_filters_are_those_of_the_kernel(start):
     frames = [
         Frame(0x123),
@@ -223,7 +246,7 @@ def test_children_live_one_after_the_other(start):
     ("part", "line"),
     [
         ("thread", r"^starts a thread; with time = \"bench\" a program has one$"),
-        ("together", r"^forks: processes \d+ and \d+ live at once; with time = \"bench\" one does"),
+        ("together", r"^forks: two processes live at once; with time = \"bench\" one does"),
         ("crash", r"can_program crash: has ended, exit code -6$"),
         ("exits", r"can_program exits: has ended, exit code 7$"),
     ],

@@ -129,8 +129,8 @@ static void hold(void)
     int32_t self = getpid(), holder = exchange->holder;
 
     if (holder != 0 && holder != self && kill(holder, 0) == 0)
-        refuse("forks: processes %d and %d live at once; with time = \"bench\" one does, and "
-               "others wait for its end", holder, self);
+        refuse("forks: two processes live at once; with time = \"bench\" one does, and others "
+               "wait for its end");
     exchange->holder = self;
 }
 

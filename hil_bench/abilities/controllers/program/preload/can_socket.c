@@ -380,6 +380,22 @@ EXPORT ssize_t sendmsg(int fd, const struct msghdr *message, int flags)
     return send_can(can, index, frame, size);
 }
 
+EXPORT int sendmmsg(int fd, struct mmsghdr *messages, unsigned int count, int flags)
+{
+    unsigned int sent = 0;
+
+    if (!is_can(fd))
+        return REAL(sendmmsg)(fd, messages, count, flags);
+    for (; sent < count; sent++) {
+        const ssize_t size = sendmsg(fd, &messages[sent].msg_hdr, flags);
+
+        if (size < 0)
+            return sent > 0 ? (int)sent : -1;
+        messages[sent].msg_len = (unsigned int)size;
+    }
+    return (int)sent;
+}
+
 EXPORT ssize_t sendto(int fd, const void *data, size_t size, int flags,
                       const struct sockaddr *address, socklen_t length)
 {

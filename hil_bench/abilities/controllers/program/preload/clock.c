@@ -2,6 +2,7 @@
 #include "bench.h"
 
 #include <sys/time.h>
+#include <sys/times.h>
 #include <unistd.h>
 
 #define EPOCH (INT64_C(1767225600) * SECOND) /* wall time when the bench starts: 2026-01-01 UTC */
@@ -98,6 +99,16 @@ EXPORT time_t time(time_t *now)
     if (now != NULL)
         *now = moment.tv_sec;
     return moment.tv_sec;
+}
+
+EXPORT clock_t times(struct tms *used)
+{
+    struct timespec now;
+
+    if (!on_bench())
+        return REAL(times)(used);
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return REAL(times)(used) < 0 ? -1 : time_of(&now) * sysconf(_SC_CLK_TCK) / SECOND;
 }
 
 EXPORT int clock_nanosleep(clockid_t clock, int flags, const struct timespec *request,

@@ -113,6 +113,26 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     return hand_out(can, &packet, message, flags);
 }
 
+/* As the kernel: with a time limit that is looked at between two messages only. */
+EXPORT int recvmmsg(int fd, struct mmsghdr *messages, unsigned int count, int flags,
+                    struct timespec *timeout)
+{
+    const int64_t deadline = on_bench() && timeout != NULL ? deadline_in(time_of(timeout)) : NEVER;
+    unsigned int read = 0;
+
+    if (!is_can(fd))
+        return REAL(recvmmsg)(fd, messages, count, flags, timeout);
+    for (; read < count && (read == 0 || exchange->now < deadline); read++) {
+        const int now_flags = read > 0 && (flags & MSG_WAITFORONE) ? flags | MSG_DONTWAIT : flags;
+        const ssize_t size = recvmsg(fd, &messages[read].msg_hdr, now_flags & ~MSG_WAITFORONE);
+
+        if (size < 0)
+            return read > 0 ? (int)read : -1;
+        messages[read].msg_len = (unsigned int)size;
+    }
+    return (int)read;
+}
+
 EXPORT ssize_t recvfrom(int fd, void *restrict buffer, size_t size, int flags,
                         struct sockaddr *restrict address, socklen_t *restrict length)
 {

@@ -383,6 +383,21 @@ static void copies(void)
     say_end("closed", write(fd, "", 1));
 }
 
+static void *answer(void *unused)
+{
+    echo();
+    return unused;
+}
+
+static void threads(void)
+{
+    pthread_t thread;
+
+    pthread_create(&thread, NULL, answer, NULL);
+    for (;;) /* the other thread is the one that is looked at */
+        pause();
+}
+
 static void *idle(void *argument)
 {
     return argument;
@@ -481,7 +496,7 @@ int main(int argc, char **argv)
         {"forever", forever},   {"messages", messages}, {"names", names},
         {"orphan", orphan},     {"ready", ready},       {"spin", spin},
         {"terminated", terminated}, {"thread", thread}, {"timers", timers},
-        {"together", together}, {"waits", waits},       {"wrong", wrong},
+        {"together", together}, {"threads", threads}, {"waits", waits},       {"wrong", wrong},
     };
 
     setvbuf(stdout, NULL, _IOLBF, 0);

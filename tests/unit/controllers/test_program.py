@@ -32,6 +32,7 @@ from hil_bench.errors import ControllerError
 from hil_bench.session.session import open_session
 
 pytestmark = needs_compiler
+FOR_EVER = 10**9  # ticks
 EPOCH = 1767225600  # 2026-01-01 00:00:00 UTC
 
 
@@ -45,9 +46,9 @@ def start(can_program, tmp_path):
     """Start a part of `can_program`, or any command; all are closed at the end."""
     started = []
 
-    def start(*command, buses=("bus",), cpu_s=5.0):
+    def start(*command, buses=("bus",), **settings):
         words = command if len(command) > 1 else (can_program, *command)
-        started.append(build_program(words, tmp_path / str(len(started)), *buses, cpu_s=cpu_s))
+        started.append(build_program(words, tmp_path / str(len(started)), *buses, **settings))
         (tmp_path / str(len(started) - 1)).mkdir()
         return started[-1]
 
@@ -255,6 +256,43 @@ def test_what_cannot_go_on_is_said_in_one_line(start, part, line):
     with pytest.raises(ControllerError, match=line) as caught:
         live(start(part), 100_000)  # until the machine has run both of two processes
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.fixture
+def unhurried(monkeypatch):
+    """A bench that is never ahead of the clock: these tests look at none."""
+    monkeypatch.setattr(controller_module, "LEAD_NS", 1 << 62)
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_in_real_time_a_program_may_have_threads(start):
+    controller = start("threads", time="real")
+    now, sent = 0, []
+    while not sent:  # it opens its socket some time
+        now += TICK
+        sent = controller.advance(now, [TimedFrame(now - TICK, Frame(0x200, b"\5"))])
+    assert sent[0] == TimedFrame(now, Frame(0x201, b"\5"))
+    controller.close()
+    assert not _children()
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_in_real_time_a_program_ends_by_itself(start):
+    life = live(start("flood", time="real"), FOR_EVER)
+    assert life.ending == "exit code 0"
+    data = [frame.data[0] for _, frame in life.sent]
+    assert data[:RING] == [number % 256 for number in range(RING)]  # then ENOBUFS may come
+    with pytest.raises(ControllerError, match=r"has ended, exit code 7$"):
+        live(start("exits", time="real"), FOR_EVER)
+
+
+def test_real_time_needs_a_bench_that_keeps_to_the_clock(start):
+    controller = start("terminated", time="real")
+    controller.advance(TICK, ())
+    with pytest.raises(
+        ControllerError, match=r'^time = "real" needs a bench that keeps to the mach'
+    ):
+        controller.advance(10_000 * TICK, ())  # 10 s after its start
 
 
 def test_a_program_that_never_waits_is_ended(start):

@@ -39,17 +39,19 @@ class Exchange:
     Args:
         names: of its buses, as network interfaces.
         now: bench time at which it begins [ns].
+        is_real: whether it keeps the machine's clocks.
 
     Attributes:
         descriptor: of the memory.
     """
 
-    def __init__(self, names: Sequence[str], now: int) -> None:
+    def __init__(self, names: Sequence[str], now: int, *, is_real: bool = False) -> None:
         self.descriptor = os.memfd_create("hil-bench-program")
         os.ftruncate(self.descriptor, _SIZE)
         self._memory = mmap.mmap(self.descriptor, _SIZE)
         self._in_head = self._out_tail = self._number = 0
-        for place, value in ((_VERSION, VERSION), (_BUSES, len(names)), (_RANDOM, _SEED)):
+        buses = len(names) | is_real << 16
+        for place, value in ((_VERSION, VERSION), (_BUSES, buses), (_RANDOM, _SEED)):
             _U32.pack_into(self._memory, place, value)
         for number, name in enumerate(names):
             begin = _NAMES + number * NAME_SIZE
@@ -98,6 +100,11 @@ class Exchange:
         self._out_tail = tail
         _U32.pack_into(memory, _OUT_TAIL, tail)
         return sent
+
+    @property
+    def room(self) -> int:
+        """Frames that can be given before the program has taken some."""
+        return RING - (self._in_head - self._read(_IN_TAIL) & 0xFFFF_FFFF)
 
     @property
     def is_lived(self) -> bool:

@@ -63,7 +63,8 @@ struct exchange {
     int64_t until;
     _Atomic uint32_t in_head;
     _Atomic uint32_t out_tail;
-    uint32_t buses;
+    uint16_t buses;
+    uint16_t is_real; /* whether the program keeps the machine's clocks */
     uint32_t heard; /* of the program: the number of the last grant that it was rung for */
     char names[MOST_BUSES][NAME_SIZE];
     /* of the program */
@@ -93,6 +94,11 @@ static inline bool on_bench(void)
     return exchange != NULL;
 }
 
+static inline bool on_bench_time(void)
+{
+    return exchange != NULL && !exchange->is_real;
+}
+
 struct waiting {
     int64_t deadline;     /* bench time, or NEVER */
     const sigset_t *mask; /* meanwhile, or NULL */
@@ -110,8 +116,18 @@ int sleep_until(int64_t deadline);
 /* A call that did not wait: those of a program that spins take time. */
 void count_call(void);
 
-/* Hands a frame over to the bench. */
-void send_record(const struct record *record);
+/* Hands a frame over to the bench; false where there is no room for it. */
+bool send_record(const struct record *record);
+
+/* The time of a frame that is sent now. */
+int64_t present(void);
+
+/* In real time other threads are about: one at a time touches sockets and frames. */
+void lock(void);
+void unlock(void);
+
+/* Begins to hand out frames in real time; false where another process does, with EBUSY. */
+bool start_pump(void);
 
 /* Says why the program cannot be run, and never returns. */
 _Noreturn void refuse(const char *format, ...) __attribute__((format(printf, 1, 2)));

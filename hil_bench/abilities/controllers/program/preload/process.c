@@ -82,7 +82,7 @@ EXPORT int fcntl64(int fd, int command, ...)
 EXPORT int pthread_create(pthread_t *restrict thread, const pthread_attr_t *restrict attributes,
                           void *(*start)(void *), void *restrict argument)
 {
-    if (on_bench())
+    if (on_bench_time())
         refuse("starts a thread; with time = \"bench\" a program has one");
     return REAL(pthread_create)(thread, attributes, start, argument);
 }
@@ -99,7 +99,7 @@ static clockid_t likely_clock(const struct timespec *moment)
 EXPORT int sem_clockwait(sem_t *restrict semaphore, clockid_t clock,
                          const struct timespec *restrict moment)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(sem_clockwait)(semaphore, clock, moment);
     if (sem_trywait(semaphore) == 0)
         return 0;
@@ -113,7 +113,7 @@ EXPORT int sem_clockwait(sem_t *restrict semaphore, clockid_t clock,
 
 EXPORT int sem_timedwait(sem_t *restrict semaphore, const struct timespec *restrict moment)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(sem_timedwait)(semaphore, moment);
     return sem_clockwait(semaphore, CLOCK_REALTIME, moment);
 }
@@ -122,7 +122,7 @@ EXPORT int pthread_cond_clockwait(pthread_cond_t *restrict condition,
                                   pthread_mutex_t *restrict mutex, clockid_t clock,
                                   const struct timespec *restrict moment)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(pthread_cond_clockwait)(condition, mutex, clock, moment);
     return sleep_until(deadline_at(clock, moment)) < 0 ? 0 : ETIMEDOUT; /* 0: woken for nothing */
 }
@@ -131,7 +131,7 @@ EXPORT int pthread_cond_timedwait(pthread_cond_t *restrict condition,
                                   pthread_mutex_t *restrict mutex,
                                   const struct timespec *restrict moment)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(pthread_cond_timedwait)(condition, mutex, moment);
     return pthread_cond_clockwait(condition, mutex, likely_clock(moment), moment);
 }
@@ -150,7 +150,7 @@ EXPORT ssize_t getrandom(void *buffer, size_t size, unsigned int flags)
 {
     unsigned char *bytes = buffer;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(getrandom)(buffer, size, flags);
     for (size_t i = 0; i < size; i++)
         bytes[i] = random_byte();
@@ -159,7 +159,7 @@ EXPORT ssize_t getrandom(void *buffer, size_t size, unsigned int flags)
 
 EXPORT int getentropy(void *buffer, size_t size)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(getentropy)(buffer, size);
     getrandom(buffer, size, 0);
     return 0;

@@ -93,6 +93,7 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
     struct can_socket *can = can_at(fd);
     struct packet packet;
+    const int way = (flags & (MSG_PEEK | MSG_DONTWAIT)) | (on_bench_time() ? MSG_DONTWAIT : 0);
 
     if (can == NULL) {
         socklen_t room = message->msg_namelen;
@@ -104,12 +105,9 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
         }
         return got;
     }
-    while (REAL(recv)(fd, &packet, sizeof packet, MSG_DONTWAIT | (flags & MSG_PEEK)) < 0) {
-        if (errno == EINTR)
-            continue;
-        if (errno != EAGAIN || wait_readable(fd, flags) < 0)
+    while (REAL(recv)(fd, &packet, sizeof packet, way) < 0)
+        if (!on_bench_time() || errno != EAGAIN || wait_readable(fd, flags) < 0)
             return -1;
-    }
     return hand_out(can, &packet, message, flags);
 }
 
@@ -117,7 +115,7 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 EXPORT int recvmmsg(int fd, struct mmsghdr *messages, unsigned int count, int flags,
                     struct timespec *timeout)
 {
-    const int64_t deadline = on_bench() && timeout != NULL ? deadline_in(time_of(timeout)) : NEVER;
+    const int64_t deadline = on_bench_time() && timeout != NULL ? deadline_in(time_of(timeout)) : NEVER;
     unsigned int read = 0;
 
     if (!is_can(fd))

@@ -12,7 +12,7 @@ static int suspend_now(void *context)
 /* A process with a timer waits for bench time; one without, as a shell, for the end of a child. */
 EXPORT int sigsuspend(const sigset_t *mask)
 {
-    if (!on_bench() || next_timer() == NEVER)
+    if (!on_bench_time() || next_timer() == NEVER)
         return REAL(sigsuspend)(mask);
     return wait_for(suspend_now, (void *)(uintptr_t)mask,
                     &(struct waiting){.deadline = NEVER, .mask = mask});
@@ -47,19 +47,19 @@ static int wait_signal(const sigset_t *set, siginfo_t *about, int64_t deadline)
 EXPORT int sigtimedwait(const sigset_t *restrict set, siginfo_t *restrict about,
                         const struct timespec *restrict timeout)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(sigtimedwait)(set, about, timeout);
     return wait_signal(set, about, timeout == NULL ? NEVER : deadline_in(time_of(timeout)));
 }
 
 EXPORT int sigwaitinfo(const sigset_t *restrict set, siginfo_t *restrict about)
 {
-    return on_bench() ? wait_signal(set, about, NEVER) : REAL(sigwaitinfo)(set, about);
+    return on_bench_time() ? wait_signal(set, about, NEVER) : REAL(sigwaitinfo)(set, about);
 }
 
 EXPORT int sigwait(const sigset_t *restrict set, int *restrict number)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(sigwait)(set, number);
     *number = wait_signal(set, NULL, NEVER);
     return *number < 0 ? errno : 0;

@@ -11,6 +11,8 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 
+from hil_bench.errors import printable
+
 
 def add_json_argument(parser: "argparse._ActionsContainer", *, default: bool | str = False) -> None:
     """Add --json; `argparse.SUPPRESS` as its default leaves what an outer parser set."""
@@ -25,9 +27,10 @@ def is_silent(args: argparse.Namespace) -> bool:
 
 
 def print_lines(args: argparse.Namespace, *lines: str) -> None:
-    """Print lines for people, none under --quiet."""
+    """Print lines for people, which may quote anything, and none under --quiet."""
     if lines and not args.quiet:
-        print(*lines, sep="\n", flush=True)
+        texts = (part for line in lines for part in line.split("\n"))
+        print(*map(printable, texts), sep="\n", flush=True)
 
 
 def print_results(

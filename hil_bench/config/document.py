@@ -42,6 +42,12 @@ _LARGEST = 16 << 20
 """What is read of a file [byte]: no bench has a tenth of it, and a device file never ends."""
 
 
+_MOST_PARTS = 100
+_PART = rb"""(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*"""
+_LONG_KEY = re.compile(rb"(?<![\w-])" + _PART + rb"(?:\.[ \t]*" + _PART + rb"){%d}" % _MOST_PARTS)
+"""Of 20,000 parts, a key in 40 KiB takes 1.6 GiB of memory."""
+
+
 def read_document(path: Path, *wanted: Sort) -> Document:
     """Return the tables of a TOML file.
 
@@ -65,6 +71,8 @@ def _read(path: Path) -> Document:
         content = file.read(_LARGEST + 1)
     if len(content) > _LARGEST:
         raise ConfigError(f"{path}: is larger than {_LARGEST >> 20} MiB; give a TOML file")
+    if _LONG_KEY.search(content):
+        raise ConfigError(f"{path}: has a key of more than {_MOST_PARTS} parts; give shorter ones")
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError:

@@ -20,6 +20,8 @@ Reader = Callable[[object], Value]
 _HIGHEST_NODE_ID = 127
 _INTERFACES = {"socketcan", "socketcand", "virtual"}  # every python-can has them
 _LONGEST = 40  # characters of a bad value that a message repeats
+_LARGEST = 2**63 - 1  # integer of TOML
+_MOST_BITS = 14_000  # of an integer in decimal: Python refuses to write out those of 4300 digits
 
 
 def quote(text: str) -> str:
@@ -35,7 +37,7 @@ def describe(value: object) -> str:
         case str():
             return quote(_shorten(value))
         case int() | float():
-            return _shorten(str(value))
+            return _shorten(_digits(value))
         case dict():
             return "a table"
         case list():
@@ -160,6 +162,9 @@ def integer(low: int, high: int | None = None) -> Reader:
     def read(value: object) -> int:
         if not isinstance(value, int) or isinstance(value, bool):
             raise ConfigError(f"{describe(value)} is not an integer; {right}")
+        if high is None and value > _LARGEST:
+            wrong = f"{describe(value)} is out of range"
+            raise ConfigError(f"{wrong}; give an integer from {low} to {_LARGEST}")
         if value < low or (high is not None and value > high):
             raise ConfigError(f"{describe(value)} is out of range; {right}")
         return value
@@ -286,6 +291,10 @@ def _finite(value: object, right: str) -> float:
     if not math.isfinite(number):
         raise ConfigError(f"{describe(value)} is not finite; {right}")
     return number
+
+
+def _digits(value: float) -> str:
+    return hex(value) if isinstance(value, int) and value.bit_length() > _MOST_BITS else str(value)
 
 
 def _shorten(text: str) -> str:

@@ -10,7 +10,9 @@ from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.units import MILLIMETRE, UNITS_OF
 
-FULL_OPENING: Final = Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening")
+FULL_OPENING: Final = Key(
+    "full_opening_mm", number(MILLIMETRE, low=0.001, high=1000.0), None, MILLIMETRE, "full_opening"
+)
 """The key of the spool position at 100 %."""
 
 

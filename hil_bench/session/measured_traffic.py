@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
@@ -45,7 +46,13 @@ class MeasuredTraffic:
 
 
 def measure_traffic(
-    config: BenchConfig, commands: Sequence[Frame], *, cycle: int, bitrate: int, duration: int
+    config: BenchConfig,
+    name: str,
+    commands: Sequence[Frame],
+    *,
+    cycle: int,
+    bitrate: int,
+    duration: int,
 ) -> MeasuredTraffic:
     """Run a bench whose controller starts all nodes and sends the same frames in each cycle.
 
@@ -53,8 +60,9 @@ def measure_traffic(
     hundredth cycle is a tick longer, so that the controller meets the nodes' timers in all phases.
 
     Args:
-        config: a bench on one bus.
-        commands: what the controller sends in each cycle: SYNC and RPDOs.
+        config: the whole bench, whose axes may need devices on several buses.
+        name: of the bus.
+        commands: what the controller sends there in each cycle: SYNC and RPDOs.
         cycle: of the controller [ns].
         bitrate: of the bus [bit/s].
         duration: how long [ns].
@@ -62,8 +70,8 @@ def measure_traffic(
     Raises:
         ConfigError: no node is on the bus.
     """
-    wire = config.bus.wire or WireConfig(BufferConfig(_DEPTH, Order.PRIORITY))
-    config = replace(config, bus=replace(config.bus, bitrate=bitrate, wire=wire))
+    config, number = _of_copper(config, name, bitrate), list(config.buses).index(name)
+    commands = [frame._replace(bus=number) for frame in commands]
     session, found = open_session(config), MeasuredTraffic()
     bench = session.bench
     if not isinstance(bench, WiredBench):
@@ -72,7 +80,7 @@ def measure_traffic(
     boot = config.tick_ns * _BOOT_TICKS
     for now in range(0, boot, config.tick_ns):
         session.tick((), now)
-    start = Frame(NMT_COB_ID, bytes((NmtCommand.START, 0)))
+    start = Frame(NMT_COB_ID, bytes((NmtCommand.START, 0)), bus=number)
     due, cycles = boot, 0
     for now in range(boot, boot + duration, config.tick_ns):
         frames = [start] if now == boot else []
@@ -81,8 +89,16 @@ def measure_traffic(
             due += cycle if cycles % _DRIFT else cycle + config.tick_ns
             frames += commands
         session.tick(frames, now)
-        found.take(bench.passages)
-    found.waiting = sum(
-        station.waiting for bus in bench.copper.buses.values() for station in bus.wire.stations
-    )
+        found.take([passage for passage in bench.passages if passage.frame.bus == number])
+    found.waiting = sum(station.waiting for station in bench.copper.buses[number].wire.stations)
     return found
+
+
+def _of_copper(config: BenchConfig, name: str, bitrate: int) -> BenchConfig:
+    """Return a bench one of whose buses has a bit rate and a wire."""
+    bus = config.buses[name]
+    wire = bus.wire or WireConfig(BufferConfig(_DEPTH, Order.PRIORITY))
+    bus = replace(bus, bitrate=bitrate, wire=wire)
+    if name == FIRST_BUS:
+        return replace(config, bus=bus)
+    return replace(config, further_buses={**config.further_buses, name: bus})

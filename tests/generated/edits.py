@@ -4,8 +4,11 @@
 So a new key, table, kind or dialect is edited without anybody writing it here.
 """
 
+import copy
+import functools
 import inspect
 import math
+import string
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,22 +20,22 @@ from hypothesis import strategies as st
 from hil_bench.config import settings
 from hil_bench.config.settings import Key
 
-Draw = Any
 Path = tuple[str | int, ...]
 
-HOSTILE = st.sampled_from(
-    [
-        *(math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, -0.0, 0, -1, 2**31, 2**64, 10**400),
-        *(True, "", " ", "NaN", "1 bar", "-5 mm", "1e999 kN", "\x1b[2J", "a\nb", "\u202e", "é\x7f"),
-        *("axis1", "valve", "axis1.P_A", "../none", "always", [], {}, [[]], [1], ["x", "x"]),
-        {"a": {}},
-    ]
-) | st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 WORDS = ("axis1", "valve", "pressure_a", "position", "P_A", "bus", "bar", "mm")
+HOSTILE = (
+    *(math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, -0.0, 0, -1, 2**31, 2**64, 10**400),
+    *(True, "", " ", "NaN", "1 bar", "-5 mm", "1e999 kN", "\x1b[2J", "a\nb", "\u202e", "é\x7f"),
+    *(*WORDS, "../none", "always", [], {}, [[]], [1], ["x", "x"], {"a": {}}),
+)
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+_NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1)
+ANYTHING = st.sampled_from(HOSTILE) | TEXT
+"""Values of TOML, few of which any key takes."""
 
 
 class Schema:
-    """The keys of each table that has been read, by the name of the table as messages have it."""
+    """The keys of each table that was read last, by the name of the table as messages have it."""
 
     def __init__(self) -> None:
         self.tables: dict[str, dict[str, Key]] = {}
@@ -41,30 +44,33 @@ class Schema:
     def listening(self) -> Iterator[None]:
         """Note each key that is read meanwhile."""
         read = settings._read_key
+        heard: dict[str, dict[str, Key]] = {}
 
         def noted(table: str, given: object, key: Key, problems: object) -> object:
-            self.tables.setdefault(table, {})[key.name] = key
+            heard.setdefault(table, {})[key.name] = key
             return read(table, given, key, problems)  # type: ignore[arg-type]
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(settings, "_read_key", noted)
             yield
+        self.tables |= heard
 
 
+@functools.cache
 def sound_values(key: Key) -> list[object]:
     """Return values that the reader of a key takes: example, default, edges, words of its own."""
     bound = _bound(key.read)
     low, high = bound.get("low"), bound.get("high")
-    found: list[Any] = [True, False, 0, 1, 2, 0.5, 10.0, *WORDS, [0.0, 1.0], [[0.0, 1.0]]]
-    if key.example:
-        found += [*_parsed(key.example)]
+    found: list[Any] = [*_parsed(key.example), *map(str, bound.get("choices") or ())]
     if isinstance(key.default, float | int) and not isinstance(key.default, bool):
         found += [key.default, *(key.default * share for share in (0.5, 0.9, 1.1, 2.0))]
     elif key.default is not None:
         found.append(str(key.default))
     found += [each for each in (low, high) if each is not None and abs(each) < 1e6]
-    found += [str(each) for each in bound.get("choices") or ()]
-    return [each for each in found if _is_taken(key, each)] or [0]
+    anything = [True, False, 0, 1, 2, 0.5, 10.0, *WORDS, [0.0, 1.0], [[0.0, 1.0]]]
+    return [each for each in found if _is_taken(key, each)] or [
+        each for each in anything if _is_taken(key, each)
+    ]
 
 
 def edge_values(key: Key) -> list[object]:
@@ -73,6 +79,20 @@ def edge_values(key: Key) -> list[object]:
     edges = [each for each in (bound.get("low"), bound.get("high")) if each is not None]
     beside = [each + d for each in edges if isinstance(each, int) for d in (-1, 1)]
     return [*edges, *beside, *(math.nextafter(each, s) for each in edges for s in (-1e9, 1e9))]
+
+
+@functools.cache
+def values_of(key: Key) -> st.SearchStrategy[Any]:
+    """Values for a key: sound ones, any of its range, those beside its ends, and anything."""
+    bound = _bound(key.read)
+    low, high = bound.get("low"), bound.get("high")
+    sound, edges = sound_values(key), edge_values(key)
+    parts: list[st.SearchStrategy[Any]] = [st.sampled_from(sound)] * 3 if sound else []
+    if isinstance(low, int) and isinstance(high, int):
+        parts.append(st.integers(low, high))
+    elif low is not None and high is not None and low < high:
+        parts.append(st.floats(low, high))
+    return st.one_of(*parts, *[st.sampled_from(edges)] * bool(edges), ANYTHING)
 
 
 def _bound(read: Any) -> dict[str, Any]:
@@ -99,50 +119,70 @@ def _is_taken(key: Key, value: object) -> bool:
 
 
 @st.composite
-def edit(draw: Draw, document: dict[str, Any], schema: Schema) -> None:
-    """Change a document by one edit; most leave a sound file sound."""
-    tables = [*_tables(document)]
-    place, table = draw(st.sampled_from(tables))
+def document_edits(draw: st.DrawFn, document: dict[str, Any], schema: Schema) -> dict[str, Any]:
+    """A document after one edit; most leave a sound file sound."""
+    document = copy.deepcopy(document)
+    place, table = draw(st.sampled_from([*_tables(document)]))
     known = schema.tables.get(_name(place), {})
     sort = draw(st.integers(0, 19))
-    if known and sort < 14:
-        key = known[draw(st.sampled_from(sorted(known)))]
-        values = sound_values(key) if sort < 11 else edge_values(key) or [-1]
-        table[key.name] = draw(st.sampled_from(values))
+    if sort < 10 and table:
+        name = draw(st.sampled_from([*table]))
+        table[name] = _nudge(draw, table[name], known.get(name))
     elif sort < 15 and known:
-        table[draw(st.sampled_from(sorted(known)))] = draw(HOSTILE)
+        key = known[draw(st.sampled_from([*known]))]
+        table[key.name] = draw(values_of(key))
     elif sort < 17 and table:
         _spoil(draw, table)
     elif sort < 18:
-        table[draw(st.text(st.characters(exclude_categories=["Cs"]), max_size=6))] = draw(HOSTILE)
+        table[draw(TEXT)] = draw(ANYTHING)
     else:
         _duplicate(draw, document)
+    return document
 
 
-def _spoil(draw: Draw, table: dict[str, Any]) -> None:
-    name = draw(st.sampled_from(sorted(table)))
+def _nudge(draw: st.DrawFn, value: Any, key: Key | None) -> Any:
+    """Return a value near another one, or a known word in place of another."""
+    match value:
+        case bool() | int():
+            more = draw(st.sampled_from((-1, 1, 2, 10)))
+            return not value if isinstance(value, bool) else max(min(value, 0), value + more)
+        case float():
+            return value * draw(st.sampled_from((0.5, 0.9, 0.99, 1.01, 1.1, 2.0, -1.0)))
+        case str() if key is not None and (values := sound_values(key)):
+            return draw(st.sampled_from(values))
+        case list() if value:
+            at = draw(st.integers(0, len(value) - 1))
+            return [*value[:at], _nudge(draw, value[at], None), *value[at + 1 :]]
+        case dict() if value:
+            name = draw(st.sampled_from([*value]))
+            return {**value, name: _nudge(draw, value[name], None)}
+        case _:
+            return value
+
+
+def _spoil(draw: st.DrawFn, table: dict[str, Any]) -> None:
+    name = draw(st.sampled_from([*table]))
     match draw(st.integers(0, 3)):
         case 0:
             del table[name]
         case 1:
             table[name[:-1] + draw(st.sampled_from("_ax "))] = table.pop(name)
         case 2:
-            table[name] = draw(HOSTILE)
+            table[name] = draw(ANYTHING)
         case _:
             for _ in range(draw(st.integers(1, 40))):
                 table[name] = {"x": table[name]}
 
 
-def _duplicate(draw: Draw, document: dict[str, Any]) -> None:
+def _duplicate(draw: st.DrawFn, document: dict[str, Any]) -> None:
     """Copy a table beside itself."""
-    name = draw(st.sampled_from(sorted(document) or [""]))
+    name = draw(st.sampled_from([*document] or [""]))
     match document.get(name):
         case list() as tables if tables:
-            each = draw(st.sampled_from(tables))
-            tables.append(dict(each) if isinstance(each, dict) else each)
+            tables.append(copy.deepcopy(draw(st.sampled_from(tables))))
         case dict() as tables if tables:
-            old = draw(st.sampled_from(sorted(tables)))
-            tables[old + draw(st.sampled_from(["2", "_", "é", " "]))] = tables[old]
+            old = draw(st.sampled_from([*tables]))
+            tables[old + draw(st.sampled_from(["2", "_", "é", " "]))] = copy.deepcopy(tables[old])
         case _:
             document[draw(st.sampled_from(WORDS))] = {}
 
@@ -164,13 +204,13 @@ def _name(place: Path) -> str:
 
 
 @st.composite
-def edit_cells(draw: Draw, text: str) -> str:
-    """Return a table of cells after one edit."""
+def cell_edits(draw: st.DrawFn, text: str) -> str:
+    """A table of cells after one edit."""
     rows = [line.split(",") for line in text.split("\n")]
     row = draw(st.integers(0, len(rows) - 1))
     cell = draw(st.integers(0, len(rows[row]) - 1))
     match draw(st.integers(0, 8)):
-        case 0:
+        case 0 if len(rows) > 1:
             del rows[row]
         case 1:
             rows.insert(row, [*rows[row]])
@@ -179,10 +219,59 @@ def edit_cells(draw: Draw, text: str) -> str:
         case 3:
             rows[row].insert(cell, rows[row][cell])
         case 4:
-            rows[row][cell] = str(draw(HOSTILE))
+            rows[row][cell] = str(draw(ANYTHING))
         case _:
             others = [each for line in rows[:8] for each in line]
-            rows[row][cell] = draw(
-                st.sampled_from([*others, "0", "0.5", "1", "-1", "nan", "1e308"])
-            )
+            values = [*others, "0", "0.5", "1", "-1", "nan", "1e308"]
+            rows[row][cell] = draw(st.sampled_from(values))
     return "\n".join(",".join(line) for line in rows)
+
+
+@st.composite
+def line_edits(draw: st.DrawFn, text: str) -> str:
+    """Lines after one edit of a line, or of a digit in it."""
+    lines = text.split("\n")
+    at = draw(st.integers(0, len(lines) - 1))
+    line = lines[at]
+    where = draw(st.integers(0, len(line)))
+    match draw(st.integers(0, 11)):
+        case 0 if len(lines) > 1:
+            del lines[at]
+        case 1:
+            lines.insert(at, draw(st.sampled_from(lines)))
+        case 2:
+            lines[at] = str(draw(ANYTHING))
+        case 3:
+            lines[at] = line[:where]
+        case 4:
+            lines[at] = line[:where] + draw(TEXT) + line[where:]
+        case 5 if "=" in line:
+            lines[at] = f"{line.partition('=')[0]}={draw(ANYTHING)}"
+        case _ if digits := [n for n, letter in enumerate(line) if letter in string.hexdigits]:
+            place = draw(st.sampled_from(digits))
+            lines[at] = line[:place] + draw(st.sampled_from("0123456789ABCDEF")) + line[place + 1 :]
+    return "\n".join(lines)
+
+
+@st.composite
+def byte_edits(draw: st.DrawFn, content: bytes) -> bytes:
+    """A file after one edit: cut off, flipped bits, other lengths, parts twice or lost."""
+    at = draw(st.integers(0, max(0, len(content) - 1)))
+    end = min(len(content), at + draw(st.sampled_from((1, 2, 4, 8, 16, 64, 256))))
+    match draw(st.integers(0, 7)):
+        case 0:
+            return content[:at]
+        case 1:
+            return content[:at] + content[end:]
+        case 2:
+            return content[:end] + content[at:end] * draw(st.integers(1, 100)) + content[end:]
+        case 3:
+            return content[:at] + draw(st.binary(max_size=16)) + content[end:]
+        case 4 | 5:
+            flipped = content[at] ^ 1 << draw(st.integers(0, 7)) if content else 0
+            return content[:at] + bytes((flipped,)) + content[at + 1 :]
+        case _:
+            size = draw(st.sampled_from((1, 2, 4, 8)))
+            word = draw(st.sampled_from(_NUMBERS)) & (1 << 8 * size) - 1
+            order = draw(st.sampled_from(("little", "big")))
+            return content[:at] + word.to_bytes(size, order) + content[at + size :]

@@ -1,9 +1,13 @@
-"""Sound files to begin with: those of `examples`, by dialect, and the verbs that read each."""
+"""Sound files to begin with: those of `examples` and some of their own, and what lies beside."""
 
+import importlib.util
+import json
 import shutil
+import sys
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 REPOSITORY: Final = Path(__file__).resolve().parents[2]
 _SHORTEST = 0.02  # s, of a scenario: what is played is cheap, and every kind of step still acts
@@ -57,6 +61,8 @@ seeds = [1]
 timeout_s = 10
 [parameters]
 target_mm = { range = [6.0, 9.0] }
+[tolerances]
+"plant.axis1.moving_mass_kg" = { normal = [10.0, 1.0] }
 """
 REGISTER_MAP = """
 [device]
@@ -80,127 +86,203 @@ unit = "mm"
 [spool_setpoint]
 column = "u"
 unit = "V"
+[P_A]
+column = "pa"
+unit = "bar"
+[P_B]
+column = "pb"
+unit = "bar"
 """
 SHEET = """title,T
 duration_s,0.02
 parameter,high_bar,60,40,90
 expect,R1,always axis1.P_A < high_bar + 200 bar
-time_s,valve.spool_setpoint,fault:drop_supply axis1 pressure_bar
-0.005,0.2,high_bar
-0.01,-> 0.1 over 0.005,
+time_s,axis1.load,fault:drop_supply axis1 pressure_bar,sync
+0.005,200,high_bar,on
+0.01,-> 0.1 over 0.005,,off
 """
-OTHER_BENCH = '[modbus.units.pressure_a]\nregisters = "generated.toml"\n'
+FMU_BENCH = """
+[bench]
+tick_us = 1000
+step_us = 1000
+[plant.axis1]
+kind = "fmu"
+file = "axis.fmu"
+command = "spool_setpoint"
+own_process = false
+[plant.axis1.outputs]
+position = "position"
+speed = { variable = "speed", unit = "m/s" }
+P_A = { variable = "P_A", unit = "Pa" }
+[plant.axis1.inputs]
+load = { variable = "load", unit = "N" }
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+"""
+WITH_MAP = '[modbus.units.pressure_a]\nregisters = "generated.toml"\n'
+WITH_EDS = """
+[plant.axis1]
+kind = "none"
+[nodes.io]
+node_id = 10
+eds = "generated.eds"
+"""
+WITH_DBC = """
+[plant.axis1]
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[j1939.joystick]
+address = 19
+dbc = "generated.dbc"
+[j1939.joystick.signals]
+JoystickButton1 = { message = "BJM1" }
+"""
+WITH_COURSE = """
+title = "T"
+duration_s = 0.02
+[[step]]
+at_s = 0.0
+set = "axis1.load"
+table = "generated.csv"
+[[expect]]
+id = "R1"
+that = "always axis1.P_A < 250 bar"
+"""
+COURSE = "0,0\n0.005,100\n0.01,200\n0.015,0\n"
+ON_BENCH = """
+title = "T"
+bench = "generated.toml"
+duration_s = 0.02
+[parameters]
+load_n = { value = 500, range = [0, 900] }
+[[step]]
+at_s = 0.005
+set = { "axis1.load" = "load_n" }
+over_s = 0.005
+[[expect]]
+id = "R1"
+that = "always axis1.P_A < 250 bar"
+"""
+STEPS = """
+title = "Steps"
+duration_s = 0.02
+[parameters]
+load_n = { value = 500, range = [0, 900] }
+limit_bar = { value = 250.0, range = [100.0, 300.0] }
+offset_bar = 2.0
+[[step]]
+at_s = 0.001
+nmt = "start"
+target = "valve"
+[[step]]
+at_s = 0.002
+set = { "valve.0x6040" = 1 }
+[[step]]
+at_s = 0.003
+sync = true
+[[step]]
+at_s = 0.004
+sync = false
+[[step]]
+at_s = 0.005
+set = { "axis1.load" = "load_n" }
+over_s = 0.005
+[[step]]
+at_s = 0.006
+fault = "offset"
+target = "pressure_a"
+offset_bar = "offset_bar"
+for_s = 0.005
+[[step]]
+at_s = 0.007
+fault = "drop_supply"
+target = "axis1"
+pressure_bar = 60.0
+[[step]]
+at_s = 0.008
+fault = "lose"
+target = "position"
+share_percent = 10.0
+direction = "sent"
+[[expect]]
+id = "R1"
+that = "always axis1.P_A < limit_bar"
+[[expect]]
+id = "R2"
+that = "whenever axis1.P_A > 10 bar then within 5 ms abs(axis1.position) < 10 mm"
+[[expect]]
+id = "R3"
+that = "eventually axis1.P_A > 1 bar"
+"""
+LINES = (
+    "(0.000100) can0 701#00\n(0.000500) can0 000#0100\n(0.001000) can0 181#0102\n"
+    "(0.001100) can0 601#4018100100000000\n(0.001200) can0 581#4318100101000000\n"
+    "(0.002000) can0 080#\n(0.003000) can0 081#0010010000000000\n(0.004000) can0 704#7F\n"
+)
+ASC = (
+    "date Mon Sep 30 15:06:13.191 2019\nbase hex  timestamps absolute\n"
+    "0.001000 1  181 Rx d 2 01 02\n0.002000 1  080 Rx d 0\n0.003000 1  701 Rx d 1 05\n"
+)
+_SHAPES = ("63/36x500", "80/45/45x300", "100/70x1200")
+ANSWERS = tuple(
+    f"{shape}\n{valve}\n{supply}\n{pump}\n500\n{slope}\nHLP 46\n"
+    for shape in _SHAPES
+    for valve, supply in (("60 l/min @ 5 bar, overlap 15 %, 40 Hz", "210"), ("NG10", "160 bar"))
+    for pump, slope in (("none", "0"), ("40", "90"))
+)
+NEW = "--cylinder {0} --valve {1} --supply {2} --pump {3} --load {4} --slope {5} --oil {6}"
+RESULTS = {"scenarios": [{"title": "T", "requirements": [{"id": "R1", "verdict": "passed"}]}]}
+JUNIT = (
+    '<?xml version="1.0"?>\n<testsuites>\n<testsuite name="s" tests="1" failures="0">\n'
+    '<testcase classname="c" name="R1" time="0.1"/>\n</testsuite>\n</testsuites>\n'
+)
+BUS = ("-i", "virtual", "-c", "generated", "--duration", "0.001")
+
+STEM: Final = "generated"
+"""Name of each generated file, without its suffix."""
 
 
-class Dialect(NamedTuple):
-    """A sort of file.
-
-    Attributes:
-        suffix: of its files.
-        verbs: words of each verb that reads it; ``{}`` is the file.
-        seeds: sound files: their folder below the repository, and their text.
-    """
-
-    suffix: str
-    verbs: tuple[tuple[str, ...], ...]
-    seeds: tuple[tuple[str, str], ...]
-
-
-def _examples(folder: str, pattern: str) -> Iterator[tuple[str, str]]:
+def examples(folder: str, pattern: str) -> Iterator[tuple[str, str]]:
     for path in sorted((REPOSITORY / folder).glob(pattern)):
         yield folder, path.read_text(encoding="utf-8")
 
 
-def _benches() -> Iterator[tuple[str, str]]:
-    strangers = {"commissioning.toml", "network.toml"}
-    for path in sorted((REPOSITORY / "examples").glob("*.toml")):
-        if path.name not in strangers:
-            yield "examples", path.read_text(encoding="utf-8")
-    for folder, text in _examples("examples/machines", "*.toml"):
-        if "[[expect]]" not in text:
-            yield folder, text
+def benches() -> Iterator[tuple[str, str]]:
+    strangers = {"commissioning.toml", "network.toml", "pyproject.toml"}
+    for folder in ("examples", "examples/machines", "examples/plugin"):
+        for path in sorted((REPOSITORY / folder).glob("*.toml")):
+            if path.name not in strangers and ".scenario." not in path.name:
+                yield folder, path.read_text(encoding="utf-8")
+    if importlib.util.find_spec("fmpy"):
+        yield "examples", FMU_BENCH
 
 
-def _recording() -> str:
+def recording() -> str:
     rows = (f"{n / 1000},{0.1 * n / 100},{5e6},{4e6},0.1,0.1\n" for n in range(60))
     return _RECORDING + "s,m,Pa,Pa,-,-\n" + "".join(rows)
 
 
-def _measured() -> str:
-    rows = (f"{n / 1000},{n / 10},{n % 10}\n" for n in range(60))
-    return "t,x,u\n" + "".join(rows)
+def measured() -> str:
+    """Return a table of another tool: the piston moves with the command, to and fro."""
+    rows = []
+    position = 0.0
+    for n in range(250):  # 2.5 s: refused behind all checks, as an identification takes 20 s
+        command = 5.0 if n // 50 % 2 else -5.0
+        position += command * 0.02
+        rows.append(f"{n / 100},{position:.4f},{command},{50 + command},{50 - command}\n")
+    return "t,x,u,pa,pb\n" + "".join(rows)
 
 
-DIALECTS: Final[Mapping[str, Dialect]] = {
-    "bench": Dialect(
-        ".toml",
-        (
-            ("check", "{}"),
-            ("check", "{}", "--json"),
-            ("devices", "{}"),
-            ("devices", "{}", "--json"),
-            ("registers", "{}"),
-            ("registers", "{}", "--csv"),
-            ("bus-load", "{}", "--simulate", "0.01"),
-            ("explain", "frames.log", "{}"),
-            ("decode", "frames.log", "{}"),
-            ("scenario", "check", "on_generated.scenario.toml"),
-            ("test", "on_generated.scenario.toml"),
-        ),
-        tuple(_benches()),
-    ),
-    "network": Dialect(
-        ".toml", (("boot", "--virtual", "--network", "{}"),), (*_examples("examples", "network.*"),)
-    ),
-    "plan": Dialect(
-        ".toml",
-        (("commission", "{}", "--virtual", "--json", "--output", "out"),),
-        (
-            (
-                "examples",
-                PLAN,
-            ),
-        ),
-    ),
-    "scenario": Dialect(
-        ".scenario.toml",
-        (
-            ("scenario", "check", "{}"),
-            ("scenario", "list", "{}"),
-            ("test", "{}"),
-            ("test", "{}", "--json"),
-            ("judge", "{}", "recording.csv"),
-        ),
-        (("examples", SCENARIO), *_examples("examples/scenarios", "*.scenario.toml")),
-    ),
-    "campaign": Dialect(
-        ".toml", (("campaign", "{}", "--jobs", "1", "--runs", "2"),), (("examples", CAMPAIGN),)
-    ),
-    "requirements": Dialect(
-        ".toml", (("judge", "{}", "recording.csv"),), (("examples", REQUIREMENTS),)
-    ),
-    "register map": Dialect(
-        ".toml", (("registers", "with_map.toml"),), (("examples", REGISTER_MAP),)
-    ),
-    "columns": Dialect(
-        ".toml", (("identify", "measured.csv", "--columns", "{}"),), (("examples", COLUMNS),)
-    ),
-    "scenario sheet": Dialect(
-        ".csv",
-        (("scenario", "check", "{}"), ("scenario", "list", "{}"), ("test", "{}")),
-        (("examples", SHEET),),
-    ),
-    "recording": Dialect(
-        ".csv",
-        (
-            ("judge", "requirements.toml", "{}"),
-            ("replay", "{}", "--virtual"),
-            ("plot", "{}", "-o", "out.png"),
-        ),
-        (("examples", _recording()),),
-    ),
-}
-"""Every dialect that a verb reads."""
+EDS = (
+    *examples("device_profiles", "*.eds"),
+    *examples("device_profiles/imitations", "*.eds"),
+)
+MAPS = (
+    "t=time:s\nx=position:mm\nu=spool_setpoint:V\npa=P_A:bar\npb=P_B:bar",
+    "t=time:s\nx=-position:mm\nu=spool_setpoint:%\npa=P_A:bar\npb=P_B:kPa",
+)
 
 
 def lay_out(folder: Path) -> None:
@@ -208,30 +290,61 @@ def lay_out(folder: Path) -> None:
     (folder / "device_profiles").symlink_to(REPOSITORY / "device_profiles")
     for path in sorted((REPOSITORY / "examples").rglob("*")):
         place = folder / path.relative_to(REPOSITORY)
-        if path.is_dir():
-            place.mkdir(parents=True, exist_ok=True)
-        elif path.suffix in {".toml", ".dbc", ".csv"}:
+        if path.suffix in {".toml", ".dbc", ".csv", ".eds", ".py"}:
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, place)
-    examples = folder / "examples"
-    played = SCENARIO.replace('title = "T"', 'title = "T"\nbench = "generated.toml"')
-    for place in (examples, examples / "machines", examples / "scenarios"):
-        (place / "seed.scenario.toml").write_text(SCENARIO)
-        (place / "on_generated.scenario.toml").write_text(played)
-        (place / "requirements.toml").write_text(REQUIREMENTS)
-        (place / "recording.csv").write_text(_recording())
-        (place / "measured.csv").write_text(_measured())
-        (place / "frames.log").write_text("(0.001000) can0 181#0102\n(0.002000) can0 080#\n")
-        (place / "with_map.toml").write_text(OTHER_BENCH)
+    for name in ("", "machines", "scenarios", "plugin"):
+        _lay_beside(folder / "examples" / name)
+
+
+def _lay_beside(place: Path) -> None:
+    """Write the files that verbs read beside a generated one."""
+    for name, text in {
+        "seed.scenario.toml": SCENARIO,
+        "steps.scenario.toml": STEPS,
+        "with_course.scenario.toml": WITH_COURSE,
+        "requirements.toml": REQUIREMENTS,
+        "recording.csv": recording(),
+        "measured.csv": measured(),
+        "columns.toml": COLUMNS,
+        "frames.log": LINES,
+        "with_map.toml": WITH_MAP,
+        "with_eds.toml": WITH_EDS,
+        "with_dbc.toml": WITH_DBC,
+    }.items():
+        (place / name).write_text(text, encoding="utf-8")
+
+
+def install_plugin(root: Path) -> None:
+    """Install the distribution of `examples/plugin` for this process."""
+    folder = root / "examples" / "plugin"
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    metadata = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    metadata.mkdir()
+    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (metadata / "METADATA").write_text(head)
+    groups = (
+        f"[{group}]\n" + "".join(f"{name} = {place}\n" for name, place in points.items())
+        for group, points in project["entry-points"].items()
+    )
+    (metadata / "entry_points.txt").write_text("\n".join(groups))
+    sys.path.insert(0, str(folder))
 
 
 def shorten(document: dict[str, object]) -> None:
     """Cap what decides how long a verb runs."""
-    for name in ("duration_s", "timeout_s"):
-        given = document.get(name)
-        if isinstance(given, float | int) and given > _SHORTEST and name == "duration_s":
-            document[name] = _SHORTEST
-    for step in document.get("step") or ():  # type: ignore[attr-defined]
+    given = document.get("duration_s")
+    if isinstance(given, float | int) and given > _SHORTEST:
+        document["duration_s"] = _SHORTEST
+    steps = document.get("step")
+    for step in steps if isinstance(steps, list) else ():
         for name in ("at_s", "for_s", "over_s") if isinstance(step, dict) else ():
             if isinstance(step.get(name), float) and _SHORTEST < step[name] < 1e3:
                 step[name] = step[name] % _SHORTEST
+
+
+def lay_scenario(path: Path, document: Mapping[str, object]) -> None:
+    """Write the scenario on a bench beside it, on the first of its axes."""
+    plants = document.get("plant")
+    axis = next(iter(plants), "axis1") if isinstance(plants, dict) else "axis1"
+    path.write_text(ON_BENCH.replace("axis1", json.dumps(axis)[1:-1]), encoding="utf-8")

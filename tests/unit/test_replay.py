@@ -112,6 +112,13 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
         compare_recordings(load_config(), recorded, simulated, {"axis9.position": 1.0})
 
 
+def leaping(rows, time):
+    """Return seven rows of 1 ms and one of another time."""
+    rows = rows[:8].copy()
+    rows["time"] = [*np.arange(7) / 1000, time]
+    return rows
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -127,6 +134,14 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
         (
             lambda rows: rows[::-1],
             "the recording's time goes back; give a recording in the order of time",
+        ),
+        (
+            lambda rows: leaping(rows, 1e9),
+            "the recording's row after 0.006 s is at 1e+09 s; give rows at most 3600 s apart",
+        ),
+        (
+            lambda rows: leaping(rows, np.nan),
+            "the recording's row after 0.006 s is at nan s; give rows at most 3600 s apart",
         ),
     ],
 )

@@ -1,6 +1,6 @@
 """One run: a pure function of what its key is made of."""
 
-from functools import lru_cache
+from pathlib import Path
 
 from hil_bench.abilities.campaign.identity import case_digest, controller_digest
 from hil_bench.abilities.campaign.plan import nested
@@ -12,6 +12,8 @@ from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, Run, play, prep
 from hil_bench.errors import ConfigError, HilBenchError
 
 _LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
+_CHECKED: set[tuple[Path, str]] = set()
+"""The cases that this process has found as they are in the campaign: scenario and digest."""
 
 
 def perform(spec: RunSpec) -> RunResult:
@@ -65,19 +67,16 @@ def failed_run(spec: RunSpec, outcome: RunOutcome, problem: str) -> RunResult:
     return RunResult(spec.key, name, bench, firmware, spec.seed, spec.values, outcome, short)
 
 
-@lru_cache(maxsize=64)
-def _digest_here(case: Case) -> str:
-    scenario = case.scenario
-    files = controller_digest(scenario.controller, scenario.path.parent)
-    return case_digest(scenario, prepare(scenario).config, files)
-
-
 def _check_case(case: Case) -> None:
-    found = _digest_here(case)
-    if found != case.digest:
+    scenario = case.scenario
+    if (scenario.path, case.digest) in _CHECKED:
+        return
+    files = controller_digest(scenario.controller, scenario.path.parent)
+    if case_digest(scenario, prepare(scenario).config, files) != case.digest:
         wrong = "version of hil-bench, bench or firmware is not that of the campaign"
         right = "take the same to all machines, and leave it alone while a campaign runs"
         raise ConfigError(f"{case.name}: the {wrong}; {right}")
+    _CHECKED.add((scenario.path, case.digest))
 
 
 def _verdict(finding: Finding) -> Verdict:

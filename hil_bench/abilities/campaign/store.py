@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _PROGRAM = b"hil-bench"
 _FIRMWARE = b"firmware:"
 _GIVEN = b"set"
+_MOST_ROWS = 100_000
+"""Of one file; a campaign begins the next one after far fewer runs."""
 
 
 class Store:
@@ -106,6 +108,12 @@ class Store:
             with pa.OSFile(str(path)) as file:
                 parquet = pq.ParquetFile(file)
                 meta = parquet.schema_arrow.metadata or {}
+                if parquet.metadata.num_rows > _MOST_ROWS:
+                    rows = f"{parquet.metadata.num_rows} rows"
+                    raise ConfigError(
+                        f"{path}: has {rows}, and a result of a campaign at most"
+                        f" {_MOST_ROWS}; take it out of the folder"
+                    )
                 if not is_foreign:
                     self._check_origin(path, meta)
                 return parquet.read(columns)

@@ -27,6 +27,7 @@ FLOORS = (0.3e-6, 1e3, 1e3)
 
 _SHORTEST = 3.0  # [s]
 _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
+_ROUNDED = 1e-6  # of a row: times in a file are rounded
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
 _SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
@@ -370,7 +371,7 @@ def _check_times(times: Values) -> float:
             f"the recording's time does not rise after {times[row]:g} s: the next row has "
             f"{times[row + 1]:g} s; give rows in the order of time"
         )
-    if not 0.0 < interval <= _SLOWEST:
+    if not 0.0 < interval <= _SLOWEST * (1.0 + _ROUNDED):
         raise ConfigError(
             f"the recording has a row each {interval * 1e3:g} ms; give {_SLOWEST * 1e3:g} ms "
             "or less"

@@ -26,6 +26,13 @@ from hil_bench.outside.recording.channels import (
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.plants.quantity import Quantity
 
+_LONGEST_WAIT = 3600.0
+"""Longest time from row to row [s]: the plant holds a command meanwhile, and computes each step."""
+_LOOK = 100_000_000
+"""Longest sleep before a look for an interruption [ns]."""
+_AT_ONCE = 10_000
+"""Most steps of the plant in one call: an interruption waits for its end."""
+
 
 def compared(axis: AxisConfig) -> list[Quantity]:
     """Return the quantities of an axis that are compared where a recording has them.
@@ -78,17 +85,18 @@ def play_frames(
         send: takes each frame when it is due.
         clock: to wait on.
         speed: how much faster than recorded; infinite for without waiting.
-        stopped: asked before each frame.
+        stopped: asked before each frame, and while the next one is waited for.
     """
     start = clock.now()
     first: int | None = None
     count = latest = 0
     for logged in frames:
-        if stopped():
-            break
         first = logged.now if first is None else first
         due = start + round((logged.now - first) / speed)
-        clock.sleep_until(due)
+        while (now := clock.now()) < due and not stopped():
+            clock.sleep_until(min(due, now + _LOOK))
+        if stopped():
+            break
         late = clock.now() - due
         send(logged)
         count += 1
@@ -244,25 +252,20 @@ def _together(config: BenchConfig, driven: Sequence[AxisConfig]) -> Iterator[lis
 def _drive(
     config: BenchConfig, axes: Sequence[AxisConfig], recording: Recording
 ) -> list[npt.NDArray[np.float64]]:
-    """Return the `compared` quantities of axes that move at once, a row a row of the recording.
-
-    Raises:
-        ConfigError: the recording's time goes back, or it has no state to begin with.
-    """
+    """Return the `compared` quantities of axes that move at once, a row a row of the recording."""
     starts = [_state_at_start(axis, recording, config.full_scale(axis)) for axis in axes]
     group = build_together(config, axes, starts)
-    times = recording[TIME.name]
-    steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
-    if np.any(steps < 0):
-        raise ConfigError("the recording's time goes back; give a recording in the order of time")
+    steps = _steps_between(recording[TIME.name], config.dt)
     commands = []
     for axis in axes:
         share = config.full_scale(axis) if axis.kind.command.is_share else 1.0
         commands.append((recording[_command_of(axis)] * share).tolist())
     places = [[quantity.output or 0 for quantity in compared(axis)] for axis in axes]
     tables = [np.empty((len(recording), len(each))) for each in places]
-    for number, count in enumerate(steps.tolist()):
-        outputs = group.drive([each[number] for each in commands], count)
+    for number, count in enumerate(steps):
+        held = [each[number] for each in commands]
+        for begun in range(0, max(count, 1), _AT_ONCE):
+            outputs = group.drive(held, min(_AT_ONCE, count - begun))
         for table, output, place in zip(tables, outputs, places, strict=True):
             table[number] = [output[each] for each in place]
     for axis, table in zip(axes, tables, strict=True):
@@ -270,6 +273,24 @@ def _drive(
             if quantity.is_share:
                 table[:, column] /= config.full_scale(axis)
     return tables
+
+
+def _steps_between(times: npt.NDArray[np.float64], dt: float) -> list[int]:
+    """Return the steps of the plant from the row before to each row.
+
+    Raises:
+        ConfigError: the time goes back, or leaps.
+    """
+    waits = np.diff(times, prepend=times[0])
+    (leaps,) = np.nonzero(~(waits <= _LONGEST_WAIT))
+    if np.any(waits < -dt / 2):
+        raise ConfigError("the recording's time goes back; give a recording in the order of time")
+    if len(leaps):
+        row = max(int(leaps[0]), 1)
+        wrong = f"the recording's row after {times[row - 1]:g} s is at {times[row]:g} s"
+        raise ConfigError(f"{wrong}; give rows at most {_LONGEST_WAIT:g} s apart")
+    steps: list[int] = np.rint(waits / dt).astype(np.int64).tolist()
+    return steps
 
 
 def _state_at_start(axis: AxisConfig, recording: Recording, full: float) -> dict[str, float]:

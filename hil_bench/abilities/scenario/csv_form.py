@@ -19,7 +19,7 @@ _RAMP = re.compile(r"->\s*(.+?)(?:\s+over\s+(.+))?")
 _TABLE = re.compile(r"table\s+(.+)")
 _FAULT = re.compile(r"fault:\s*(\S+)\s+(\S+)(?:\s+(\S+))?")
 _EXPECT = re.compile(r"expect:\s*(.+?)\s*(?:\+-|±)\s*(.+?)(?:\s+within\s+(.+))?")
-_INTEGER = re.compile(r"[+-]?\d+")
+_INTEGER = re.compile(r"[+-]?\d{1,400}")  # of more digits, Python refuses some
 
 
 def read_csv_document(path: Path) -> tuple[Document, Spots]:

@@ -210,7 +210,10 @@ class StepReader:
             ConfigError: the value is something else.
         """
         if isinstance(value, bool | int | float):
-            return float(value), ""
+            try:
+                return float(value), ""
+            except OverflowError:
+                raise ConfigError(f"{describe(value)} is not finite; give a number") from None
         if isinstance(value, str) and value in self._parameters:
             return Reference(value), ""
         if isinstance(value, str):

@@ -32,6 +32,9 @@ from hil_bench.devices.faults.kinds import SENSOR_KINDS, FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE, Unit
 
+_NEVER = 1e9
+"""A time after the end of every scenario [s]."""
+
 
 class SetAction(NamedTuple):
     """A target gets a value.
@@ -210,7 +213,7 @@ class _Resolver:
 
     def ticks(self, time: Amount) -> int:
         """Return the first tick at a time [s] or after it."""
-        return -(-round(self._number(time) * 1e9) // self._tick_ns)
+        return -(-round(min(self._number(time), _NEVER) * 1e9) // self._tick_ns)
 
     def action(self, step: SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep) -> Action:
         """Return the action of a step."""

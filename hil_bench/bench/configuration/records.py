@@ -189,9 +189,9 @@ class BenchConfig:
         return self.axes[0]
 
     def seen_from(self, bus: str) -> "BenchConfig":
-        """Return the configuration reduced to one of the buses and its nodes."""
-        nodes = tuple(node for node in self.nodes if node.bus == bus)
-        ecus = tuple(ecu for ecu in self.ecus if ecu.bus == bus)
+        """Return the configuration reduced to one of the buses, as its first, and its nodes."""
+        nodes = tuple(replace(node, bus=FIRST_BUS) for node in self.nodes if node.bus == bus)
+        ecus = tuple(replace(ecu, bus=FIRST_BUS) for ecu in self.ecus if ecu.bus == bus)
         return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, ecus=ecus)
 
     def full_scale(self, axis: AxisConfig) -> float:

@@ -2,7 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator
+import zlib
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.util import find_spec
@@ -11,7 +12,16 @@ from typing import IO, Any, TextIO
 
 import can
 from can.io.asc import ASCReader, ASCWriter
-from can.io.blf import BLFParseError, BLFReader, BLFWriter
+from can.io.blf import (
+    LOG_CONTAINER,
+    LOG_CONTAINER_STRUCT,
+    NO_COMPRESSION,
+    OBJ_HEADER_BASE_STRUCT,
+    ZLIB_DEFLATE,
+    BLFParseError,
+    BLFReader,
+    BLFWriter,
+)
 from can.io.canutils import CanutilsLogReader
 from can.io.trc import TRCReader
 
@@ -52,6 +62,10 @@ _NO_DATE = datetime(1970, 1, 1)  # noqa: DTZ001 - the format has local time
 
 _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 """An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
+
+
+_LARGEST_CONTAINER = 64 << 20
+"""Of a BLF file, unpacked [byte]; Vector's and python-can's have 128 KiB."""
 
 
 def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
@@ -279,7 +293,22 @@ def _read_mf4(path: Path, left_out: LeftOut, *, errors: bool) -> Iterator[Logged
 
 
 class _BlfReader(BLFReader):
-    """Ends at an object that claims no bytes at all: python-can would read it forever."""
+    """Ends where python-can would read forever, or fill the memory.
+
+    An object that claims no bytes has no end, and a container may unfold to a thousand times its
+    size.
+    """
+
+    def __iter__(self) -> Generator[can.Message, None, None]:
+        while head := self.file.read(OBJ_HEADER_BASE_STRUCT.size):
+            signature, _, _, size, kind = OBJ_HEADER_BASE_STRUCT.unpack(head)
+            if signature != b"LOBJ" or size < len(head):
+                raise BLFParseError("no object where one should be")
+            body = self.file.read(size - len(head))
+            self.file.read(size % 4)
+            if kind == LOG_CONTAINER:
+                yield from self._parse_container(_unpacked(body))
+        self.stop()
 
     def _parse_container(self, data: bytes) -> Iterator[can.Message]:
         data, self._tail = self._tail + data, b""
@@ -287,6 +316,25 @@ class _BlfReader(BLFReader):
         yield from super()._parse_container(data[: empty.start()] if empty else data)
         if empty:
             raise BLFParseError("an object of the file claims no bytes")
+
+
+def _unpacked(container: bytes) -> bytes:
+    """Return the content of a container of a BLF file.
+
+    Raises:
+        BLFParseError: it is packed in another way, or larger than any tool writes it.
+    """
+    method, _ = LOG_CONTAINER_STRUCT.unpack_from(container)
+    packed = container[LOG_CONTAINER_STRUCT.size :]
+    if method == NO_COMPRESSION:
+        return packed
+    if method != ZLIB_DEFLATE:
+        raise BLFParseError(f"a container is packed by the unknown method {method}")
+    unpacking = zlib.decompressobj()
+    data = unpacking.decompress(packed, _LARGEST_CONTAINER)
+    if unpacking.unconsumed_tail:
+        raise BLFParseError(f"a container unfolds to more than {_LARGEST_CONTAINER >> 20} MiB")
+    return data
 
 
 def _messages(

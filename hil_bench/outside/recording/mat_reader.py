@@ -17,8 +17,14 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
 
+if sys.platform != "win32":
+    import resource
+
 _PATIENCE = 120.0
 """Longest time for one file [s]."""
+
+_LARGEST = 4 << 30
+"""Memory for one file [byte]: a small one may unfold to a thousand times its size."""
 
 _WRONG = 3
 """Exit code where the file is wrong; standard error says why."""
@@ -46,26 +52,35 @@ def read_vectors(path: Path) -> dict[str, npt.NDArray[np.float64]]:
 
 def _main(path: str) -> int:
     """Write the vectors of a file to standard output; return the exit code."""
-    from scipy.io import loadmat  # noqa: PLC0415 - an extra
-
+    if sys.platform != "win32":
+        resource.setrlimit(resource.RLIMIT_AS, (_LARGEST, _LARGEST))
     try:
-        content = loadmat(path, squeeze_me=True)
-        vectors = {
-            name: np.asarray(values, dtype=np.float64)
-            for name, values in content.items()
-            if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "fiu"
-        }
+        found = _packed_vectors(path)
     except NotImplementedError:
         sys.stderr.write("it is a MAT file of version 7.3; save it with -v7")
-        return _WRONG
+    except MemoryError:
+        sys.stderr.write(f"it is no MAT file: to read it takes over {_LARGEST >> 30} GiB")
     except Exception as error:  # whatever a damaged file makes of scipy's reader
         sys.stderr.write(f"it is no MAT file: {error}")
-        return _WRONG
+    else:
+        sys.stdout.buffer.write(found)
+        return 0
+    return _WRONG
+
+
+def _packed_vectors(path: str) -> bytes:
+    """Return the vectors of numbers of a MAT file as NumPy's npz."""
+    from scipy.io import loadmat  # noqa: PLC0415 - an extra
+
+    vectors = {
+        name: np.asarray(values, dtype=np.float64)
+        for name, values in loadmat(path, squeeze_me=True).items()
+        if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "fiu"
+    }
     arrays: dict[str, Any] = {f"v{n}": values for n, values in enumerate(vectors.values())}
     whole = io.BytesIO()
     np.savez(whole, names=np.array([*vectors], dtype=np.str_), **arrays)
-    sys.stdout.buffer.write(whole.getvalue())
-    return 0
+    return whole.getvalue()
 
 
 if __name__ == "__main__":

@@ -20,6 +20,9 @@ from hil_bench.outside.recording.channels import TIME, Channel, Recording, recor
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MOST_CHANNELS = 10_000
+_LARGEST = 1 << 30
+"""All data of a file, unpacked [byte]: an hour of 37 signals each millisecond."""
+
 _RECORDS = {
     mdf.DATA_FRAME: mdf.DATA_RECORD,
     mdf.REMOTE_FRAME: mdf.REMOTE_RECORD,
@@ -86,6 +89,7 @@ class _Reader:
 
     def __init__(self, content: bytes) -> None:
         self._content = content
+        self._unfolded = 0
 
     def read(self) -> MdfContent:
         """Return the content of the file.
@@ -141,22 +145,30 @@ class _Reader:
             yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
 
     def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
-        """Return the records of a group."""
+        """Return the records of a group.
+
+        Raises:
+            ValueError: a block of data is listed twice.
+        """
         blocks: list[bytes] = []
         if data:
             header_list = self._block(data, b"##HL")
             for data_list in self._chain(header_list.links[0], b"##DL"):
+                if len({*data_list.links}) < len(data_list.links):
+                    raise ValueError("a block of data is listed twice")
                 blocks += [
                     self._unpacked(self._block(address, b"##DZ"), dtype.itemsize)
                     for address in data_list.links[1:]
                 ]
         return np.frombuffer(b"".join(blocks), dtype=dtype)
 
-    @staticmethod
-    def _unpacked(block: mdf.Block, record: int) -> bytes:
+    def _unpacked(self, block: mdf.Block, record: int) -> bytes:
         kind, packing, _, size, length, packed = mdf.DZ_DATA.unpack_from(block.data)
         if (kind, packing, size) != (b"DT", mdf.TRANSPOSED, record) or length % record:
             raise ValueError("a block of data is not packed as ours are")
+        self._unfolded += length
+        if self._unfolded > _LARGEST:
+            raise ValueError(f"its data unfold to more than {_LARGEST >> 30} GiB")
         # Never more than it says, whatever a made-up file would unfold to.
         raw = zlib.decompressobj().decompress(
             block.data[mdf.DZ_DATA.size : mdf.DZ_DATA.size + packed], length

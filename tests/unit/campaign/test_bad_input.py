@@ -208,6 +208,7 @@ def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
     "change",
     [
         lambda table: table.drop_columns(["verdicts"]),
+        lambda table: table.take([0] * 100_001),
         lambda table: table.rename_columns([f"{name}x" for name in table.column_names]),
         lambda table: table.set_column(
             table.column_names.index("outcome"), "outcome", [["perhaps"] * len(table)]
@@ -220,5 +221,5 @@ def test_a_table_with_other_rows_is_an_error_of_one_line(tmp_path, change):
     store.write([RunResult("k", "s", "b", "", 1, {"a": 1.0}, RunOutcome.PASSED)])
     (path,) = tmp_path.glob("*.parquet")
     pq.write_table(change(pq.read_table(path)), path)
-    with pytest.raises(ConfigError, match=r"\.parquet: has a row that is no result of a campaign"):
+    with pytest.raises(ConfigError, match=r"\.parquet: has (a row|100001 rows).* result"):
         list(store.results(is_foreign=True))

@@ -269,6 +269,13 @@ def test_tolerances_change_the_bench(tmp_path):
     assert margins == pytest.approx([1 - 0.8 * at_rest, 1 - at_rest], rel=1e-6)
 
 
+def test_a_campaign_plays_with_a_controller_of_ours(tmp_path):
+    head = '[controller]\nexample = "position_control"\n'
+    path = write_rest(tmp_path, REST.replace("[parameters]", f"{head}[parameters]", 1))
+    results = perform_here(Plan(replace(read_campaign(path), runs=2)))
+    assert [each.outcome for each in results] == ["passed"] * 2
+
+
 def test_the_table_has_a_row_a_run(tmp_path):
     path = write_rest(tmp_path)
     table = hil_bench.run_campaign(path, runs=5, sampler="grid", output=tmp_path / "out")

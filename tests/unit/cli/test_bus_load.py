@@ -1,6 +1,7 @@
 """`hil-bench bus-load`: the numbers of a small bench, by hand."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -56,6 +57,17 @@ def test_a_simulation_stays_below_the_bounds_and_comes_near(bench, capsys):
     assert rows["SYNC"]["frames"] == 100
     assert rows["position heartbeat"]["frames"] in {2, 3}
     assert 0.7 * bus["load"] < bus["simulated_load"] < bus["load"]
+
+
+def test_an_axis_whose_devices_are_on_two_buses_is_simulated_whole(capsys):
+    example = Path(__file__).parents[3] / "examples" / "two_buses.toml"
+    assert main(["bus-load", str(example), "--simulate", "0.1", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert [bus["name"] for bus in content["buses"]] == ["bus", "sensors"]
+    # In 0.1 s each message of 10 ms comes nine to eleven times, on its own bus alone.
+    frames = {(row["bus"], row["name"]): row["frames"] for row in content["messages"]}
+    assert {bus for bus, _ in frames} == {"bus", "sensors"}
+    assert all(9 <= count <= 11 for count in frames.values()), frames
 
 
 @pytest.mark.parametrize(

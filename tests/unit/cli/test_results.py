@@ -35,6 +35,11 @@ def test_people_get_lines_and_programs_json(capsys):
     assert capsys.readouterr().out == ""
 
 
+def test_what_a_file_put_into_a_line_reaches_no_terminal(capsys):
+    print_results(options(), ["a\x1b[2J\tb\x8b", "two\nlines: \u00fc"], {})
+    assert capsys.readouterr().out == "a\\x1b[2J\\tb\\x8b\ntwo\nlines: \u00fc\n"
+
+
 @pytest.mark.long
 def test_a_demo_for_a_program(tmp_path, capsys):
     words = ["demo", "--speed", "max", "--duration", "1", "--output", str(tmp_path)]

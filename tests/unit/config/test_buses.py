@@ -34,8 +34,9 @@ def test_a_node_is_on_the_first_bus_unless_it_names_another(write: Write) -> Non
         ("valve", "bus"),
         ("position", "sensors"),
     ]
-    assert [node.name for node in config.seen_from("sensors").nodes] == ["position"]
-    assert config.seen_from("sensors").buses == {"bus": BusConfig(channel="b")}
+    seen = config.seen_from("sensors")
+    assert [(node.name, node.bus) for node in seen.nodes] == [("position", "bus")]
+    assert seen.buses == {"bus": BusConfig(channel="b")}
 
 
 def test_the_command_line_is_for_the_first_bus(write: Write) -> None:

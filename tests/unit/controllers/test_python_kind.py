@@ -131,3 +131,14 @@ def test_the_same_bench_gives_the_same_frames_twice(folder):
             bench.run(0.05)
             runs.append([tuple(each) for each in bench.frames])
     assert runs[0] == runs[1]
+
+
+def test_the_end_of_a_run_says_nothing_of_drivers_that_lose_their_bus(folder, caplog):
+    (folder / "drive.py").write_text(
+        "from hil_bench.abilities.controllers.python.examples import ControllerSettings, manual\n"
+        "def control(rig):\n    return manual(rig, ControllerSettings())\n"
+    )
+    with make_bench(folder, "drive.py:control") as bench:
+        bench.run(0.5)
+        assert bench.nodes["valve"]["0x6041"] & 7 == 7  # enabled: CiA 408, status word
+    assert not caplog.records

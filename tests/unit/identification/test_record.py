@@ -186,6 +186,12 @@ def test_three_seconds_are_enough(recording: Recording) -> None:
     assert AxisRecord.of(recording[:3001], "lift", FULL_OPENING).times[-1] == pytest.approx(3.0)
 
 
+def test_times_that_are_rounded_up_to_10_ms_are_taken(recording: Recording) -> None:
+    tenth = recording[::10].copy()
+    tenth["time"] = np.arange(len(tenth)) * 0.01 * (1.0 + 1e-9)
+    assert AxisRecord.of(tenth, "lift", FULL_OPENING).interval > 0.01
+
+
 def test_a_wrong_axis_is_told_which_there_are(recording: Recording) -> None:
     with pytest.raises(ConfigError, match=r"lacks swing\.position, .*; it has lift"):
         AxisRecord.of(recording, "swing", FULL_OPENING)

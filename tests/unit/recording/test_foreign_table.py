@@ -1,5 +1,7 @@
 """Tables of other tools."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +91,20 @@ def test_a_broken_mat_file_is_refused_in_a_line(tmp_path: Path, content: bytes) 
         read_columns(path)
 
     assert "\n" not in str(error.value)
+
+
+def test_a_mat_file_does_not_fill_the_memory(tmp_path: Path) -> None:
+    """A vector that claims 4 GiB less a few bytes: element 14, a matrix of doubles."""
+    path = tmp_path / "rig.mat"
+    savemat(path, {"t": np.arange(5.0)})
+    count = (1 << 29) - 100
+    head = struct.pack("<10L", 6, 8, 6, 0, 5, 8, count, 1, 1 << 16 | 1, ord("t"))
+    claim = struct.pack("<2L", 9, 8 * count)
+    matrix = struct.pack("<2L", 14, len(head + claim) + 8 * count) + head + claim
+    packed = zlib.compress(matrix + bytes(1 << 16))
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<2L", 15, len(packed)) + packed)
+    with pytest.raises(ConfigError, match=r"is no recording: it is no MAT file: .* over 4 GiB"):
+        read_columns(path)
 
 
 def test_a_mat_file_that_ends_its_reader_is_refused_in_a_line(tmp_path: Path) -> None:

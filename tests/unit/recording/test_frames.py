@@ -1,6 +1,7 @@
 import re
 import struct
 import subprocess
+import zlib
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -200,6 +201,17 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
     container = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + 16 + len(claim), 10)
     path.write_bytes(header + container + struct.pack("<H6xL4x", 0, len(claim)) + claim)
     with pytest.raises(ConfigError, match=r"bus\.blf: .*claims no bytes"):
+        list(read_frames(path))
+
+
+def test_a_blf_container_does_not_fill_the_memory(tmp_path: Path) -> None:
+    path = tmp_path / "bus.blf"
+    open_frame_file(path).close()
+    packed = zlib.compress(bytes(65 << 20), 1)
+    # 16 bytes of a header and 16 of a container, of Vector's type 10; packed by zlib, its method 2.
+    head = struct.pack("<4sHHLLH14x", b"LOBJ", 16, 1, 32 + len(packed), 10, 2)
+    path.write_bytes(path.read_bytes()[:144] + head + packed)
+    with pytest.raises(ConfigError, match=r"bus\.blf: .*unfolds to more than 64 MiB"):
         list(read_frames(path))
 
 

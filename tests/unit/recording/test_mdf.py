@@ -1,5 +1,7 @@
 """MF4 as we write and read it; `.ci/run` has asammdf and python-can read the same."""
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -8,10 +10,12 @@ from hypothesis import strategies as st
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
+from hil_bench.outside.recording import mdf_reader
 from hil_bench.outside.recording.channels import TIME, Channel, recording_channels, recording_dtype
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.mdf_blocks import pack_block
 from hil_bench.outside.recording.mdf_reader import read_mdf
 from hil_bench.outside.recording.mdf_writer import MdfFile
 
@@ -54,6 +58,22 @@ def path_with_errors(tmp_path):
         file.flush(durable=False)
     file.close()
     return path
+
+
+@pytest.mark.parametrize(
+    ("largest", "count"), [(17 * 24 - 1, 2), (1 << 30, 100)], ids=["too-much", "twice"]
+)
+def test_a_small_file_does_not_fill_the_memory(path, monkeypatch, largest, count):
+    content = path.read_bytes()
+    lists, first = content.index(b"##DL"), content.index(b"##DZ")
+    assert len(read_recording(path)) == 17  # of 24 bytes
+    monkeypatch.setattr(mdf_reader, "_LARGEST", largest)
+    if count > 2:
+        block = pack_block(b"##DL", (0, *[first] * count), bytes(8))
+        link, end = struct.pack("<Q", lists), struct.pack("<Q", len(content))
+        path.write_bytes(content.replace(link, end, 1) + block)
+    with pytest.raises(ConfigError, match=r"is listed twice|unfold to more than"):
+        read_recording(path)
 
 
 def test_signals_and_frames_read_back(path):

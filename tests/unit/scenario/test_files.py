@@ -152,6 +152,15 @@ def test_a_course_may_name_parameters(tmp_path):
     assert action.course == ((0, 0.0), (500, 5e5), (1000, 0.0))
 
 
+@pytest.mark.parametrize("late", ["1e9", "1e300", "1e308"])
+def test_a_course_may_end_after_all_time(tmp_path, late):
+    """In nanoseconds, 1e308 s are no number."""
+    (tmp_path / "course.csv").write_text(f"0,0\n1,0\n{late},0\n")
+    text = HEAD + '[[step]]\nat_s = 1\nset = "axis1.load"\ntable = "course.csv"\n' + EXPECT
+    (step,) = resolve_steps(load(tmp_path, text), MS, {})
+    assert step.action.course == ((0, 0.0), (1000, 0.0), (10**12, 0.0))
+
+
 def test_a_course_with_an_unknown_name_is_refused(tmp_path):
     (tmp_path / "profile.csv").write_text("0,0\n0.5,peek_bar\n")
     step = '[[step]]\nat_s = 1\nset = "io.0x6401.01"\ntable = "profile.csv"\n'
@@ -322,6 +331,14 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
             ':5:7: step[1].set: "a": "5 furlong" is no value; give a number, a text such as "5 kN"',
         ),
         (
+            HEAD + f"[[step]]\nat_s = 1\nset = {{ a = 1{'0' * 400} }}\n" + EXPECT,
+            f':5:7: step[1].set: "a": 1{"0" * 36}... is not finite; give a number',
+        ),
+        (
+            HEAD + f"[[step]]\nat_s = 0x{'f' * 5000}\nsync = true\n" + EXPECT,
+            f":4:8: step[1].at_s: 0x{'f' * 35}... is not finite",
+        ),
+        (
             HEAD + '[[step]]\nat_s = 1\nset = "a"\ntable = "none.csv"\n' + EXPECT,
             "none.csv: cannot be read: No such file or directory; give a CSV file",
         ),
@@ -355,6 +372,8 @@ def test_bad_files_get_one_line(tmp_path, text, wrong):
         ("time_s,expect:x\n", "a.csv:1:8: is no expectation; give it as in expect:"),
         ("time_s,fault:silence valve\n0,1\n", "a.csv:2:3: give on, or keys as in"),
         ("parameter,x_bar\n", "a.csv:1:1: give parameter, name, value"),
+        (f"time_s,a\n0,1{'0' * 399}\n", f'"a": 1{"0" * 36}... is not finite'),
+        (f"time_s,sync\n1{'0' * 5000},on\n", "step[1].at_s: inf is not finite"),
         (b"title,\xe4\n", "is not UTF-8 text; save it as CSV UTF-8"),
         ("", "a.csv: checks nothing"),
         (

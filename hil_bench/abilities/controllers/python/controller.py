@@ -6,6 +6,7 @@ left, and entered again when the bench asks the controller to live on.
 
 import contextlib
 import inspect
+import logging
 import traceback
 from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -126,8 +127,10 @@ class PythonController:
         if self._made is not None:
             self._made.close()
         if self._stack is not None and not self._stack.dead:
+            logging.disable()  # it has no power any more, and its cleaning up nothing to say
             with contextlib.suppress(Exception):
                 self._stack.throw()
+            logging.disable(logging.NOTSET)
         for bus in self._rig.buses.values() if self._rig is not None else ():
             bus.shutdown()
 

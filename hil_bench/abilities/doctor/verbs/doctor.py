@@ -18,7 +18,7 @@ from hil_bench.abilities.doctor.permissions import examine_permissions
 from hil_bench.abilities.doctor.software import examine_software
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, print_lines
+from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import MonotonicClock
 
@@ -70,9 +70,9 @@ def run(args: argparse.Namespace) -> int:
     topics = (permissions, machine, buses, examine_software(), examine_extensions())
     if args.json:
         print(json.dumps(found_content(topics, tests), indent=2))
-    else:
+    elif not args.quiet:
         is_coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-        print_lines(args, *report_lines(topics, tests, is_coloured=is_coloured))
+        print(*report_lines(topics, tests, is_coloured=is_coloured), sep="\n", flush=True)
     return ExitCode.DONE
 
 

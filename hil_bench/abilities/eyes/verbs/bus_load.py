@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     buses, rows = [], []
     for name in config.buses:
-        bus, of_bus = _judge(args, config.seen_from(name), name)
+        bus, of_bus = _judge(args, config, name)
         buses.append(bus)
         rows += of_bus
     content = {"buses": buses, "messages": rows}
@@ -142,11 +142,11 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     Raises:
         ConfigError: nothing cyclic is on it.
     """
-    bitrate = config.bus.bitrate or USUAL_BITRATE
+    bitrate = config.buses[name].bitrate or USUAL_BITRATE
     given = Assumptions(
         bitrate, round(args.cycle_ms * _NS_PER_MS), round(args.jitter_us * _NS_PER_US)
     )
-    streams = find_streams(nodes_of(config), given)
+    streams = find_streams(nodes_of(config.seen_from(name)), given)
     if not streams:
         raise ConfigError(f"{config.path or 'bench'}: no node of {name} has a PDO or a heartbeat")
     messages = [stream.message for stream in streams]
@@ -158,7 +158,7 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
         duration = round(args.simulate * _NS_PER_S)
         commands = list(_commands(streams))
         found = measure_traffic(
-            config, commands, cycle=given.cycle, bitrate=bitrate, duration=duration
+            config, name, commands, cycle=given.cycle, bitrate=bitrate, duration=duration
         )
         simulated = found.busy / duration
     rows = [_row(name, stream, bounds[stream.message.name], found) for stream in streams]

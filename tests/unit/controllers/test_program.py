@@ -259,6 +259,12 @@ def test_what_cannot_go_on_is_said_in_one_line(start, part, line):
 
 
 @pytest.fixture
+def watchful(monkeypatch):
+    """A bench that looks at a silent program often."""
+    monkeypatch.setattr(controller_module, "_GLANCE_MS", 10)
+
+
+@pytest.fixture
 def unhurried(monkeypatch):
     """A bench that is never ahead of the clock: these tests look at none."""
     monkeypatch.setattr(controller_module, "LEAD_NS", 1 << 62)
@@ -295,6 +301,7 @@ def test_real_time_needs_a_bench_that_keeps_to_the_clock(start):
         controller.advance(10_000 * TICK, ())  # 10 s after its start
 
 
+@pytest.mark.usefixtures("watchful")
 def test_a_program_that_never_waits_is_ended(start):
     controller = start("forever", cpu_s=0.1)
     with pytest.raises(ControllerError, match=r"^took 0\.1 s of processor time and did not wait"):
@@ -303,6 +310,7 @@ def test_a_program_that_never_waits_is_ended(start):
     assert not _children()
 
 
+@pytest.mark.usefixtures("watchful")
 def test_a_program_that_waits_for_something_else_is_ended(start, monkeypatch, tmp_path):
     monkeypatch.setattr(controller_module, "PATIENCE", 0.0)
     pipe = tmp_path / "pipe"

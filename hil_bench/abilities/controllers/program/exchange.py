@@ -12,18 +12,14 @@ VERSION = 1
 RING = 4096
 """Frames that wait at most, each way."""
 
-NEVER = (1 << 63) - 1
-"""Time at which a program goes on by itself that waits for a frame for ever."""
-
-MOST_BUSES = 16
 NAME_SIZE = 16
 
 _RECORD = struct.Struct("<qIBBxx8s")
 _U32, _I64 = struct.Struct("<I"), struct.Struct("<q")
 _VERSION, _GRANTED, _UNTIL, _IN_HEAD, _OUT_TAIL, _BUSES = 0, 4, 8, 16, 20, 24
 _NAMES, _NOW, _WAKE, _IN_TAIL, _OUT_HEAD = 32, 288, 296, 304, 308
-_ANSWERED, _STATE, _HOLDER, _RANDOM, _DROPPED, _REFUSAL = 312, 316, 320, 324, 328, 336
-_REFUSAL_SIZE = 168
+_ANSWERED, _STATE, _RANDOM, _REFUSAL = 312, 316, 324, 332
+_REFUSAL_SIZE = 172
 _IN = 504
 _OUT = _IN + RING * _RECORD.size
 _SIZE = _OUT + RING * _RECORD.size
@@ -129,11 +125,6 @@ class Exchange:
         """The reason for which the library refuses the program."""
         text = self._memory[_REFUSAL : _REFUSAL + _REFUSAL_SIZE]
         return text.partition(b"\0")[0].decode(errors="replace")
-
-    @property
-    def dropped(self) -> int:
-        """Frames that the program was too slow to read."""
-        return self._read(_DROPPED)
 
     def _read(self, place: int) -> int:
         (value,) = _U32.unpack_from(self._memory, place)

@@ -74,17 +74,16 @@ struct exchange {
     _Atomic uint32_t out_head;
     uint32_t answered; /* the number of the last grant that it has lived to the end of */
     uint32_t state;
-    int32_t holder; /* the process that waits; 0 for none */
+    int32_t holder; /* the process that waits, or in real time has the sockets; 0 for none */
     uint32_t random;
-    uint32_t dropped; /* frames that found a full socket */
-    uint32_t calls;   /* since it last waited */
-    char refusal[168]; /* why it cannot be run */
+    uint32_t calls; /* since it last waited */
+    char refusal[172]; /* why it cannot be run */
     struct record in[RING];
     struct record out[RING];
 };
 _Static_assert(sizeof(struct record) == 24, "as exchange.py has it");
 _Static_assert(offsetof(struct exchange, now) == 288, "as exchange.py has it");
-_Static_assert(offsetof(struct exchange, refusal) == 336, "as exchange.py has it");
+_Static_assert(offsetof(struct exchange, refusal) == 332, "as exchange.py has it");
 _Static_assert(offsetof(struct exchange, in) == 504, "as exchange.py has it");
 
 extern struct exchange *exchange; /* NULL where no bench is */

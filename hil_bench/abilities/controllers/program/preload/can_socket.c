@@ -315,10 +315,8 @@ static void distribute(struct packet *packet, const struct can_socket *sender)
         }
         packet->dropped = can->dropped;
         packet->flags = flags | (can == sender ? MSG_CONFIRM : 0);
-        if (REAL(send)(can->peer, packet, sizeof *packet, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) {
-            can->dropped++;
-            exchange->dropped++;
-        }
+        if (REAL(send)(can->peer, packet, sizeof *packet, MSG_DONTWAIT | MSG_NOSIGNAL) < 0)
+            can->dropped++; /* its queue is full */
     }
 }
 

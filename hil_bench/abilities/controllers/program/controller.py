@@ -235,6 +235,8 @@ class _Life:
             self._sent += self._exchange.take()
             self._ring()
             return False
+        if self._program.is_running:  # it has closed what is not its own
+            return False
         self._end_in_order()
         return True
 
@@ -277,7 +279,7 @@ class _RealLife(_Life):
         Raises:
             ControllerError: the bench does not keep to the machine's clock.
         """
-        if self._poller.poll(0):
+        if not self._program.is_running:
             self._end_in_order()
         if until - (time.monotonic_ns() - self._zero) > LEAD_NS:
             raise ControllerError(

@@ -17,6 +17,12 @@
 struct exchange *exchange;
 static int control = -1, memory = -1; /* descriptors */
 static int arrivals = -1;             /* of signals */
+static pid_t self;
+
+bool is_borrowed(void)
+{
+    return getpid() != self;
+}
 
 bool is_of_bench(int fd)
 {
@@ -126,7 +132,7 @@ void refuse(const char *format, ...)
 /* Claims the bench's time for this process. */
 static void hold(void)
 {
-    int32_t self = getpid(), holder = exchange->holder;
+    const int32_t holder = exchange->holder;
 
     if (holder != 0 && holder != self && kill(holder, 0) == 0)
         refuse("forks: two processes live at once; with time = \"bench\" one does, and others "
@@ -280,7 +286,6 @@ static void *pump(void *unused)
 
 bool start_pump(void)
 {
-    const int32_t self = getpid();
     sigset_t all, before;
     pthread_t thread;
     int error;
@@ -307,6 +312,7 @@ bool start_pump(void)
 
 static void in_child(void)
 {
+    self = getpid();
     prctl(PR_SET_PDEATHSIG, SIGKILL);
 }
 
@@ -321,6 +327,7 @@ __attribute__((constructor)) static void attach(void)
     if (mapped == MAP_FAILED)
         return; /* the descriptors were closed before this program was started */
     exchange = mapped;
+    self = getpid();
     if (exchange->version != VERSION)
         abort();
     prctl(PR_SET_PDEATHSIG, SIGKILL);

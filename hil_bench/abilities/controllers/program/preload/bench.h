@@ -37,6 +37,7 @@
 
 #define RING 4096 /* frames; a power of 2 */
 #define MOST_BUSES 16
+#define MOST_DESCRIPTORS 1024 /* of the program, above which no CAN socket is */
 #define NAME_SIZE 16
 #define NEVER INT64_MAX
 #define MILLISECOND INT64_C(1000000)
@@ -133,6 +134,9 @@ _Noreturn void refuse(const char *format, ...) __attribute__((format(printf, 1, 
 
 /* Whether the bench's end of anything is at this descriptor, which the program must not close. */
 bool is_of_bench(int fd);
+
+/* Whether this is a child of vfork(), whose memory is its parent's. */
+bool is_borrowed(void);
 
 /* clock.c */
 int64_t time_of(const struct timespec *span);

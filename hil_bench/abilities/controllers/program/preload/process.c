@@ -2,11 +2,22 @@
 #include "netlink.h"
 
 #include <fcntl.h>
+#include <linux/close_range.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdarg.h>
 #include <sys/random.h>
 #include <unistd.h>
+
+/* What stood behind a descriptor, unless it is a child's of vfork() that closes it. */
+static void forget(int fd)
+{
+    if (on_bench() && !is_borrowed()) {
+        forget_can(fd);
+        forget_timer_fd(fd);
+        forget_link(fd);
+    }
+}
 
 EXPORT int close(int fd)
 {
@@ -14,15 +25,38 @@ EXPORT int close(int fd)
         errno = EBADF;
         return -1;
     }
-    forget_can(fd);
-    forget_timer_fd(fd);
-    forget_link(fd);
+    forget(fd);
     return REAL(close)(fd);
+}
+
+/* Closes all but the bench's ends, which programs need that this one starts. */
+EXPORT int close_range(unsigned int first, unsigned int last, int flags)
+{
+    const unsigned int end = last < MOST_DESCRIPTORS ? last : MOST_DESCRIPTORS - 1;
+
+    if (!on_bench())
+        return REAL(close_range)(first, last, flags);
+    for (; first <= end; first++) {
+        if (is_of_bench((int)first))
+            continue;
+        if (!(flags & CLOSE_RANGE_CLOEXEC))
+            forget((int)first);
+        REAL(close_range)(first, first, flags);
+    }
+    return first <= last ? REAL(close_range)(first, last, flags) : 0;
+}
+
+EXPORT void closefrom(int first)
+{
+    if (on_bench())
+        close_range(first < 0 ? 0 : (unsigned int)first, ~0U, 0);
+    else
+        REAL(closefrom)(first);
 }
 
 static int copied(int from, int to)
 {
-    if (to >= 0 && from != to)
+    if (to >= 0 && from != to && on_bench() && !is_borrowed())
         copy_can(from, to);
     return to;
 }

@@ -247,6 +247,7 @@ def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str
         "summary",
         ticks,
         *(timing if run.is_timed else ()),
+        *([f"real time {', '.join(report.held)}"] if report.held else ()),
         *frame_lines(report.frames, bench.unrouted),
         *bus_lines(bus.parts),
         load_line(report, config.tick_ns, bus.bitrate),

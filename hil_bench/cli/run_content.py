@@ -31,6 +31,7 @@ def paced_content(
     return {
         "bench_time": elapsed * _S_PER_NS,
         "loop": {key: loop[key] for key in loop if is_timed or key not in timing},
+        "held": list(report.held),
         "bus_load": load_of(report.frames.bits, elapsed, bitrate),
         "bitrate": bitrate,
         **_common(report, setup, helpers),

@@ -45,12 +45,14 @@ class RunReport:
         frames: what passed the bus.
         lost: why the run ended early, None where it did not.
         statistics: of the loop, with its histograms.
+        held: what the operating system gave the loop on request.
     """
 
     ticks: TickSummary
     frames: TransportCounters
     lost: BusError | ControllerError | TimingError | None
     statistics: TickStatistics
+    held: Sequence[str] = ()
 
 
 def run_paced(
@@ -81,7 +83,7 @@ def run_paced(
             that the bench listens to. Each costs the loop time.
     """
     lost: BusError | ControllerError | TimingError | None = None
-    with undisturbed(realtime or RealtimeConfig(), pacer.period):
+    with undisturbed(realtime or RealtimeConfig(), pacer.period) as held:
         try:
             is_wired = session.bench.wiring is not None  # there, frames for others take time
             bus = _Bus(session, transport, pacer, hears_all=hears_all or is_wired)
@@ -89,7 +91,8 @@ def run_paced(
         except (BusError, ControllerError, TimingError) as error:
             lost = error
     lost = lost or outage_at_end(transport)
-    return RunReport(pacer.statistics.summary(), transport.counters(), lost, pacer.statistics)
+    ticks = pacer.statistics.summary()
+    return RunReport(ticks, transport.counters(), lost, pacer.statistics, held)
 
 
 def frames_per_tick(period: int) -> int:

@@ -21,6 +21,7 @@
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/timerfd.h>
+#include <sys/times.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -186,6 +187,50 @@ static void alarms(void)
     }
 }
 
+static void wait_signals(void)
+{
+    struct sigaction action = {.sa_handler = count};
+    struct itimerval once = {.it_value = {0, 2000}};
+    struct timespec limit = {.tv_nsec = 3000000};
+    struct tms used;
+    sigset_t usual, alarms;
+    clock_t begin;
+
+    sigemptyset(&alarms);
+    sigaddset(&alarms, SIGALRM);
+    sigprocmask(SIG_BLOCK, &alarms, &usual);
+    sigaction(SIGALRM, &action, NULL);
+    say_end("sigtimedwait", sigtimedwait(&alarms, NULL, &limit));
+    setitimer(ITIMER_REAL, &once, NULL);
+    say_end("sigsuspend", sigsuspend(&usual));
+    say("signals", signals);
+    begin = times(&used);
+    usleep(2000);
+    say("ticks", times(&used) - begin);
+}
+
+static void batches(void)
+{
+    struct can_frame frames[4];
+    struct iovec parts[4];
+    struct mmsghdr messages[4] = {0};
+    int fd = open_can("can0"), waiting = -1;
+
+    for (int i = 0; i < 4; i++) {
+        parts[i] = (struct iovec){&frames[i], sizeof frames[i]};
+        messages[i].msg_hdr = (struct msghdr){.msg_iov = &parts[i], .msg_iovlen = 1};
+    }
+    ioctl(fd, FIONREAD, &waiting);
+    say("waiting", waiting);
+    say_end("received", recvmmsg(fd, messages, 4, MSG_WAITFORONE, NULL));
+    printf("ids %x %x %x\n", frames[0].can_id, frames[1].can_id, frames[2].can_id);
+    ioctl(fd, FIONREAD, &waiting);
+    say("waiting", waiting);
+    frames[2].can_dlc = 9;
+    say_end("sent", sendmmsg(fd, messages, 3, 0));
+    say_end("sent", sendmmsg(fd, messages + 2, 1, 0));
+}
+
 static void say_ids(const char *what, int fd)
 {
     struct can_frame frame;
@@ -338,6 +383,21 @@ static void copies(void)
     say_end("closed", write(fd, "", 1));
 }
 
+static void *answer(void *unused)
+{
+    echo();
+    return unused;
+}
+
+static void threads(void)
+{
+    pthread_t thread;
+
+    pthread_create(&thread, NULL, answer, NULL);
+    for (;;) /* the other thread is the one that is looked at */
+        pause();
+}
+
 static void *idle(void *argument)
 {
     return argument;
@@ -429,13 +489,14 @@ int main(int argc, char **argv)
         const char *name;
         void (*run)(void);
     } parts[] = {
-        {"alarms", alarms},     {"children", children}, {"copies", copies},
+        {"alarms", alarms},     {"batches", batches},   {"signals", wait_signals},
+        {"children", children}, {"copies", copies},
         {"crash", crash},       {"cycle", cycle},       {"echo", echo},
         {"exits", exits},       {"filters", filters},   {"flood", flood},
         {"forever", forever},   {"messages", messages}, {"names", names},
         {"orphan", orphan},     {"ready", ready},       {"spin", spin},
         {"terminated", terminated}, {"thread", thread}, {"timers", timers},
-        {"together", together}, {"waits", waits},       {"wrong", wrong},
+        {"together", together}, {"threads", threads}, {"waits", waits},       {"wrong", wrong},
     };
 
     setvbuf(stdout, NULL, _IOLBF, 0);

@@ -33,8 +33,8 @@ def surroundings_of(scratch, *buses):
     )
 
 
-def build_program(command, scratch, *buses, cpu_s=5.0):
-    settings = {"command": tuple(map(str, command)), "time": "bench", "cpu_s_per_tick": cpu_s}
+def build_program(command, scratch, *buses, cpu_s=5.0, time="bench"):
+    settings = {"command": tuple(map(str, command)), "time": time, "cpu_s_per_tick": cpu_s}
     return KIND.build(settings, surroundings_of(scratch, *buses))
 
 

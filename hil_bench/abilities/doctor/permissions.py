@@ -17,6 +17,7 @@ from hil_bench.outside.realtime import linux
 from hil_bench.outside.realtime.permissions import (
     CAP_SYS_NICE,
     GRANT_DEADLINE,
+    GRANT_LATENCY,
     GRANT_MEMORY,
     GRANT_PRIORITY,
     format_cpus,
@@ -35,12 +36,12 @@ def examine_permissions(read: Read) -> Topic:
         read: reads files of the kernel.
     """
     if not IS_LINUX:
-        names = ("SCHED_FIFO", "SCHED_DEADLINE", "memory lock")
+        names = ("SCHED_FIFO", "SCHED_DEADLINE", "memory lock", "wake-up latency")
         return Topic("Permissions", tuple(absent(name, "Linux only") for name in names))
     processors = good("processors", f"{format_cpus(linux.processors())} permitted")
     throttling = _throttling(read("/proc/sys/kernel/sched_rt_runtime_us"))
-    findings = (_fifo(), _deadline(), _memory_lock(), throttling, _timer_slack(), processors)
-    return Topic("Permissions", findings)
+    permitted = (_fifo(), _deadline(), _memory_lock(), _wake_latency())
+    return Topic("Permissions", (*permitted, throttling, _timer_slack(), processors))
 
 
 def _fifo() -> Finding:
@@ -82,6 +83,13 @@ def _memory_lock() -> Finding:
     if may_lock_memory():
         return good("memory lock", f"permitted; RLIMIT_MEMLOCK {text}")
     return Finding("memory lock", Verdict.HINT, f"RLIMIT_MEMLOCK {text}", GRANT_MEMORY)
+
+
+def _wake_latency() -> Finding:
+    name = "wake-up latency"
+    if linux.may_hold_wake_latency():
+        return good(name, "may be held at 0 us, as a run with --realtime does")
+    return Finding(name, Verdict.HINT, "left to the idle states", GRANT_LATENCY)
 
 
 def _throttling(runtime: str) -> Finding:

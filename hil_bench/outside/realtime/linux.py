@@ -12,6 +12,9 @@ import platform
 import struct
 import sys
 from collections.abc import Callable
+from pathlib import Path
+
+WAKE_LATENCY = Path("/dev/cpu_dma_latency")
 
 _PR_SET_TIMERSLACK = 29
 _PR_GET_TIMERSLACK = 30
@@ -51,6 +54,32 @@ def lock_memory() -> None:
 def unlock_memory() -> None:
     """Undo `lock_memory`."""
     _call("munlockall")
+
+
+def hold_wake_latency() -> Callable[[], None]:
+    """Keep all processors out of idle states that they take time to leave (C1 and deeper).
+
+    Documentation/power/pm_qos_interface.rst: a latency of 0 us holds as long as the file is open.
+
+    Returns:
+        What lets them go again.
+
+    Raises:
+        OSError: the kernel refuses, or this is another system.
+    """
+    _require_linux()
+    file = WAKE_LATENCY.open("wb", buffering=0)
+    try:
+        file.write(struct.pack("=i", 0))
+    except OSError:
+        file.close()
+        raise
+    return file.close
+
+
+def may_hold_wake_latency() -> bool:
+    """Return True if `hold_wake_latency` is permitted; nothing is held."""
+    return os.access(WAKE_LATENCY, os.W_OK)
 
 
 def processors() -> set[int]:

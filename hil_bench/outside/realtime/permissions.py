@@ -19,6 +19,10 @@ GRANT_MEMORY = (
     "grant CAP_IPC_LOCK, or 'memlock unlimited' in /etc/security/limits.conf; in a container "
     "'--ulimit memlock=-1'"
 )
+GRANT_LATENCY = (
+    "make /dev/cpu_dma_latency writable for this user by a udev rule; in a container "
+    "'--device /dev/cpu_dma_latency'"
+)
 
 # linux/capability.h
 CAP_IPC_LOCK = 14

@@ -1,8 +1,9 @@
 """Requests to the operating system that keep the loop from being held up.
 
 Some of it needs no permission: the garbage collector is set aside, and the timer slack is 1 ns in
-place of 50 us. The rest is what `RealtimeConfig` wants: a real-time policy, locked memory, a
-processor. What the system refuses is left out, with one warning that says what to grant.
+place of 50 us. The rest is what `RealtimeConfig` wants: a real-time policy, locked memory,
+processors that stay awake, a processor of its own. What the system refuses is left out, with one
+warning that says what to grant.
 
 A loop with a real-time policy that never waits would take its processor from everybody else. After
 `SPIN` without a wait it loses the policy, with a warning; where Python does not come to see to
@@ -13,13 +14,14 @@ import gc
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 
 from hil_bench.outside.realtime import linux
 from hil_bench.outside.realtime.permissions import (
     GRANT_DEADLINE,
+    GRANT_LATENCY,
     GRANT_MEMORY,
     GRANT_PRIORITY,
     IS_LINUX,
@@ -68,7 +70,7 @@ def undisturbed_by_garbage_collection() -> Iterator[None]:
 
 
 @contextmanager
-def undisturbed(realtime: RealtimeConfig, period: int) -> Iterator[None]:
+def undisturbed(realtime: RealtimeConfig, period: int) -> Iterator[Sequence[str]]:
     """Let nothing hold up the paced loop of this thread, as far as the system permits.
 
     All is as it was when the block ends.
@@ -76,39 +78,49 @@ def undisturbed(realtime: RealtimeConfig, period: int) -> Iterator[None]:
     Args:
         realtime: what to ask for beyond what needs no permission.
         period: time between ticks [ns].
+
+    Yields:
+        The names of what needs permission and is held.
     """
+    held = []
     with ExitStack() as stack:
         stack.enter_context(undisturbed_by_garbage_collection())
         _reduce_timer_slack(stack)
-        for take, what, grant in _wanted(realtime, period):
+        for take, name, refused, grant in _wanted(realtime, period):
             try:
                 take(stack)
             except (OSError, OverflowError):
-                logger.warning("%s; %s", what, grant if IS_LINUX else NOT_LINUX)
-        yield
+                logger.warning("%s; %s", refused, grant if IS_LINUX else NOT_LINUX)
+            else:
+                held.append(name)
+        yield held
 
 
 _Take = Callable[[ExitStack], None]
 
 
-def _wanted(realtime: RealtimeConfig, period: int) -> Iterator[tuple[_Take, str, str]]:
-    """Yield what to take, what to say where it is refused, and what to grant.
+def _wanted(realtime: RealtimeConfig, period: int) -> Iterator[tuple[_Take, str, str, str]]:
+    """Yield what to take, its name, what to say where it is refused, and what to grant.
 
     Yields:
-        The three.
+        The four.
     """
     if realtime.cpu is not None:
         permitted = f"this process may use {format_cpus(linux.processors())}" if IS_LINUX else ""
-        what = f"loop not tied to processor {realtime.cpu}"
-        yield partial(_take_processor, cpu=realtime.cpu), what, permitted
+        name = f"processor {realtime.cpu}"
+        take = partial(_take_processor, cpu=realtime.cpu)
+        yield take, name, f"loop not tied to {name}", permitted
     if realtime.policy is RealtimePolicy.OFF:
         return
-    yield _lock_memory, "memory not locked", GRANT_MEMORY
+    yield _lock_memory, "memory", "memory not locked", GRANT_MEMORY
+    yield _hold_latency, "wake-up latency 0 us", "processors not kept awake", GRANT_LATENCY
     if realtime.policy is RealtimePolicy.FIFO:
-        what = f"no SCHED_FIFO with priority {realtime.priority}"
-        yield partial(_take_fifo, priority=realtime.priority), what, GRANT_PRIORITY
+        take = partial(_take_fifo, priority=realtime.priority)
+        refused = f"no SCHED_FIFO with priority {realtime.priority}"
+        yield take, f"SCHED_FIFO {realtime.priority}", refused, GRANT_PRIORITY
     else:
-        yield partial(_take_deadline, period=period), "no SCHED_DEADLINE", GRANT_DEADLINE
+        take = partial(_take_deadline, period=period)
+        yield take, "SCHED_DEADLINE", "no SCHED_DEADLINE", GRANT_DEADLINE
 
 
 def _reduce_timer_slack(stack: ExitStack) -> None:
@@ -128,6 +140,10 @@ def _lock_memory(stack: ExitStack) -> None:
         raise PermissionError
     linux.lock_memory()
     stack.callback(linux.unlock_memory)
+
+
+def _hold_latency(stack: ExitStack) -> None:
+    stack.callback(linux.hold_wake_latency())
 
 
 def _take_fifo(stack: ExitStack, *, priority: int) -> None:

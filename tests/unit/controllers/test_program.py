@@ -32,6 +32,7 @@ from hil_bench.errors import ControllerError
 from hil_bench.session.session import open_session
 
 pytestmark = needs_compiler
+FOR_EVER = 10**9  # ticks
 EPOCH = 1767225600  # 2026-01-01 00:00:00 UTC
 
 
@@ -45,9 +46,9 @@ def start(can_program, tmp_path):
     """Start a part of `can_program`, or any command; all are closed at the end."""
     started = []
 
-    def start(*command, buses=("bus",), cpu_s=5.0):
+    def start(*command, buses=("bus",), **settings):
         words = command if len(command) > 1 else (can_program, *command)
-        started.append(build_program(words, tmp_path / str(len(started)), *buses, cpu_s=cpu_s))
+        started.append(build_program(words, tmp_path / str(len(started)), *buses, **settings))
         (tmp_path / str(len(started) - 1)).mkdir()
         return started[-1]
 
@@ -119,6 +120,29 @@ def test_alarms_interrupt_a_pause(start):
     moments = [2000, 4000, 5000, 6000]
     expected = [(f"{at} pause EINTR", f"{at} signals {n}") for n, at in enumerate(moments, 1)]
     assert lines == [line for pair in expected for line in pair]
+
+
+def test_waits_for_signals_count_bench_time(start):
+    assert live(start("signals"), 9).lines == [
+        "3000 sigtimedwait EAGAIN",
+        "5000 sigsuspend EINTR",
+        "5000 signals 1",
+        "7000 ticks 0",  # of 10 ms
+    ]
+
+
+def test_messages_by_the_batch(start):
+    frames = [Frame(0x100 + number) for number in range(3)]
+    life = live(start("batches"), 4, {2000: frames})
+    assert life.lines == [
+        "0 waiting 0",
+        "2000 received 3",
+        "ids 100 101 102",
+        "2000 waiting 0",
+        "2000 sent 2",
+        "2000 sent EINVAL",
+    ]
+    assert [frame.can_id for _, frame in life.sent] == [0x100, 0x101]
 
 
 def test_filters_are_those_of_the_kernel(start):
@@ -223,7 +247,7 @@ def test_children_live_one_after_the_other(start):
     ("part", "line"),
     [
         ("thread", r"^starts a thread; with time = \"bench\" a program has one$"),
-        ("together", r"^forks: processes \d+ and \d+ live at once; with time = \"bench\" one does"),
+        ("together", r"^forks: two processes live at once; with time = \"bench\" one does"),
         ("crash", r"can_program crash: has ended, exit code -6$"),
         ("exits", r"can_program exits: has ended, exit code 7$"),
     ],
@@ -234,6 +258,50 @@ def test_what_cannot_go_on_is_said_in_one_line(start, part, line):
     assert len(str(caught.value).splitlines()) == 1
 
 
+@pytest.fixture
+def watchful(monkeypatch):
+    """A bench that looks at a silent program often."""
+    monkeypatch.setattr(controller_module, "_GLANCE_MS", 10)
+
+
+@pytest.fixture
+def unhurried(monkeypatch):
+    """A bench that is never ahead of the clock: these tests look at none."""
+    monkeypatch.setattr(controller_module, "LEAD_NS", 1 << 62)
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_in_real_time_a_program_may_have_threads(start):
+    controller = start("threads", time="real")
+    now, sent = 0, []
+    while not sent:  # it opens its socket some time
+        now += TICK
+        sent = controller.advance(now, [TimedFrame(now - TICK, Frame(0x200, b"\5"))])
+    assert sent[0] == TimedFrame(now, Frame(0x201, b"\5"))
+    controller.close()
+    assert not _children()
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_in_real_time_a_program_ends_by_itself(start):
+    life = live(start("flood", time="real"), FOR_EVER)
+    assert life.ending == "exit code 0"
+    data = [frame.data[0] for _, frame in life.sent]
+    assert data[:RING] == [number % 256 for number in range(RING)]  # then ENOBUFS may come
+    with pytest.raises(ControllerError, match=r"has ended, exit code 7$"):
+        live(start("exits", time="real"), FOR_EVER)
+
+
+def test_real_time_needs_a_bench_that_keeps_to_the_clock(start):
+    controller = start("terminated", time="real")
+    controller.advance(TICK, ())
+    with pytest.raises(
+        ControllerError, match=r'^time = "real" needs a bench that keeps to the mach'
+    ):
+        controller.advance(10_000 * TICK, ())  # 10 s after its start
+
+
+@pytest.mark.usefixtures("watchful")
 def test_a_program_that_never_waits_is_ended(start):
     controller = start("forever", cpu_s=0.1)
     with pytest.raises(ControllerError, match=r"^took 0\.1 s of processor time and did not wait"):
@@ -242,6 +310,7 @@ def test_a_program_that_never_waits_is_ended(start):
     assert not _children()
 
 
+@pytest.mark.usefixtures("watchful")
 def test_a_program_that_waits_for_something_else_is_ended(start, monkeypatch, tmp_path):
     monkeypatch.setattr(controller_module, "PATIENCE", 0.0)
     pipe = tmp_path / "pipe"

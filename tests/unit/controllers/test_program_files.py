@@ -97,7 +97,7 @@ def test_the_start_says_that_a_program_is_not_there(tmp_path):
 
 
 def test_the_build_refuses_what_the_check_refuses(write, tmp_path):
-    settings = {"command": (write(elf(interpreter=b"")),), "cpu_s_per_tick": 5.0}
+    settings = read(command=[write(elf(interpreter=b""))])
     with pytest.raises(ConfigError, match=r"^\[controller\]\.command: .*firmware: is linked stat"):
         KIND.build(settings, surroundings_of(tmp_path))
 
@@ -116,8 +116,8 @@ def test_its_keys():
         "time": "bench",
         "cpu_s_per_tick": 5.0,
     }
-    with pytest.raises(ConfigError, match='time: "real" is unknown; give one of "bench"'):
-        read(command=["a"], time="real")
+    with pytest.raises(ConfigError, match='time: "wall" is unknown; give one of "bench", "real"'):
+        read(command=["a"], time="wall")
     [line] = KIND.problems(read(command=[]), None)
     assert line.startswith("command: is empty")
 

@@ -9,13 +9,15 @@ from hil_bench.abilities.doctor.permissions import examine_permissions
 
 
 class Kernel:
-    """Refuses the calls in `refused`."""
+    """Refuses the calls in `refused`; what it may, it is asked by name."""
 
     def __init__(self, *refused):
         self.refused = refused
 
     def __getattr__(self, name):
         def call(*_arguments):
+            if name.startswith("may_"):
+                return name not in self.refused
             if name in self.refused:
                 raise OSError(errno.EPERM, "Operation not permitted")
             known = {"timer_slack": 50_000, "processors": {0, 1}, "priority_limit": 95}
@@ -42,16 +44,19 @@ def test_what_is_permitted_is_good(examine):
     assert {item.verdict for item in found.values()} == {Verdict.GOOD}
     assert found["SCHED_FIFO"].value == "permitted; RLIMIT_RTPRIO 95"
     assert found["memory lock"].value == "permitted; RLIMIT_MEMLOCK 8 MiB"
+    assert found["wake-up latency"].value == "may be held at 0 us, as a run with --realtime does"
     assert found["real-time throttling"].value == "95 % for real-time threads"
     assert found["processors"].value == "0-1 permitted"
 
 
 def test_what_is_refused_says_what_to_grant(examine):
-    found = examine("set_fifo_policy", "set_deadline_policy", may_lock=False)
+    refused = ("set_fifo_policy", "set_deadline_policy", "may_hold_wake_latency")
+    found = examine(*refused, may_lock=False)
     for name, grant in (
         ("SCHED_FIFO", "CAP_SYS_NICE"),
         ("SCHED_DEADLINE", "CAP_SYS_NICE"),
         ("memory lock", "CAP_IPC_LOCK"),
+        ("wake-up latency", "/dev/cpu_dma_latency"),
     ):
         assert found[name].verdict is Verdict.HINT
         assert grant in found[name].advice

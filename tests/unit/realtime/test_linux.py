@@ -39,6 +39,27 @@ def test_spinning_is_limited_by_the_kernel():
     assert result.stdout == "(1000000, 5000000)\nTrue\n"
 
 
+def test_the_wake_up_latency_is_held_while_its_file_is_open(tmp_path, monkeypatch):
+    """A latency is 32 bits in the machine's order (pm_qos_interface.rst); 0 us."""
+    place = tmp_path / "cpu_dma_latency"
+    place.touch()
+    monkeypatch.setattr(linux, "WAKE_LATENCY", place)
+    assert linux.may_hold_wake_latency()
+    release = linux.hold_wake_latency()
+    opened = [each.resolve() for each in Path("/proc/self/fd").iterdir()]
+    assert opened.count(place) == 1
+    release()
+    assert place not in [each.resolve() for each in Path("/proc/self/fd").iterdir()]
+    assert place.read_bytes() == b"\0\0\0\0"
+
+
+def test_a_wake_up_latency_that_cannot_be_held(tmp_path, monkeypatch):
+    monkeypatch.setattr(linux, "WAKE_LATENCY", tmp_path / "missing" / "cpu_dma_latency")
+    assert not linux.may_hold_wake_latency()
+    with pytest.raises(FileNotFoundError):
+        linux.hold_wake_latency()
+
+
 def test_a_call_that_the_kernel_refuses_says_why():
     with pytest.raises(OSError, match="Invalid argument"):
         linux.set_deadline_policy(runtime=2_000_000, period=1_000_000)  # more than there is
@@ -48,6 +69,7 @@ def test_a_call_that_the_kernel_refuses_says_why():
     "call",
     [
         linux.timer_slack,
+        linux.hold_wake_latency,
         linux.lock_memory,
         linux.processors,
         linux.policy_restorer,

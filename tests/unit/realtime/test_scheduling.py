@@ -72,6 +72,7 @@ class Kernel:
                 "processors": {0, 1, 2},
                 "policy_restorer": lambda: self.calls.append(("restored",)),
                 "limit_spinning": lambda: self.calls.append(("lifted",)),
+                "hold_wake_latency": lambda: self.calls.append(("let sleep",)),
             }.get(name)
 
         return call
@@ -118,18 +119,34 @@ def test_a_policy_is_taken_last_and_given_back_first(make_kernel):
             ("set_timer_slack", 1),
             ("set_processors", {2}),
             ("lock_memory",),
+            ("hold_wake_latency",),
             ("limit_spinning", 1.0, 5.0),
             ("set_fifo_policy", 70),
         ]
         assert signal.getsignal(signal.SIGXCPU) is not watch
-    assert asked_for(kernel)[5:] == [
+    assert asked_for(kernel)[6:] == [
         ("restored",),
         ("lifted",),
+        ("let sleep",),
         ("unlock_memory",),
         ("set_processors", {0, 1, 2}),
         ("set_timer_slack", 50_000),
     ]
     assert signal.getsignal(signal.SIGXCPU) is watch
+
+
+def test_what_is_held_is_named(make_kernel):
+    make_kernel()
+    with undisturbed(FIFO, 1_000_000) as held:
+        assert held == ["processor 2", "memory", "wake-up latency 0 us", "SCHED_FIFO 70"]
+    with undisturbed(RealtimeConfig(), 1_000_000) as held:
+        assert held == []
+
+
+def test_what_is_refused_is_not_held(make_kernel):
+    make_kernel("hold_wake_latency", "lock_memory")
+    with undisturbed(RealtimeConfig(policy=RealtimePolicy.DEADLINE), 1_000_000) as held:
+        assert held == ["SCHED_DEADLINE"]
 
 
 def test_a_deadline_policy_reserves_half_of_each_period(make_kernel):
@@ -163,6 +180,14 @@ def test_a_deadline_policy_reserves_half_of_each_period(make_kernel):
             ),
         ),
         (
+            "hold_wake_latency",
+            FIFO,
+            (
+                "processors not kept awake; make /dev/cpu_dma_latency writable for this user by a "
+                "udev rule; in a container '--device /dev/cpu_dma_latency'"
+            ),
+        ),
+        (
             "lock_memory",
             FIFO,
             (
@@ -192,13 +217,14 @@ def test_memory_is_not_locked_below_a_limit(make_kernel, caplog):
 
 def test_elsewhere_the_loop_runs_without_it(make_kernel, monkeypatch, caplog):
     everything = ("timer_slack", "processors", "set_processors", "lock_memory", "policy_restorer")
-    make_kernel(*everything, "limit_spinning")
+    make_kernel(*everything, "limit_spinning", "hold_wake_latency")
     monkeypatch.setattr("hil_bench.outside.realtime.scheduling.IS_LINUX", False)
     with undisturbed(FIFO, 1_000_000):
         pass
     assert caplog.messages == [
         "loop not tied to processor 2; this is there on Linux only",
         "memory not locked; this is there on Linux only",
+        "processors not kept awake; this is there on Linux only",
         "no SCHED_FIFO with priority 70; this is there on Linux only",
     ]
 

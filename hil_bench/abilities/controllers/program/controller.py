@@ -1,10 +1,12 @@
 """A running program on the bench's clock."""
 
 import contextlib
+import math
 import os
 import select
 import signal
 import socket
+import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +23,12 @@ LEAVE_NS = 1_000_000_000
 PATIENCE = 10.0
 """Time for which a program may neither work nor wait for the bench [s]."""
 
+LEAD_NS = 100_000_000
+"""Time by which the bench of a program in real time may be ahead of the machine's clock."""
+
+LEAVE = 1.0
+"""Time that a program in real time has to end after SIGTERM [s]."""
+
 _GLANCE_MS = 200  # between two looks at a program that does not answer
 _WAITS, _IS_FULL, _IS_REFUSED = b"w", b"f", b"r"
 _GO_ON = b"g"
@@ -32,6 +40,7 @@ class ProgramController:
     Args:
         command: its words; ``{bus}`` stands for its first interface.
         library: the library.
+        is_real: whether it keeps the machine's clocks.
         cpu_s_per_tick: processor time that it may take between two waits [s].
         surroundings: where it lives.
 
@@ -47,9 +56,11 @@ class ProgramController:
         library: Path,
         cpu_s_per_tick: float,
         surroundings: Surroundings,
+        *,
+        is_real: bool = False,
     ) -> None:
         self._library, self._surroundings = library, surroundings
-        self._cpu_s_per_tick = cpu_s_per_tick
+        self._cpu_s_per_tick, self._is_real = cpu_s_per_tick, is_real
         self._names = interface_names(surroundings.buses)
         words = [surroundings.filled(word) for word in command]
         self._command = [word.replace("{bus}", self._names[0]) for word in words]
@@ -100,7 +111,7 @@ class ProgramController:
         self._starts += 1
         directory = self._surroundings.scratch / f"program{self._starts}"
         directory.mkdir()
-        exchange = Exchange(self._names, now)
+        exchange = Exchange(self._names, now, is_real=self._is_real)
         ours, theirs = socket.socketpair()
         preloaded = f"{self._library} {os.environ.get('LD_PRELOAD', '')}".strip()
         variables = environment(self._names[0]) | {
@@ -118,6 +129,8 @@ class ProgramController:
             exchange.close()
             ours.close()
             raise
+        if self._is_real:
+            return _RealLife(self._program, exchange, ours, now)
         return _Life(self._program, exchange, ours, self._cpu_s_per_tick)
 
 
@@ -205,8 +218,7 @@ class _Life:
         """Wait for the program a moment; return True if it has lived to the end of its grant.
 
         Raises:
-            ControllerEnd: it has ended, with exit code 0.
-            ControllerError: it has ended with another one, or cannot live on the bench's clock.
+            ControllerError: it cannot live on the bench's clock.
         """
         ready = self._poller.poll(_GLANCE_MS)
         if not ready:
@@ -223,6 +235,18 @@ class _Life:
             self._sent += self._exchange.take()
             self._ring()
             return False
+        if self._program.is_running:  # it has closed what is not its own
+            return False
+        self._end_in_order()
+        return True
+
+    def _end_in_order(self) -> None:
+        """Say how the program has ended.
+
+        Raises:
+            ControllerEnd: with exit code 0.
+            ControllerError: with another one.
+        """
         code = self._program.process.wait()
         self._sent += self._exchange.take()
         if not self._exchange.is_attached:
@@ -230,6 +254,50 @@ class _Life:
         if code:
             raise ControllerError(self._program.epitaph())
         raise ControllerEnd("exit code 0", self._sent)
+
+
+class _RealLife(_Life):
+    """A program that keeps the machine's clocks, beside a bench that keeps up with them.
+
+    Args:
+        program: as started.
+        exchange: the memory that it shares.
+        control: the socket by which the bench rings.
+        now: bench time at its start [ns].
+    """
+
+    def __init__(
+        self, program: Program, exchange: Exchange, control: socket.socket, now: int
+    ) -> None:
+        super().__init__(program, exchange, control, math.inf)
+        self._zero = time.monotonic_ns() - now
+        control.setblocking(False)
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Hand out what has come, and take what the program has sent by now.
+
+        Raises:
+            ControllerError: the bench does not keep to the machine's clock.
+        """
+        if not self._program.is_running:
+            self._end_in_order()
+        if until - (time.monotonic_ns() - self._zero) > LEAD_NS:
+            raise ControllerError(
+                'time = "real" needs a bench that keeps to the machine\'s clock, and this one runs '
+                'ahead of it; run it paced, or give time = "bench"'
+            )
+        if received:
+            self._exchange.grant(until, received[: self._exchange.room])
+            with contextlib.suppress(OSError):  # it has ended, or has not listened for long
+                self._control.send(_GO_ON)
+        return [TimedFrame(until, frame) for _, frame in self._exchange.take()]
+
+    def leave(self, now: int, tick_ns: int) -> None:
+        """Ask the program by SIGTERM to end, and give it `LEAVE`."""
+        del now, tick_ns
+        self._program.process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._program.process.wait(LEAVE)
 
 
 class _Patience:

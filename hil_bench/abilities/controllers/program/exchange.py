@@ -12,18 +12,14 @@ VERSION = 1
 RING = 4096
 """Frames that wait at most, each way."""
 
-NEVER = (1 << 63) - 1
-"""Time at which a program goes on by itself that waits for a frame for ever."""
-
-MOST_BUSES = 16
 NAME_SIZE = 16
 
 _RECORD = struct.Struct("<qIBBxx8s")
 _U32, _I64 = struct.Struct("<I"), struct.Struct("<q")
 _VERSION, _GRANTED, _UNTIL, _IN_HEAD, _OUT_TAIL, _BUSES = 0, 4, 8, 16, 20, 24
 _NAMES, _NOW, _WAKE, _IN_TAIL, _OUT_HEAD = 32, 288, 296, 304, 308
-_ANSWERED, _STATE, _HOLDER, _RANDOM, _DROPPED, _REFUSAL = 312, 316, 320, 324, 328, 336
-_REFUSAL_SIZE = 168
+_ANSWERED, _STATE, _RANDOM, _REFUSAL = 312, 316, 324, 332
+_REFUSAL_SIZE = 172
 _IN = 504
 _OUT = _IN + RING * _RECORD.size
 _SIZE = _OUT + RING * _RECORD.size
@@ -39,17 +35,19 @@ class Exchange:
     Args:
         names: of its buses, as network interfaces.
         now: bench time at which it begins [ns].
+        is_real: whether it keeps the machine's clocks.
 
     Attributes:
         descriptor: of the memory.
     """
 
-    def __init__(self, names: Sequence[str], now: int) -> None:
+    def __init__(self, names: Sequence[str], now: int, *, is_real: bool = False) -> None:
         self.descriptor = os.memfd_create("hil-bench-program")
         os.ftruncate(self.descriptor, _SIZE)
         self._memory = mmap.mmap(self.descriptor, _SIZE)
         self._in_head = self._out_tail = self._number = 0
-        for place, value in ((_VERSION, VERSION), (_BUSES, len(names)), (_RANDOM, _SEED)):
+        buses = len(names) | is_real << 16
+        for place, value in ((_VERSION, VERSION), (_BUSES, buses), (_RANDOM, _SEED)):
             _U32.pack_into(self._memory, place, value)
         for number, name in enumerate(names):
             begin = _NAMES + number * NAME_SIZE
@@ -100,6 +98,11 @@ class Exchange:
         return sent
 
     @property
+    def room(self) -> int:
+        """Frames that can be given before the program has taken some."""
+        return RING - (self._in_head - self._read(_IN_TAIL) & 0xFFFF_FFFF)
+
+    @property
     def is_lived(self) -> bool:
         """Return True if the program has lived up to the end of the last grant."""
         return self._read(_ANSWERED) == self._number
@@ -122,11 +125,6 @@ class Exchange:
         """The reason for which the library refuses the program."""
         text = self._memory[_REFUSAL : _REFUSAL + _REFUSAL_SIZE]
         return text.partition(b"\0")[0].decode(errors="replace")
-
-    @property
-    def dropped(self) -> int:
-        """Frames that the program was too slow to read."""
-        return self._read(_DROPPED)
 
     def _read(self, place: int) -> int:
         (value,) = _U32.unpack_from(self._memory, place)

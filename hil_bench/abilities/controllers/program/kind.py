@@ -12,7 +12,7 @@ from hil_bench.config.values import choice, number, texts
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 
-BENCH_TIME = "bench"
+BENCH_TIME, REAL_TIME = "bench", "real"
 
 
 class ProgramKind(ControllerKind):
@@ -22,7 +22,7 @@ class ProgramKind(ControllerKind):
     summary = "a Linux program with SocketCAN, no line changed"
     keys = (
         Key("command", texts, example='["build/position_control", "--bus", "{bus}"]'),
-        Key("time", choice((BENCH_TIME,)), BENCH_TIME),
+        Key("time", choice((BENCH_TIME, REAL_TIME)), BENCH_TIME),
         Key("cpu_s_per_tick", number(SECOND, low=0.1), 5.0, SECOND),
     )
 
@@ -51,7 +51,11 @@ class ProgramKind(ControllerKind):
         if fault := find_fault(surroundings.filled(settings["command"][0])):
             raise ConfigError(f"{surroundings.place}.command: {fault}")
         return ProgramController(
-            settings["command"], find_library(), settings["cpu_s_per_tick"], surroundings
+            settings["command"],
+            find_library(),
+            settings["cpu_s_per_tick"],
+            surroundings,
+            is_real=settings["time"] == REAL_TIME,
         )
 
 

@@ -163,7 +163,7 @@ class DemoSession:
         except DriverError as error:
             raise ConfigError(f"the demo's controller: {error}") from error
 
-    def _undisturbed(self) -> AbstractContextManager[None]:
+    def _undisturbed(self) -> AbstractContextManager[object]:
         if self._pacer is None:
             return undisturbed_by_garbage_collection()
         return undisturbed(self._config.realtime, self._config.tick_ns)

@@ -37,6 +37,7 @@
 
 #define RING 4096 /* frames; a power of 2 */
 #define MOST_BUSES 16
+#define MOST_DESCRIPTORS 1024 /* of the program, above which no CAN socket is */
 #define NAME_SIZE 16
 #define NEVER INT64_MAX
 #define MILLISECOND INT64_C(1000000)
@@ -63,7 +64,8 @@ struct exchange {
     int64_t until;
     _Atomic uint32_t in_head;
     _Atomic uint32_t out_tail;
-    uint32_t buses;
+    uint16_t buses;
+    uint16_t is_real; /* whether the program keeps the machine's clocks */
     uint32_t heard; /* of the program: the number of the last grant that it was rung for */
     char names[MOST_BUSES][NAME_SIZE];
     /* of the program */
@@ -73,17 +75,16 @@ struct exchange {
     _Atomic uint32_t out_head;
     uint32_t answered; /* the number of the last grant that it has lived to the end of */
     uint32_t state;
-    int32_t holder; /* the process that waits; 0 for none */
+    int32_t holder; /* the process that waits, or in real time has the sockets; 0 for none */
     uint32_t random;
-    uint32_t dropped; /* frames that found a full socket */
-    uint32_t calls;   /* since it last waited */
-    char refusal[168]; /* why it cannot be run */
+    uint32_t calls; /* since it last waited */
+    char refusal[172]; /* why it cannot be run */
     struct record in[RING];
     struct record out[RING];
 };
 _Static_assert(sizeof(struct record) == 24, "as exchange.py has it");
 _Static_assert(offsetof(struct exchange, now) == 288, "as exchange.py has it");
-_Static_assert(offsetof(struct exchange, refusal) == 336, "as exchange.py has it");
+_Static_assert(offsetof(struct exchange, refusal) == 332, "as exchange.py has it");
 _Static_assert(offsetof(struct exchange, in) == 504, "as exchange.py has it");
 
 extern struct exchange *exchange; /* NULL where no bench is */
@@ -91,6 +92,11 @@ extern struct exchange *exchange; /* NULL where no bench is */
 static inline bool on_bench(void)
 {
     return exchange != NULL;
+}
+
+static inline bool on_bench_time(void)
+{
+    return exchange != NULL && !exchange->is_real;
 }
 
 struct waiting {
@@ -110,14 +116,27 @@ int sleep_until(int64_t deadline);
 /* A call that did not wait: those of a program that spins take time. */
 void count_call(void);
 
-/* Hands a frame over to the bench. */
-void send_record(const struct record *record);
+/* Hands a frame over to the bench; false where there is no room for it. */
+bool send_record(const struct record *record);
+
+/* The time of a frame that is sent now. */
+int64_t present(void);
+
+/* In real time other threads are about: one at a time touches sockets and frames. */
+void lock(void);
+void unlock(void);
+
+/* Begins to hand out frames in real time; false where another process does, with EBUSY. */
+bool start_pump(void);
 
 /* Says why the program cannot be run, and never returns. */
 _Noreturn void refuse(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 /* Whether the bench's end of anything is at this descriptor, which the program must not close. */
 bool is_of_bench(int fd);
+
+/* Whether this is a child of vfork(), whose memory is its parent's. */
+bool is_borrowed(void);
 
 /* clock.c */
 int64_t time_of(const struct timespec *span);

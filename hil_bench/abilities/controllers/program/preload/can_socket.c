@@ -29,11 +29,13 @@ void forget_can(int fd)
 
     if (can == NULL)
         return;
+    lock();
     sockets[fd] = NULL;
-    if (--can->descriptors > 0)
-        return;
-    REAL(close)(can->peer);
-    free(can);
+    if (--can->descriptors == 0) {
+        REAL(close)(can->peer);
+        free(can);
+    }
+    unlock();
 }
 
 void copy_can(int from, int to)
@@ -41,8 +43,10 @@ void copy_can(int from, int to)
     forget_can(to);
     if (can_at(from) == NULL || to < 0 || to >= MOST_DESCRIPTORS)
         return;
+    lock();
     sockets[to] = sockets[from];
     sockets[to]->descriptors++;
+    unlock();
 }
 
 static int set_errno(int number)
@@ -77,6 +81,10 @@ static int open_can(int flags)
 
     if (can == NULL)
         return set_errno(ENOMEM);
+    if (exchange->is_real && !start_pump()) {
+        free(can);
+        return -1;
+    }
     if (open_pair(flags, ends) < 0) {
         free(can);
         return -1;
@@ -88,7 +96,9 @@ static int open_can(int flags)
     can->is_looped = 1;
     can->patience = NEVER;
     can->last_stamp = -1;
+    lock();
     sockets[ends[0]] = can;
+    unlock();
     return ends[0];
 }
 
@@ -149,9 +159,11 @@ static int set_filters(struct can_socket *can, const void *value, socklen_t leng
 {
     if (length % sizeof *can->filters != 0 || length > sizeof can->filters)
         return set_errno(EINVAL);
+    lock();
     if (length > 0)
         memcpy(can->filters, value, length);
     can->filter_count = length / sizeof *can->filters;
+    unlock();
     return 0;
 }
 
@@ -303,10 +315,8 @@ static void distribute(struct packet *packet, const struct can_socket *sender)
         }
         packet->dropped = can->dropped;
         packet->flags = flags | (can == sender ? MSG_CONFIRM : 0);
-        if (REAL(send)(can->peer, packet, sizeof *packet, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) {
-            can->dropped++;
-            exchange->dropped++;
-        }
+        if (REAL(send)(can->peer, packet, sizeof *packet, MSG_DONTWAIT | MSG_NOSIGNAL) < 0)
+            can->dropped++; /* its queue is full */
     }
 }
 
@@ -314,7 +324,7 @@ void deliver(const struct record *record)
 {
     struct packet packet = {
         .frame = {.can_id = record->id, .can_dlc = record->length},
-        .time = record->time,
+        .time = exchange->is_real ? present() : record->time,
         .index = FIRST_INDEX + record->bus,
     };
 
@@ -324,9 +334,10 @@ void deliver(const struct record *record)
 
 static ssize_t send_can(const struct can_socket *can, int index, const void *data, size_t size)
 {
-    struct packet packet = {.time = exchange->now, .flags = MSG_DONTROUTE};
-    struct record record = {.time = exchange->now};
+    struct packet packet = {.time = present(), .flags = MSG_DONTROUTE};
+    struct record record = {.time = packet.time};
     const int bus = bus_of_index(index);
+    bool is_sent;
 
     if (bus < 0)
         return set_errno(ENXIO);
@@ -337,16 +348,16 @@ static ssize_t send_can(const struct can_socket *can, int index, const void *dat
         return set_errno(EINVAL);
     count_call();
     packet.index = index;
-    if (can->is_looped)
-        distribute(&packet, can);
-    if (packet.frame.can_id & CAN_ERR_FLAG)
-        return (ssize_t)size; /* no such frame is on a bus */
     record.id = packet.frame.can_id;
     record.length = packet.frame.can_dlc;
     record.bus = (uint8_t)bus;
     memcpy(record.data, packet.frame.data, sizeof record.data);
-    send_record(&record);
-    return (ssize_t)size;
+    lock();
+    is_sent = (record.id & CAN_ERR_FLAG) || send_record(&record); /* no error frame is on a bus */
+    if (is_sent && can->is_looped)
+        distribute(&packet, can);
+    unlock();
+    return is_sent ? (ssize_t)size : set_errno(ENOBUFS);
 }
 
 EXPORT ssize_t sendmsg(int fd, const struct msghdr *message, int flags)
@@ -378,6 +389,22 @@ EXPORT ssize_t sendmsg(int fd, const struct msghdr *message, int flags)
         size += part->iov_len;
     }
     return send_can(can, index, frame, size);
+}
+
+EXPORT int sendmmsg(int fd, struct mmsghdr *messages, unsigned int count, int flags)
+{
+    unsigned int sent = 0;
+
+    if (!is_can(fd))
+        return REAL(sendmmsg)(fd, messages, count, flags);
+    for (; sent < count; sent++) {
+        const ssize_t size = sendmsg(fd, &messages[sent].msg_hdr, flags);
+
+        if (size < 0)
+            return sent > 0 ? (int)sent : -1;
+        messages[sent].msg_len = (unsigned int)size;
+    }
+    return (int)sent;
 }
 
 EXPORT ssize_t sendto(int fd, const void *data, size_t size, int flags,

@@ -8,7 +8,6 @@
 #include <linux/can/raw.h>
 
 #define MOST_FILTERS CAN_RAW_FILTER_MAX
-#define MOST_DESCRIPTORS 1024
 
 enum stamps { NO_STAMPS, MICROSECONDS, NANOSECONDS };
 

@@ -2,6 +2,7 @@
 #include "bench.h"
 
 #include <sys/time.h>
+#include <sys/times.h>
 #include <unistd.h>
 
 #define EPOCH (INT64_C(1767225600) * SECOND) /* wall time when the bench starts: 2026-01-01 UTC */
@@ -61,7 +62,7 @@ static bool is_span(const struct timespec *span)
 
 EXPORT int clock_gettime(clockid_t clock, struct timespec *now)
 {
-    if (!on_bench() || is_of_cpu(clock))
+    if (!on_bench_time() || is_of_cpu(clock))
         return REAL(clock_gettime)(clock, now);
     count_call();
     *now = span_of(zero_of(clock) + exchange->now);
@@ -70,7 +71,7 @@ EXPORT int clock_gettime(clockid_t clock, struct timespec *now)
 
 EXPORT int timespec_get(struct timespec *now, int base)
 {
-    if (!on_bench() || base != TIME_UTC)
+    if (!on_bench_time() || base != TIME_UTC)
         return REAL(timespec_get)(now, base);
     clock_gettime(CLOCK_REALTIME, now);
     return base;
@@ -80,7 +81,7 @@ EXPORT int gettimeofday(struct timeval *restrict now, void *restrict zone)
 {
     struct timespec time;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(gettimeofday)(now, zone);
     clock_gettime(CLOCK_REALTIME, &time);
     now->tv_sec = time.tv_sec;
@@ -92,7 +93,7 @@ EXPORT time_t time(time_t *now)
 {
     struct timespec moment;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(time)(now);
     clock_gettime(CLOCK_REALTIME, &moment);
     if (now != NULL)
@@ -100,12 +101,22 @@ EXPORT time_t time(time_t *now)
     return moment.tv_sec;
 }
 
+EXPORT clock_t times(struct tms *used)
+{
+    struct timespec now;
+
+    if (!on_bench_time())
+        return REAL(times)(used);
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return REAL(times)(used) < 0 ? -1 : time_of(&now) * sysconf(_SC_CLK_TCK) / SECOND;
+}
+
 EXPORT int clock_nanosleep(clockid_t clock, int flags, const struct timespec *request,
                            struct timespec *rest)
 {
     int64_t deadline;
 
-    if (!on_bench() || is_of_cpu(clock))
+    if (!on_bench_time() || is_of_cpu(clock))
         return REAL(clock_nanosleep)(clock, flags, request, rest);
     if (!is_span(request))
         return EINVAL;
@@ -124,7 +135,7 @@ EXPORT int nanosleep(const struct timespec *request, struct timespec *rest)
 {
     int error;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(nanosleep)(request, rest);
     error = clock_nanosleep(CLOCK_MONOTONIC, 0, request, rest);
     if (error)
@@ -134,7 +145,7 @@ EXPORT int nanosleep(const struct timespec *request, struct timespec *rest)
 
 EXPORT int usleep(useconds_t microseconds)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(usleep)(microseconds);
     return sleep_until(deadline_in((int64_t)microseconds * 1000));
 }
@@ -143,7 +154,7 @@ EXPORT unsigned int sleep(unsigned int seconds)
 {
     int64_t deadline;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(sleep)(seconds);
     deadline = deadline_in(seconds * SECOND);
     if (sleep_until(deadline) == 0)
@@ -153,7 +164,7 @@ EXPORT unsigned int sleep(unsigned int seconds)
 
 EXPORT int pause(void)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(pause)();
     return sleep_until(NEVER);
 }

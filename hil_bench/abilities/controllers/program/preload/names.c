@@ -111,6 +111,14 @@ EXPORT int ioctl(int fd, unsigned long request, ...)
         if (on_bench() && about_interface(request, argument) == 0)
             return 0;
         break;
+    case FIONREAD:
+        if (is_can(fd)) {
+            *(int *)argument = poll(&(struct pollfd){.fd = fd, .events = POLLIN}, 1, 0) > 0
+                                   ? (int)CAN_MTU
+                                   : 0;
+            return 0;
+        }
+        break;
     case SIOCGSTAMP_OLD:
     case SIOCGSTAMPNS_OLD:
         if (is_can(fd))

@@ -93,6 +93,7 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
     struct can_socket *can = can_at(fd);
     struct packet packet;
+    const int way = (flags & (MSG_PEEK | MSG_DONTWAIT)) | (on_bench_time() ? MSG_DONTWAIT : 0);
 
     if (can == NULL) {
         socklen_t room = message->msg_namelen;
@@ -104,13 +105,30 @@ EXPORT ssize_t recvmsg(int fd, struct msghdr *message, int flags)
         }
         return got;
     }
-    while (REAL(recv)(fd, &packet, sizeof packet, MSG_DONTWAIT | (flags & MSG_PEEK)) < 0) {
-        if (errno == EINTR)
-            continue;
-        if (errno != EAGAIN || wait_readable(fd, flags) < 0)
+    while (REAL(recv)(fd, &packet, sizeof packet, way) < 0)
+        if (!on_bench_time() || errno != EAGAIN || wait_readable(fd, flags) < 0)
             return -1;
-    }
     return hand_out(can, &packet, message, flags);
+}
+
+/* As the kernel: with a time limit that is looked at between two messages only. */
+EXPORT int recvmmsg(int fd, struct mmsghdr *messages, unsigned int count, int flags,
+                    struct timespec *timeout)
+{
+    const int64_t deadline = on_bench_time() && timeout != NULL ? deadline_in(time_of(timeout)) : NEVER;
+    unsigned int read = 0;
+
+    if (!is_can(fd))
+        return REAL(recvmmsg)(fd, messages, count, flags, timeout);
+    for (; read < count && (read == 0 || exchange->now < deadline); read++) {
+        const int now_flags = read > 0 && (flags & MSG_WAITFORONE) ? flags | MSG_DONTWAIT : flags;
+        const ssize_t size = recvmsg(fd, &messages[read].msg_hdr, now_flags & ~MSG_WAITFORONE);
+
+        if (size < 0)
+            return read > 0 ? (int)read : -1;
+        messages[read].msg_len = (unsigned int)size;
+    }
+    return (int)read;
 }
 
 EXPORT ssize_t recvfrom(int fd, void *restrict buffer, size_t size, int flags,

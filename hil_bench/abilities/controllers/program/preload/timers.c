@@ -93,7 +93,7 @@ static struct timer *new_timer(enum kind kind, int target, clockid_t clock)
 
 static struct timer *timer_at(int fd)
 {
-    for (int i = 0; on_bench() && i < MOST_TIMERS; i++)
+    for (int i = 0; on_bench_time() && i < MOST_TIMERS; i++)
         if (timers[i].kind == COUNTS && timers[i].target == fd)
             return &timers[i];
     return NULL;
@@ -138,7 +138,7 @@ EXPORT int timerfd_create(clockid_t clock, int flags)
 {
     int fd;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(timerfd_create)(clock, flags);
     fd = eventfd(0, (flags & TFD_NONBLOCK ? EFD_NONBLOCK : 0) |
                         (flags & TFD_CLOEXEC ? EFD_CLOEXEC : 0));
@@ -178,7 +178,7 @@ EXPORT int timer_create(clockid_t clock, struct sigevent *restrict event,
 {
     struct timer *timer;
 
-    if (!on_bench() || is_of_cpu(clock))
+    if (!on_bench_time() || is_of_cpu(clock))
         return REAL(timer_create)(clock, event, identity);
     if (event != NULL && event->sigev_notify == SIGEV_THREAD)
         refuse("starts a thread by timer_create(); with time = \"bench\" it has one");
@@ -195,7 +195,7 @@ EXPORT int timer_create(clockid_t clock, struct sigevent *restrict event,
 
 static bool is_own(timer_t identity)
 {
-    return on_bench() && identity > (void *)timers && identity < (void *)(timers + MOST_TIMERS);
+    return on_bench_time() && identity > (void *)timers && identity < (void *)(timers + MOST_TIMERS);
 }
 
 EXPORT int timer_settime(timer_t identity, int flags, const struct itimerspec *restrict wanted,
@@ -247,7 +247,7 @@ EXPORT int setitimer(__itimer_which_t which, const struct itimerval *restrict wa
 {
     struct itimerspec fine, old;
 
-    if (!on_bench() || which != ITIMER_REAL)
+    if (!on_bench_time() || which != ITIMER_REAL)
         return REAL(setitimer)(which, wanted, before);
     fine = of_timeval(wanted);
     set(&timers[ALARM], false, &fine, &old);
@@ -260,7 +260,7 @@ EXPORT int getitimer(__itimer_which_t which, struct itimerval *state)
 {
     struct itimerspec fine;
 
-    if (!on_bench() || which != ITIMER_REAL)
+    if (!on_bench_time() || which != ITIMER_REAL)
         return REAL(getitimer)(which, state);
     state_of(&timers[ALARM], &fine);
     to_timeval(&fine, state);
@@ -271,7 +271,7 @@ EXPORT unsigned int alarm(unsigned int seconds)
 {
     struct itimerval wanted = {.it_value = {.tv_sec = seconds}}, before;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(alarm)(seconds);
     setitimer(ITIMER_REAL, &wanted, &before);
     return (unsigned int)(before.it_value.tv_sec + (before.it_value.tv_usec > 0));

@@ -50,7 +50,7 @@ static int wait_poll(struct poll_set set, int64_t deadline)
 
 EXPORT int poll(struct pollfd *sources, nfds_t count, int timeout)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(poll)(sources, count, timeout);
     return wait_poll((struct poll_set){sources, count, NULL}, deadline_ms(timeout));
 }
@@ -58,7 +58,7 @@ EXPORT int poll(struct pollfd *sources, nfds_t count, int timeout)
 EXPORT int ppoll(struct pollfd *sources, nfds_t count, const struct timespec *timeout,
                  const sigset_t *mask)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(ppoll)(sources, count, timeout, mask);
     return wait_poll((struct poll_set){sources, count, mask}, deadline_of(timeout));
 }
@@ -124,7 +124,7 @@ EXPORT int pselect(int count, fd_set *restrict readable, fd_set *restrict writab
     struct select_set set = {
         .count = count, .sets = {readable, writable, exceptional}, .mask = mask};
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(pselect)(count, readable, writable, exceptional, timeout, mask);
     return wait_select(&set, deadline_of(timeout));
 }
@@ -136,7 +136,7 @@ EXPORT int select(int count, fd_set *restrict readable, fd_set *restrict writabl
     int64_t deadline = NEVER;
     int result;
 
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(select)(count, readable, writable, exceptional, timeout);
     if (timeout != NULL)
         deadline = deadline_in(timeout->tv_sec * SECOND + timeout->tv_usec * 1000);
@@ -173,7 +173,7 @@ static int wait_epoll(struct epoll_set set, int64_t deadline)
 
 EXPORT int epoll_wait(int fd, struct epoll_event *events, int room, int timeout)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(epoll_wait)(fd, events, room, timeout);
     return wait_epoll((struct epoll_set){fd, events, room, NULL}, deadline_ms(timeout));
 }
@@ -181,7 +181,7 @@ EXPORT int epoll_wait(int fd, struct epoll_event *events, int room, int timeout)
 EXPORT int epoll_pwait(int fd, struct epoll_event *events, int room, int timeout,
                        const sigset_t *mask)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(epoll_pwait)(fd, events, room, timeout, mask);
     return wait_epoll((struct epoll_set){fd, events, room, mask}, deadline_ms(timeout));
 }
@@ -189,7 +189,7 @@ EXPORT int epoll_pwait(int fd, struct epoll_event *events, int room, int timeout
 EXPORT int epoll_pwait2(int fd, struct epoll_event *events, int room,
                         const struct timespec *timeout, const sigset_t *mask)
 {
-    if (!on_bench())
+    if (!on_bench_time())
         return REAL(epoll_pwait2)(fd, events, room, timeout, mask);
     return wait_epoll((struct epoll_set){fd, events, room, mask}, deadline_of(timeout));
 }
@@ -228,7 +228,7 @@ int wait_readable(int fd, int flags)
     struct waiting waiting = {.watches_others = !is_ours(fd), .restarts = true};
     int result;
 
-    if (!on_bench() || is_of_bench(fd) || poll_now(&set) != 0)
+    if (!on_bench_time() || is_of_bench(fd) || poll_now(&set) != 0)
         return 0;
     if ((flags & MSG_DONTWAIT) || is_nonblocking(fd)) {
         count_call();

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.faults import check_effect
 from hil_bench.config.settings import Given, Key, Origin, Problems, convert, read_table
 from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.kinds import FaultKind
@@ -26,6 +27,8 @@ def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[
     }
     problems = Problems("fault")
     settings = read_table("fault", given, keys, problems)
+    problems.raise_any()
+    check_effect(settings, problems)
     problems.raise_any()
     chosen = [key for key in keys if key.name in table and key.name not in {"kind", "target"}]
     _check_unit(kind, str(table["target"]), [key.name for key in chosen], hello)

@@ -137,7 +137,36 @@ def refusals(requirement, tick: Fraction, duration: Fraction | None) -> list[str
             found.append("holds no tick")
     if duration is not None and reach(requirement) > duration:
         found.append("to be decided")
+    if duration is not None and way_back(requirement) > duration:
+        found.append("looks back")
+    compared = [tree.sides for tree in conditions_in(requirement) if isinstance(tree, Comparison)]
+    if any(is_same(one, other) for sides in compared for one, other in pairwise(sides)):
+        found.append("with itself")
     return found
+
+
+def is_same(one, other) -> bool:
+    """Return True if two values are written alike."""
+    match one, other:
+        case Signal(), Signal():
+            return one.name == other.name
+        case Number(), Number():
+            return one.size == other.size
+        case Function(), Function():
+            return one.name == other.name and is_same(one.of, other.of)
+        case Arithmetic(), Arithmetic():
+            pairs = (one.left, other.left), (one.right, other.right)
+            return one.sign == other.sign and all(is_same(*pair) for pair in pairs)
+    return False
+
+
+def way_back(tree) -> Fraction:
+    """Return how long the run must have lasted until no window back is empty [s]."""
+    tree = as_window(tree)
+    parts = [getattr(tree, name) for name in ("of", "left", "right") if hasattr(tree, name)]
+    inside = [way_back(part) for part in parts] if not isinstance(tree, ValueEdge) else []
+    is_back = isinstance(tree, Window | Until) and (tree.name in BACK or tree.name == "since")
+    return max(inside, default=Fraction(0)) + (tree.span.begin if is_back else 0)
 
 
 def reach(tree) -> Fraction:

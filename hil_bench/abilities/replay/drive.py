@@ -264,7 +264,8 @@ def _drive(
     tables = [np.empty((len(recording), len(each))) for each in places]
     for number, count in enumerate(steps):
         held = [each[number] for each in commands]
-        for begun in range(0, max(count, 1), _AT_ONCE):
+        outputs = group.drive(held, min(_AT_ONCE, count))
+        for begun in range(_AT_ONCE, count, _AT_ONCE):
             outputs = group.drive(held, min(_AT_ONCE, count - begun))
         for table, output, place in zip(tables, outputs, places, strict=True):
             table[number] = [output[each] for each in place]

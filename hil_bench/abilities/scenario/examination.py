@@ -82,6 +82,29 @@ class Examination:
         starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
         return list(zip(starts.tolist(), ends.tolist(), strict=True))
 
+    def idle_wait(self) -> str:
+        """Say that a fulfilled requirement waits for what was so from the start; else nothing.
+
+        It is looked for where the requirement is a wait itself, or one behind each of its triggers.
+        """
+        match self._requirement:
+            case nodes.Eventually() | nodes.Until() as wait:
+                starts, when = np.zeros(1, dtype=np.intp), "from the start"
+            case nodes.Always(
+                window=window,
+                operand=nodes.Implies(trigger, nodes.Eventually() | nodes.Until() as wait),
+            ):
+                start, end = window_ticks(self._requirement, window, self._tick_ns)
+                asked = self._log.margins(trigger).low[start : None if end is None else end + 1]
+                starts, when = np.flatnonzero(asked > 0.0) + start, "at each trigger already"
+            case _:
+                return ""
+        goal = wait.goal if isinstance(wait, nodes.Until) else wait.operand
+        low = self._log.margins(goal).low
+        first = starts + window_ticks(wait, wait.window, self._tick_ns)[0]
+        is_idle = first.size and first.max() < low.size and np.all(low[first] > 0.0)
+        return f"what it waits for was so {when}" if is_idle else ""
+
     def _violated(self, node: Condition) -> npt.NDArray[np.bool_]:
         found = np.zeros(self._ticks, dtype=np.bool_)
         if isinstance(node, nodes.All):

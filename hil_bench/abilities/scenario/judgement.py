@@ -84,7 +84,7 @@ class Judgement:
         first: when it is violated first [s]; None where it is not.
         duration: for how long it was seen violated in all [s]; 0 where its violations are instants.
         triggered: how often the triggers of its implications became true; None without any.
-        reason: why it is not decided; empty where it is.
+        reason: why it is not decided, or why a passed one says little; else empty.
         coverage: how much of its time was seen.
     """
 
@@ -135,7 +135,7 @@ def judge(
         deciding = replace(deciding, rank=_RANKS[monitor.is_met, asks_for(requirement)])
     if monitor.is_met:
         outcome = RequirementOutcome.NOT_EXERCISED if 0 in times else RequirementOutcome.PASSED
-        reason = "its trigger never became true" if 0 in times else ""
+        reason = "its trigger never became true" if 0 in times else examination.idle_wait()
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first = found.first if found else cause.tick

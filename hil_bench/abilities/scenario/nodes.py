@@ -1,6 +1,6 @@
 """The tree of an expectation: typed, checked, in SI; nothing here is computed yet."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -113,6 +113,14 @@ class Arithmetic(Node):
 
 
 Value = Number | Reading | Magnitude | Rate | PreviousValue | Arithmetic
+
+
+def is_same(one: object, other: object) -> bool:
+    """Return True if two values are written alike, wherever they stand."""
+    if not isinstance(one, Node) or type(one) is not type(other):
+        return one == other
+    names = (each.name for each in fields(one) if each.name != "position")
+    return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from hil_bench.abilities.scenario.nodes import (
     Operation,
     Relation,
     StateIs,
+    is_same,
 )
 from hil_bench.abilities.scenario.operands import (
     MeasuredValue,
@@ -126,6 +127,9 @@ def _compare(relation: Relation, left: Operand, right: Operand, known: Vocabular
         raise ExpectationError(
             one.node.position, "compares no signal, so nothing can change it; give a signal"
         )
+    if is_same(one.node, other.node):
+        wrong = "compares a value with itself, which nothing can change; give another one"
+        raise ExpectationError(one.node.position, wrong)
     constants = [each for each in (one, other) if each.is_constant]
     scale = _smallest_of(*(constants or (one, other)))
     return Comparison(

@@ -17,6 +17,14 @@ def reach(node: Condition) -> int:
     return ahead
 
 
+def look_back(node: Condition) -> int:
+    """Return the least time that must have passed before each window back holds a tick [ns]."""
+    own = 0
+    if isinstance(node, nodes.Historically | nodes.Once | nodes.Since):
+        own = node.window.start
+    return max((look_back(part) for part in parts_of(node)), default=0) + own
+
+
 def breadth(node: Condition) -> int:
     """Return the sum of the times that all windows of a condition reach, ahead and back [ns]."""
     own = 0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.nodes import Condition
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.reach import reach
+from hil_bench.abilities.scenario.reach import look_back, reach
 from hil_bench.abilities.scenario.records import (
     Amount,
     Expectation,
@@ -23,7 +23,7 @@ from hil_bench.abilities.scenario.records import (
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.bench.configuration.faults import build_fault, check_amount
+from hil_bench.bench.configuration.faults import build_fault, check_amount, check_effect
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import give
 from hil_bench.config.settings import Origin, Problems, read_table
@@ -185,17 +185,23 @@ def compile_texts(
         except ExpectationError as error:
             wrong.append(f"{each.place.at(*error.position)}: {each.id}: {error.what}")
             continue
-        needed = reach(condition) / 1e9
-        if needed > duration:
+        if problem := _problem_of_time(condition, duration):
             right = "give shorter windows or a longer duration_s"
-            wrong.append(
-                f"{each.place.at(1, 1)}: {each.id}: needs {needed:g} s to be decided, and the "
-                f"scenario lasts {duration:g} s; {right}"
-            )
+            lasts = f"and the scenario lasts {duration:g} s; {right}"
+            wrong.append(f"{each.place.at(1, 1)}: {each.id}: {problem}, {lasts}")
         found.append(Requirement(each.id, each.that, condition))
     if wrong:
         raise ConfigError("\n".join(wrong))
     return tuple(found)
+
+
+def _problem_of_time(condition: Condition, duration: float) -> str:
+    """Return why a run is too short for a condition; empty where it is not."""
+    if (needed := reach(condition) / 1e9) > duration:
+        return f"needs {needed:g} s to be decided"
+    if (back := look_back(condition) / 1e9) > duration:
+        return f"looks back {back:g} s"
+    return ""
 
 
 class _Resolver:
@@ -245,6 +251,8 @@ class _Resolver:
         problems.raise_any()
         if FaultKind(step.kind) in SENSOR_KINDS and step.target in self._sensor_units:
             check_amount(found, self._sensor_units[step.target], problems)
+        literal = [name for name, value in step.values if not isinstance(value, Reference)]
+        check_effect(found, problems, literal)
         problems.raise_any()
         return build_fault(found)
 

@@ -112,6 +112,7 @@ def prepare_on(
     values: Mapping[str, float],
     *,
     keeps_session: bool = False,
+    drives_itself: bool = True,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against a bench.
 
@@ -120,6 +121,8 @@ def prepare_on(
         scenario: as loaded.
         values: the SI value of each parameter.
         keeps_session: as in `prepare`.
+        drives_itself: whether the scenario's controller drives; else one on a bus does, which may
+            enable and read what no step does.
 
     Raises:
         ConfigError: something does not fit; a line a problem.
@@ -132,8 +135,9 @@ def prepare_on(
         *usage_problems(scenario),
         *_step_problems(actions, config, session),
     ]
-    if not problems:
-        problems += idle_steps(scenario, actions, config)
+    if not problems and drives_itself:
+        nodes = dict(zip((each.name for each in config.nodes), session.bench.nodes, strict=True))
+        problems += idle_steps(scenario, actions, config, nodes)
     try:
         requirements = compile_expectations(scenario, bench_vocabulary(config, session, values))
     except ConfigError as error:

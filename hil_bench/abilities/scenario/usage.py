@@ -1,21 +1,27 @@
 """Parameters and steps of a scenario that do nothing."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.registers import MODBUS
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
-from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration import BenchConfig, FaultConfig, ModbusUnitConfig
+from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
+from hil_bench.devices.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
 from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.kinds.registry import VALVE
 
 _WORD = re.compile(r"\w+")
 _ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
 """The control word of a valve, and its switch to the local set-point."""
+_MANUAL = "manual"
+"""The example that reads no sensor."""
+_SENSOR = SENSOR_KINDS | {FaultKind.SLOW}
+_SPOOL = VALVE_KINDS - {FaultKind.DISABLE} | {FaultKind.SLOW}
 
 
 def unused_parameters(scenario: Scenario) -> Iterator[str]:
@@ -42,18 +48,24 @@ def usage_problems(scenario: Scenario) -> Iterator[str]:
 
 
 def idle_steps(
-    scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
+    scenario: Scenario,
+    actions: Sequence[TimedAction],
+    config: BenchConfig,
+    nodes: Mapping[str, Node],
 ) -> Iterator[str]:
     """Yield a line for each step that cannot change anything, whatever the run does.
 
     Args:
-        scenario: with its controller.
+        scenario: with its controller, which alone drives.
         actions: its steps, in the order of time.
         config: of the bench.
+        nodes: of the bench, by name.
     """
     yield from _idle_switches(scenario, actions)
-    if scenario.controller is None or scenario.controller.example:
+    is_bare = scenario.controller is None or bool(scenario.controller.example)
+    if is_bare and not config.parts:  # a controller of the bench may enable and read anything
         yield from _idle_valves(scenario, actions, config)
+        yield from _unread_sensors(scenario, actions, config, nodes)
 
 
 def _idle_switches(scenario: Scenario, actions: Sequence[TimedAction]) -> Iterator[str]:
@@ -71,25 +83,68 @@ def _idle_switches(scenario: Scenario, actions: Sequence[TimedAction]) -> Iterat
 def _idle_valves(
     scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
 ) -> Iterator[str]:
-    """Yield the set-points of valves that nobody enables."""
+    """Yield the set-points and spool faults of valves that nobody enables."""
     names = {target for target, _ in _targets(actions)}
     enabled = {name.partition(".")[0] for name in names if _ENABLES.search(name)}
-    units = config.modbus.units if config.modbus is not None else ()
-    enabled |= {
-        unit.node
-        for unit in units
-        if any(name.startswith(f"{MODBUS}.{unit.name}.") for name in names)
-    }
+    enabled |= {unit.node for unit in _units(config) if _names(names, f"{MODBUS}.{unit.name}.")}
     has_example = scenario.controller is not None and bool(scenario.controller.example)
     first = config.first_axis.name if has_example else ""
     for valve in (node for node in config.nodes if node.kind is VALVE):
         if valve.name in enabled or getattr(valve, "axis", None) == first:
             continue
-        for target, place in _targets(actions):
-            if target in {f"{valve.name}.{SET_POINT}", f"{valve.name}.0x6300.01"}:
-                who = f"the example sets up {first} only" if has_example else "no step enables it"
-                right = f'nmt = "start" and set = {{ "{valve.name}.0x6040" = 1 }}, then 3, then 7'
-                yield f"{place}: {valve.name} is not enabled: {who}; give steps with {right}"
+        moves = {f"{valve.name}.{SET_POINT}", f"{valve.name}.0x6300.01"}
+        idle = [place for target, place in _targets(actions) if target in moves]
+        idle += [place for fault, place in _faults(actions, _SPOOL) if fault.target == valve.name]
+        for place in idle:
+            who = f"the example sets up {first} only" if has_example else "no step enables it"
+            right = f'nmt = "start" and set = {{ "{valve.name}.0x6040" = 1 }}, then 3, then 7'
+            yield f"{place}: {valve.name} is not enabled: {who}; give steps with {right}"
+
+
+def _unread_sensors(
+    scenario: Scenario,
+    actions: Sequence[TimedAction],
+    config: BenchConfig,
+    nodes: Mapping[str, Node],
+) -> Iterator[str]:
+    """Yield the faults of sensors that no controller, no other node and no expectation reads."""
+    listed = {each.name: each for each in config.nodes}
+    texts = " ".join(each.that for each in scenario.expectations)
+    is_closed = scenario.controller is not None and scenario.controller.example != _MANUAL
+    for fault, place in _faults(actions, _SENSOR):
+        name = fault.target.partition(".")[0]
+        node = listed.get(name)
+        if node is None or node.kind.is_drive or _is_heard(name, nodes):
+            continue
+        if is_closed and node.axis == config.first_axis.name:
+            continue
+        units = [f"{MODBUS}.{unit.name}." for unit in _units(config) if unit.node == name]
+        if not any(word in texts for word in (name, "frame(", *units)):
+            right = f"name {fault.target}.measured or emcy({name}) in an expectation"
+            yield f"{place}: nothing reads {name}, so the fault changes nothing; {right}"
+
+
+def _is_heard(name: str, nodes: Mapping[str, Node]) -> bool:
+    """Return True if another node receives what a node sends."""
+    sent = nodes[name].sent_ids
+    return any(sent & node.routes.keys() for other, node in nodes.items() if other != name)
+
+
+def _faults(
+    actions: Sequence[TimedAction], kinds: Collection[FaultKind]
+) -> Iterator[tuple[FaultConfig, str]]:
+    """Yield fault and place of each step that is a fault of one of the kinds."""
+    for _, action, place in actions:
+        if isinstance(action, FaultConfig) and action.kind in kinds:
+            yield action, place
+
+
+def _units(config: BenchConfig) -> Iterable[ModbusUnitConfig]:
+    return config.modbus.units if config.modbus is not None else ()
+
+
+def _names(names: Iterable[str], start: str) -> bool:
+    return any(name.startswith(start) for name in names)
 
 
 def _targets(actions: Sequence[TimedAction]) -> Iterator[tuple[str, str]]:

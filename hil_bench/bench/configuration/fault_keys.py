@@ -10,6 +10,7 @@ from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultK
 from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
 from hil_bench.devices.j1939.identifier import NULL
 from hil_bench.devices.j1939.signal_table import Indication
+from hil_bench.errors import ConfigError
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,
@@ -21,6 +22,7 @@ from hil_bench.units import (
     MILLIMETRE_PER_SECOND,
     MILLISECOND,
     NEWTON,
+    ONE,
     PERCENT,
     PERCENT_PER_SECOND,
     SECOND,
@@ -32,11 +34,24 @@ KIND_KEY: Final = Key("kind", choice(FaultKind), example='"freeze"')
 _LARGEST = 1e6
 _SHORTEST_MS = 1e-3
 
+
+def _lasting(value: object) -> float:
+    """Return the time for which a fault lasts [s].
+
+    Raises:
+        ConfigError: it is no number, out of range, or 0.
+    """
+    found: float = number(SECOND, low=0.0, high=_LARGEST)(value)
+    if not found:
+        raise ConfigError("0 is no time; give how long the fault lasts, or leave the key out")
+    return found
+
+
 COMMON_KEYS: Final = (
     KIND_KEY,
     Key("target", text, example='"pressure_a"'),
     Key("at_s", number(SECOND, low=0.0, high=_LARGEST), 0.0, SECOND, "at"),
-    Key("for_s", number(SECOND, low=0.0, high=_LARGEST), None, SECOND, "duration"),
+    Key("for_s", _lasting, None, SECOND, "duration"),
 )
 
 
@@ -192,3 +207,12 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
     }
 )
 """What each kind has beside the common keys."""
+
+_NO_AMOUNTS = frozenset({"growth_s", "pressure_bar", "time_constant_ms"})
+
+
+def idle_value(key: Key) -> float | None:
+    """Return the value of an amount at which its fault changes nothing; None for other keys."""
+    if key.unit is ONE or key.name in _NO_AMOUNTS:
+        return None
+    return 100.0 if key.name == "travel_percent" else 0.0

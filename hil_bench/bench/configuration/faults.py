@@ -1,12 +1,17 @@
 """The tables ``[[faults]]``: what goes wrong by itself, and when."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.ecus import EcusSection
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
+from hil_bench.bench.configuration.fault_keys import (
+    COMMON_KEYS,
+    KIND_KEY,
+    OWN_KEYS,
+    idle_value,
+)
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
@@ -214,6 +219,7 @@ def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: P
     for fault in faults:
         kind, target = fault["kind"].value, fault["target"].value
         table = fault["kind"].table
+        check_effect(fault, problems)
         what, names = targets.of(kind)
         if target not in names:
             right = f"give one of {', '.join(names)}" if names else "this bench has none"
@@ -286,6 +292,21 @@ def _check_pressure(fault: Settings, tank: float, problems: Problems) -> None:
         wrong = f"{pressure.value:g} is below tank_pressure_bar = {tank:g}"
         place = problems.place(pressure.table, "pressure_bar")
         problems.add(place, f"{wrong}; give that or more")
+
+
+def check_effect(fault: Settings, problems: Problems, names: Collection[str] | None = None) -> None:
+    """Note an amount with which a fault changes nothing.
+
+    Args:
+        fault: one of any kind.
+        problems: to be noted.
+        names: the keys to look at; None for all.
+    """
+    for key in OWN_KEYS[fault["kind"].value]:
+        value = fault[key.name].value
+        if (names is None or key.name in names) and value is not None and value == idle_value(key):
+            wrong = f"{value:g} changes nothing; give another amount, or leave the fault out"
+            problems.add(problems.place(fault["kind"].table, key.name), wrong)
 
 
 def check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> None:

@@ -8,6 +8,7 @@ from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.checks import to_ns
 from hil_bench.devices.faults.fault import Effect, Fault
 from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
 
 _KEPT_EVENTS = 1000
 
@@ -87,11 +88,15 @@ class FaultSchedule:
         """Add a fault, which begins by itself, and return it.
 
         Raises:
+            ConfigError: it is to last no time; a reset does, which takes a tick.
             TypeError: `when` has a key that is none.
         """
         if unknown := set(when) - set(When.__annotations__):
             raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'")
         at, duration = when.get("at"), when.get("duration")
+        if duration == 0 and kind is not FaultKind.RESET:
+            right = "leave it out, or give a time above 0"
+            raise ConfigError(f"faults: {kind} {target}: duration = 0 is no time; {right}")
         fault = Fault(
             kind,
             target,

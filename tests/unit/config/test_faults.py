@@ -234,3 +234,32 @@ def test_a_mistake_in_the_option_is_told(words: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_config(faults=[parse_fault(words.split())])
     assert message in str(caught.value)
+
+
+IDLE = [
+    ("offset", "pressure_a", "offset_bar = 0"),
+    ("lose", "valve", "share_percent = 0"),
+    ("delay", "valve", "delay_ms = 0"),
+    ("weaken", "valve", "travel_percent = 100"),
+    ("jam", "axis1", "force_n = 0"),
+]
+
+
+@pytest.mark.parametrize(("kind", "target", "key"), IDLE)
+def test_an_amount_that_changes_nothing_is_refused(
+    write: Write, kind: str, target: str, key: str
+) -> None:
+    with pytest.raises(ConfigError, match="changes nothing; give another amount"):
+        load_config(write(NODES + fault(kind, target, key)))
+
+
+def test_an_open_coil_and_a_tank_pressure_are_faults(write: Write) -> None:
+    """Travel 0 is an open coil, and a supply of 0 bar a burst hose: no amounts of a change."""
+    text = fault("weaken", "valve", "travel_percent = 0")
+    text += fault("drop_supply", "axis1", "pressure_bar = 0")
+    assert len(load_config(write(NODES + text)).faults) == 2
+
+
+def test_no_time_is_refused(write: Write) -> None:
+    with pytest.raises(ConfigError, match=r"for_s: 0 is no time; give how long"):
+        load_config(write(NODES + fault("freeze", "pressure_a", "for_s = 0")))

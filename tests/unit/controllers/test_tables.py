@@ -116,8 +116,8 @@ def test_a_switch_of_nothing_is_refused(folder, steps, words):
     [
         ({}, ":controllers.x.kind: missing; give for example kind = "),
         (
-            {"kind": "pyton"},
-            ':controllers.x.kind: "pyton" is no kind of controller; the nearest is',
+            {"kind": "pythons"},
+            ':controllers.x.kind: "pythons" is no kind of controller; the nearest is',
         ),
         ({"kind": "python"}, ":controllers.x.call: missing; give for example call = "),
         ({**BLINKS, "cal": 1}, ":controllers.x.cal: unknown key; the nearest known key is call"),

@@ -73,7 +73,16 @@ def test_a_duration_counts_from_the_first_tick(schedule):
 
 
 def test_even_the_shortest_fault_lasts_a_tick(schedule):
-    note, _ = add(schedule, at=0.001, duration=0.0)
+    note, _ = add(schedule, at=0.001, duration=1e-9)
+    run(schedule, 1, 2, 3)
+    assert note.times == [("begin", 1), ("end", 2)]
+
+
+def test_no_time_is_refused_but_for_a_reset(schedule):
+    with pytest.raises(ConfigError, match="freeze sensor: duration = 0 is no time; leave it out"):
+        add(schedule, duration=0.0)
+    note = Note()
+    schedule.add(FaultKind.RESET, "sensor", note, {"duration": 0.0})
     run(schedule, 1, 2, 3)
     assert note.times == [("begin", 1), ("end", 2)]
 

@@ -406,6 +406,19 @@ def test_windows_longer_than_the_run_are_refused(tmp_path):
         compile_expectations(scenario, Vocabulary({"axis1.P_A": "Pa"}))
 
 
+@pytest.mark.parametrize(("ago", "is_refused"), [(4, False), (4.001, True)])
+def test_a_window_back_beyond_the_beginning_is_refused(tmp_path, ago, is_refused):
+    """2 s and 4 s ago are the 6 s of the run; with a tick more it would hold no tick."""
+    back = f"always once from 2 s to 3 s historically from {ago} s to 9 s axis1.P_A < 1 bar"
+    text = EXPECT.replace("always axis1.P_A < 250 bar", back)
+    scenario, known = load(tmp_path, HEAD + text), Vocabulary({"axis1.P_A": "Pa"})
+    if not is_refused:
+        assert len(compile_expectations(scenario, known)) == 1
+        return
+    with pytest.raises(ConfigError, match=r":5:9: R1: looks back 6\.001 s, .* lasts 6 s"):
+        compile_expectations(scenario, known)
+
+
 def test_a_requirement_of_10000_characters_is_refused_where_it_stands(tmp_path):
     """docs/expectations.md: at most 4000 characters."""
     text = EXPECT.replace("axis1.P_A", "axis1.P_A + 0 bar" + " + 0 bar" * 1250)

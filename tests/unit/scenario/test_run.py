@@ -6,7 +6,7 @@ import pytest
 
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
+from hil_bench.abilities.scenario.run import PlayOptions, play, prepare, prepare_on
 from hil_bench.errors import ConfigError, ControllerError
 
 HEAD = 'title = "T"\nduration_s = 0.2\n'
@@ -249,6 +249,62 @@ def test_a_set_point_of_a_valve_that_nobody_enables_is_refused(tmp_path):
     text = HEAD + SECOND + EXAMPLE + step(0.1, 'set = { "press_valve.spool_setpoint" = 0.5 }')
     (problem,) = problems(tmp_path, text + expect("always press.position < 1 m"))
     assert "press_valve is not enabled: the example sets up feed only" in problem
+
+
+REST = "always axis1.position < 1 m"
+FREEZE = step(0.1, 'fault = "freeze"\ntarget = "pressure_a"')
+
+
+@pytest.mark.parametrize("controller", ["", EXAMPLE])
+def test_a_fault_of_a_sensor_that_nothing_reads_is_refused(tmp_path, controller):
+    (problem,) = problems(tmp_path, HEAD + controller + FREEZE + expect(REST))
+    assert "nothing reads pressure_a, so the fault changes nothing" in problem
+
+
+@pytest.mark.parametrize(
+    ("controller", "that"),
+    [
+        ("", "always pressure_a.measured < 250 bar"),
+        ("", "always frame(0x81) implies axis1.P_A > 0"),
+        (EXAMPLE.replace("manual", "position_control"), REST),
+        ('[controller]\nfirmware = ["true"]\n', REST),
+    ],
+)
+def test_a_fault_of_a_sensor_that_somebody_reads_is_right(tmp_path, controller, that):
+    prepare(load(tmp_path, HEAD + controller + FREEZE + expect(that)))
+
+
+def test_on_a_bus_somebody_else_may_enable_and_read(tmp_path):
+    scenario = load(tmp_path, HEAD + FREEZE + expect(REST))
+    config = prepare(load(tmp_path, HEAD + expect(REST))).config
+    assert prepare_on(config, scenario, {}, drives_itself=False).actions
+
+
+def test_a_fault_of_a_valve_that_nobody_enables_is_refused(tmp_path):
+    stick = step(0.1, 'fault = "stick"\ntarget = "valve"')
+    (problem,) = problems(tmp_path, HEAD + stick + expect(REST))
+    assert "valve is not enabled: no step enables it" in problem
+    prepare(load(tmp_path, HEAD + EXAMPLE + stick + expect(REST)))
+
+
+@pytest.mark.parametrize(
+    ("keys", "wrong"),
+    [
+        ("offset_bar = 0", "offset_bar: 0 changes nothing; give another amount"),
+        ("offset_bar = 5\nfor_s = 0", "for_s: 0 is no time; give how long the fault lasts"),
+    ],
+)
+def test_a_fault_of_no_size_or_time_is_refused(tmp_path, keys, wrong):
+    text = HEAD + step(0.1, f'fault = "offset"\ntarget = "pressure_a"\n{keys}')
+    (problem,) = problems(tmp_path, text + expect("always pressure_a.measured < 250 bar"))
+    assert wrong in problem
+
+
+def test_a_parameter_may_make_a_fault_nothing(tmp_path):
+    """A range from 0 on is the case without the fault, for comparison."""
+    text = HEAD + "[parameters]\nshift_bar = { value = 0, range = [0, 5] }\n"
+    text += step(0.1, 'fault = "offset"\ntarget = "pressure_a"\noffset_bar = "shift_bar"')
+    prepare(load(tmp_path, text + expect("always pressure_a.measured < 250 bar")))
 
 
 def test_a_sync_that_is_on_already_is_refused(tmp_path):

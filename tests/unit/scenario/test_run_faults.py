@@ -77,10 +77,17 @@ at_s = 0.02
 fault = "{kind}"
 for_s = 0.01
 {keys}
+[[step]]
+at_s = 0.0
+set = {{ "valve.0x6040" = 1 }}
 [[expect]]
 id = "R"
 that = "always axis1.P_A < sag_bar + 200 bar"
+[[expect]]
+id = "S"
+that = 'eventually (pressure_a.nmt == "PRE_OPERATIONAL" and position.nmt == "PRE_OPERATIONAL")'
 """
+"""The valve and both sensors concern somebody, so that no fault is idle."""
 
 
 @pytest.fixture

@@ -141,7 +141,8 @@ def _exit_code(found: Falsification) -> ExitCode:
     finds = found.search.finds
     return verdict_code(
         fails=bool(found.search.crashes) or any(each.is_failed for each in finds),
-        passes=all(each.tally.passed and not each.tally.undecided for each in finds),
+        passes=bool(finds)
+        and all(each.tally.passed and not each.tally.undecided for each in finds),
     )
 
 

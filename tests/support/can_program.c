@@ -423,6 +423,24 @@ static void children(void) /* one after the other */
     say("time", now_us());
 }
 
+static void pipes(void) /* of a child that answers after 3 ms */
+{
+    int ends[2];
+    struct pollfd source;
+
+    if (pipe(ends) < 0)
+        return;
+    if (fork() == 0) {
+        usleep(3000);
+        exit(write(ends[1], "", 1) != 1);
+    }
+    source = (struct pollfd){.fd = ends[0], .events = POLLIN};
+    say("poll", poll(&source, 1, 500));
+    wait(NULL);
+    usleep(1000);
+    say("time", now_us());
+}
+
 static void together(void)
 {
     fork();
@@ -435,7 +453,6 @@ static void orphan(void)
     if (fork() == 0)
         for (;;)
             ;
-    usleep(1000);
 }
 
 static void terminated(void)
@@ -496,7 +513,7 @@ int main(int argc, char **argv)
         {"forever", forever},   {"messages", messages}, {"names", names},
         {"orphan", orphan},     {"ready", ready},       {"spin", spin},
         {"terminated", terminated}, {"thread", thread}, {"timers", timers},
-        {"together", together}, {"threads", threads}, {"waits", waits},       {"wrong", wrong},
+        {"pipes", pipes},       {"together", together}, {"threads", threads}, {"waits", waits},       {"wrong", wrong},
     };
 
     setvbuf(stdout, NULL, _IOLBF, 0);

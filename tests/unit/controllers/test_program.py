@@ -243,6 +243,11 @@ def test_children_live_one_after_the_other(start):
     assert life.lines == ["4000 time 4000"]
 
 
+def test_no_time_passes_for_a_process_whose_child_lives(start):
+    """But the child's own, however long the machine takes to start it."""
+    assert live(start("pipes"), 6).lines == ["3000 poll 1", "4000 time 4000"]
+
+
 @pytest.mark.parametrize(
     ("part", "line"),
     [

@@ -14,8 +14,11 @@ import pytest
 from support.distribution import PLUGIN, declare
 
 from hil_bench.ability import OWN, Ability, own_abilities
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.verbs import own_verbs
+from hil_bench.errors import ConfigError
+from hil_bench.session.virtual_bench import VirtualBench
 
 ROOT = Path(__file__).resolve().parents[2]
 ABILITIES = {ability.name: ability for ability in own_abilities()}
@@ -169,6 +172,32 @@ def test_a_verb_of_another_distribution_runs(spring_rig, capsys):  # noqa: ARG00
     assert swing["frequency_hz"] == pytest.approx(10.0 / (2.0 * math.pi))
     assert main(["--help"]) == 0
     assert "\n    springs " in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("spring_rig")
+def test_a_table_of_another_distribution_is_read_and_at_work(tmp_path, capsys):
+    file = tmp_path / "bench.toml"
+    file.write_text("[beacon]\ncan_id = 0x77F\nperiod_ms = 20\n")
+    with VirtualBench(load_config(file)) as bench:
+        bench.run(0.1)
+        times = [each.now for each in bench.frames if each.frame.can_id == 0x77F]
+    assert times == [k * 20_000_000 for k in range(1, 6)]
+    assert main(["check", str(file)]) == 0
+    assert "[beacon]" in capsys.readouterr().out
+    file.write_text("[beacon]\ncan_id = 0\nperiods_ms = 20\n")
+    with pytest.raises(ConfigError) as error:
+        load_config(file)
+    assert str(error.value).splitlines() == [
+        f"{file}:beacon.periods_ms: unknown key; the nearest known key is period_ms",
+        f"{file}:beacon.can_id: 0 is out of range; give an integer from 1 to 2047",
+    ]
+
+
+def test_a_table_that_nobody_reads_is_refused(tmp_path):
+    file = tmp_path / "bench.toml"
+    file.write_text("[baecon]\ncan_id = 1\n")
+    with pytest.raises(ConfigError, match="baecon: unknown table; the nearest known is "):
+        load_config(file)
 
 
 NEW, ODD = 'Verb("more", 1, "do", "act")', 'Verb("odd", 1, "do", "act")'

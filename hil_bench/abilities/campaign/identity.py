@@ -99,7 +99,8 @@ def controller_digest(controller: Controller | None, folder: Path) -> str:
         return ""
     if controller.firmware:
         return firmware_digest(controller.firmware)
-    return _digest([file_digest(each) for each in files_of(controller.table, folder)])
+    place = folder / str(controller.table.get("folder", "."))
+    return _digest([file_digest(each) for each in files_of(controller.table, place)])
 
 
 def file_digest(path: Path) -> str:

@@ -74,7 +74,7 @@ def read_controller(
         return None
     settings = convert(found, kind.keys)
     if found["folder"].value is not None:
-        folder = Path(found["folder"].value)
+        folder /= found["folder"].value
     for line in kind.problems(settings, folder):
         key, _, what = line.partition(": ")
         problems.add(problems.place(table, key), what)

@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.search.methods import Evolution, build_search
 from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method, Trial
 from hil_bench.abilities.campaign.search.shrink import Target, round_to, shrink
 from hil_bench.abilities.campaign.summary import tally_of
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError
@@ -127,6 +128,18 @@ that = "always axis1.P_A < 55 bar"
     # At rest P_A is 48.5 bar: without a load the requirement holds.
     assert abs(failure.shrunk.scenario.parameters[0].value) > 100.0
     assert 'table = "../load.csv"' in failure.files.scenario.read_text()
+
+
+def test_a_written_failure_finds_the_files_of_its_controller(tmp_path):
+    (tmp_path / "mine.py").write_text("def idle(rig):\n    rig.sleep(1e6)\n")
+    controller = '[controller]\nkind = "python"\ncall = "mine.py:idle"\n[parameters]\n'
+    text = NARROW.replace("[parameters]\n", controller)
+    found = search(write_rest(tmp_path, text), tmp_path / "failures", 16, (Method.SOBOL,))
+    small = load_scenario(found.failures[0].files.scenario)
+    assert small.path.parent == tmp_path / "failures"
+    assert {each.judgement.outcome for each in play(prepare(small)).findings} == {
+        RequirementOutcome.FAILED
+    }
 
 
 @pytest.mark.long  # tens of runs of a scenario

@@ -86,4 +86,9 @@ def _moved(scenario: Scenario, folder: Path) -> Scenario:
     title = f"{scenario.title}: a failure"
     bench = seen(scenario.bench) if scenario.bench else None
     ids = tuple(each.id for each in scenario.expectations)
-    return replace(scenario, title=title, bench=bench, steps=steps, requirement_ids=ids)
+    controller = scenario.controller
+    if controller is not None and controller.table:
+        of_files = seen(str(controller.table.get("folder", ".")))
+        controller = replace(controller, table={**controller.table, "folder": of_files})
+    moved = replace(scenario, title=title, bench=bench, steps=steps, controller=controller)
+    return replace(moved, requirement_ids=ids)

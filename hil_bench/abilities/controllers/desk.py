@@ -1,5 +1,6 @@
 """Controllers on the buses of a session: what each hears, and when what it sends acts."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,6 +20,8 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.session import Session
+
+logger = logging.getLogger(__name__)
 
 _TIME = attrgetter("time")
 
@@ -81,6 +84,7 @@ class Desk:
         self._inbox: list[TimedFrame] = []
         self._own: list[Frame] = []
         self._starts = 0
+        self._skipped = 0
         self._controller: Controller | None = None
         self._surroundings = Surroundings(
             config.name,
@@ -105,24 +109,33 @@ class Desk:
         """Return True unless it runs and has not begun its work yet."""
         return self._controller is None or self._controller.has_begun
 
-    def live(self, until: int) -> Sequence[TimedFrame]:
+    def live(self, until: int, skipped: int) -> Sequence[TimedFrame]:
         """Let the controller live until a moment; return what it has sent, in order of time.
+
+        Args:
+            until: the moment, in time without the ticks that were skipped [ns].
+            skipped: how much time these were [ns].
 
         Raises:
             ControllerError: it has failed, or cannot be started.
         """
-        if self.is_due:
-            self._start()
-        received, self._inbox = self._inbox, []
+        self._skipped = skipped
+        received: Sequence[TimedFrame] = self._inbox
+        self._inbox = []
         if self._session.bench.wiring is None:
             self._own.clear()  # on copper they are heard when they have passed
-        if self._controller is None:
-            return ()
         try:
+            if self.is_due:
+                received = self._start(received)
+            if self._controller is None:
+                return ()
             sent = self._controller.advance(until, received)
         except ControllerEnd as end:
             sent, self.ending = end.sent, str(end)
             self.switch_off()
+            if self.place:  # of a scenario's own its result says so
+                words = f": {end}" if str(end) else ""
+                logger.warning("%.3f s: %shas ended%s", until * 1e-9, self.place, words)
         except ControllerError as error:
             raise ControllerError(f"{self.place}{error}") from error
         if not sent:
@@ -148,17 +161,17 @@ class Desk:
         """The end of what it has printed."""
         return self._controller.tail() if self._controller is not None else ""
 
-    def _start(self) -> None:
-        """Build the controller, in a new folder."""
+    def _start(self, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Build the controller, in a new folder; return what it has heard already."""
         self.is_due = False
         self.ending = ""
         self._starts += 1
         scratch = self._scratch / str(self._starts)
         scratch.mkdir(parents=True)
-        if self._starts > 1:
-            self._inbox.clear()  # of the time without power; at first it came with the boot-up
         surroundings = self._surroundings._replace(scratch=scratch)
         self._controller = self._config.kind.build(self._config.settings, surroundings)
+        # At first it gets power with the bench, and hears it boot; later it was without.
+        return received if self._starts == 1 else ()
 
     def _serve(self, frames: Sequence[Frame]) -> Sequence[TimedFrame]:
         """Have the bench answer frames while its time stands still; return what has come since."""
@@ -171,14 +184,15 @@ class Desk:
     def _hear(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
         """Keep what passes on its buses, but for its own frames."""
         own, places, inbox = self._own, self._places, self._inbox
+        time = now - self._skipped
         for frame in received:
             if own and frame in own:
                 own.remove(frame)
             elif frame.bus in places:
-                inbox.append(TimedFrame(now, self._to_own(frame)))
+                inbox.append(TimedFrame(time, self._to_own(frame)))
         for frame in sent:
             if frame.bus in places:
-                inbox.append(TimedFrame(now, self._to_own(frame)))
+                inbox.append(TimedFrame(time, self._to_own(frame)))
 
     def _to_own(self, frame: Frame) -> Frame:
         place = self._places[frame.bus]
@@ -231,6 +245,7 @@ class Desks:
                 "[bus.wire]: a controller whose SYNC is its clock gives frames no time to pass; "
                 "leave the table out, or give a controller of another kind"
             )
+        self._tick, self._last, self._skipped = bench.tick_ns, 0, 0
         session.sources.append(self._live)
         for desk in self.desks:
             session.switches[desk.name] = partial(self.switch, desk)
@@ -278,7 +293,11 @@ class Desks:
         """Let all live until a tick; return what they have sent, by time and name."""
         if not now:
             return ()
-        sent = [each for desk in self.desks for each in desk.live(now)]
+        # The plant stands still in ticks that a late loop skips, and so do they.
+        self._skipped += max(now - self._last - self._tick, 0) if self._last else 0
+        self._last = now
+        until = now - self._skipped
+        sent = [each for desk in self.desks for each in desk.live(until, self._skipped)]
         if len(self.desks) > 1:
             sent.sort(key=_TIME)
         return [frame for _, frame in sent]

@@ -134,11 +134,12 @@ def test_an_error_says_whose_it_is(tmp_path):
         run(session, 2)
 
 
-def test_the_last_frames_of_one_that_ends_still_act(tmp_path):
+def test_the_last_frames_of_one_that_ends_still_act(tmp_path, caplog):
     end = ControllerEnd("all done", [TimedFrame(2 * TICK, MASTER)])
     session, desks, logs = make_desks(tmp_path, {"a": {2 * TICK: end}})
     assert MASTER in run(session, 4)[2]
     assert desks.ending == "controller a: the controller ended: all done"
+    assert caplog.messages == ["0.002 s: controller a: has ended: all done"]
     assert logs["a"][-1] == "closed"
 
 
@@ -179,3 +180,11 @@ def test_each_start_has_a_folder_of_its_own(tmp_path):
     session.switches["a"]("restart")
     session.tick((), 2 * TICK)
     assert [each[2] for each in logs["a"] if each[0] == "built"] == ["1", "2"]
+
+
+def test_ticks_that_a_late_loop_skips_are_no_time_for_a_controller(tmp_path):
+    session, _, logs = make_desks(tmp_path, {"a": {}, "b": at(3)})
+    for tick in (0, 1, 2, 7, 8):  # 3 to 6 are skipped
+        session.tick((), tick * TICK)
+    assert [until // TICK for until, _ in logs["a"][1:]] == [1, 2, 3, 4]
+    assert logs["a"][-1][1] == [TimedFrame(3 * TICK, MASTER)]

@@ -1,0 +1,89 @@
+"""Programs whose SYNC is their clock, beside other controllers on one bench."""
+
+import json
+import sys
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.session.virtual_bench import VirtualBench
+
+PROGRAM = """
+import os, socket, sys
+host, port = os.environ["HIL_BENCH_BUS"].split(":")
+bus = socket.create_connection((host, int(port)))
+def hear(end=b">"):
+    text = b""
+    while not text.endswith(end):
+        text += bus.recv(1)
+    return text.decode()
+def say(text):
+    bus.sendall(text.encode())
+hear(); say("< open can0 >"); hear(); say("< rawmode >"); hear()
+for number in range(int(sys.argv[1])):
+    say(f"< send 321 1 {number:02X} >")
+    say("< send 080 0 >")
+    say("< send 604 8 40 00 10 00 00 00 00 00 >")
+    while "frame 584" not in hear():
+        pass
+say("< send 322 0 >")
+sys.exit(int(sys.argv[2]))
+"""
+LAMP = """
+import can
+
+def blinks(rig):
+    while True:
+        rig.bus.send(can.Message(arbitration_id=0x111, data=[], is_extended_id=False))
+        rig.sleep(0.005)
+"""
+
+
+def make_bench(folder, words, more=""):
+    (folder / "program.py").write_text(PROGRAM)
+    (folder / "lamp.py").write_text(LAMP)
+    command = json.dumps([sys.executable, str(folder / "program.py"), *words])
+    text = f'[controllers.main]\nkind = "process"\ncommand = {command}\n{more}'
+    text += '[controllers.lamp]\nkind = "python"\ncall = "lamp.py:blinks"\n'
+    (folder / "bench.toml").write_text(text)
+    return VirtualBench(load_config(folder / "bench.toml"))
+
+
+def frames_of(bench, *wanted):
+    return [
+        (each.now // 1_000_000, each.frame.can_id, bytes(each.frame.data))
+        for each in bench.frames
+        if each.frame.can_id in wanted
+    ]
+
+
+def test_its_sync_is_its_clock_and_the_bench_goes_on_behind_its_end(tmp_path):
+    with make_bench(tmp_path, ["5", "0"]) as bench:
+        bench.run(0.02)
+        # A cycle begins with its frame, which is served at once, and ends with SYNC, a tick later.
+        assert frames_of(bench, 0x321) == [(k, 0x321, bytes([k])) for k in range(5)]
+        assert frames_of(bench, 0x080) == [(k, 0x080, b"") for k in range(1, 6)]
+        assert frames_of(bench, 0x322) == [(5, 0x322, b"")]  # the last words of a program that ends
+        assert frames_of(bench, 0x111) == [(k, 0x111, b"") for k in (1, 6, 11, 16)]
+
+
+def test_both_give_the_same_frames_at_every_run(tmp_path):
+    runs = []
+    for _ in range(3):
+        with make_bench(tmp_path, ["8", "0"]) as bench:
+            bench.run(0.02)
+            runs.append([tuple(each) for each in bench.frames])
+    assert runs[0] == runs[1] == runs[2]
+
+
+def test_an_exit_code_ends_the_run_with_the_last_lines(tmp_path):
+    with make_bench(tmp_path, ["2", "7"]) as bench, pytest.raises(ControllerError) as error:
+        bench.run(0.02)
+    assert str(error.value).startswith("controller main: ")
+    assert "has ended, exit code 7" in str(error.value)
+
+
+def test_on_copper_it_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"\[bus\.wire\]: a controller whose SYNC is its clock"):
+        make_bench(tmp_path, ["1", "0"], "[bus]\n[bus.wire]\n")

@@ -73,9 +73,12 @@ class Dying:
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interruption_is_not_lost_in_a_finaliser(number):
-    with interrupted_once(), pytest.raises(KeyboardInterrupt):
+    def work():
         Dying(number)
         threading.Event().wait(5.0)
+
+    with interrupted_once(), pytest.raises(KeyboardInterrupt):
+        work()
 
 
 def test_another_exception_in_a_finaliser_is_shown_as_before(monkeypatch):

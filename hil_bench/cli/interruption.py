@@ -5,6 +5,8 @@ interrupted at once and closes the valve. SIGHUP stays ignored where `nohup` has
 """
 
 import signal
+import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -13,6 +15,8 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.streams import discard_lost_terminal
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+_AGAIN = 0.01
+"""Time after which an interruption that was lost comes again [s]."""
 _Handler = Callable[[int, FrameType | None], None]
 
 
@@ -76,8 +80,32 @@ def interrupted_once() -> Iterator[None]:
     Yields:
         Nothing.
     """
-    with _handling(Interruption().interrupt):
+    wish = Interruption()
+    with _handling(wish.interrupt), _coming_again(wish):
         yield
+
+
+@contextmanager
+def _coming_again(wish: Interruption) -> Iterator[None]:
+    """Have an interruption come again that Python ignored, as it does what a finaliser raises."""
+    before, main = sys.unraisablehook, threading.main_thread().ident or 0
+    timers: list[threading.Timer] = []
+
+    def look(lost: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            return before(lost)
+        wish.requested = False
+        timers.append(threading.Timer(_AGAIN, signal.pthread_kill, (main, signal.SIGINT)))
+        timers[-1].daemon = True
+        return timers[-1].start()
+
+    sys.unraisablehook = look
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+        for timer in timers:
+            timer.cancel()
 
 
 @contextmanager

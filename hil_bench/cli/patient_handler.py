@@ -4,6 +4,8 @@ import logging
 import select
 from typing import TextIO
 
+from hil_bench.errors import printable
+
 
 class PatientHandler(logging.StreamHandler[TextIO]):
     """Leaves lines out that nobody takes: of a terminal that is stopped, a pipe that is full."""
@@ -21,6 +23,12 @@ class PatientHandler(logging.StreamHandler[TextIO]):
             record.msg = f"{record.msg} ({self._left_out} lines before this one are lost)"
             self._left_out = 0
         super().emit(record)
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line of a record, whose message may quote anything of a file."""
+        lines = record.getMessage().split("\n")
+        record.msg, record.args = "\n".join(map(printable, lines)), ()
+        return super().format(record)
 
 
 def _takes_more(stream: TextIO) -> bool:

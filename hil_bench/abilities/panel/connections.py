@@ -6,6 +6,7 @@ A request that is being answered is busy, for longer; a WebSocket waits until it
 
 import asyncio
 import socket
+from collections.abc import Callable
 from typing import Any
 
 import uvicorn
@@ -66,11 +67,18 @@ class Server(uvicorn.Server):
     Args:
         config: with `AT_ONCE` as its backlog, and the protocols of the connections.
         connections: those of the configuration.
+        stopped: asked ten times a second.
     """
 
-    def __init__(self, config: uvicorn.Config, connections: Connections) -> None:
+    def __init__(
+        self, config: uvicorn.Config, connections: Connections, stopped: Callable[[], bool]
+    ) -> None:
         super().__init__(config)
-        self._connections = connections
+        self._connections, self._stopped = connections, stopped
+
+    async def on_tick(self, counter: int) -> bool:
+        """Return True to end."""
+        return await super().on_tick(counter) or self._stopped()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Listen."""

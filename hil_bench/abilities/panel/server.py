@@ -49,19 +49,22 @@ class PanelPlan(NamedTuple):
     is_once: bool = False
 
 
-def run_panel(plan: PanelPlan, announce: Callable[[str], None]) -> None:
-    """Serve until Ctrl-C, or until the bench ends.
+def run_panel(
+    plan: PanelPlan, announce: Callable[[str], None], stopped: Callable[[], bool]
+) -> None:
+    """Serve until somebody stops it, or until the bench ends.
 
     Args:
         plan: what is to be served.
         announce: called with the address, the secret in it, once the port is open.
+        stopped: asked ten times a second.
     """
     with contextlib.closing(open_port(plan.address, plan.port)) as listener:
         token = "" if plan.password else secrets.token_urlsafe(16)
         port = listener.getsockname()[1]
         host = f"[{plan.address}]" if ":" in plan.address else plan.address
         announce(f"http://{host}:{port}/" + (f"#{token}" if token else ""))
-        asyncio.run(_serve(plan, listener, Secret(plan.password or token)))
+        asyncio.run(_serve(plan, listener, Secret(plan.password or token), stopped))
 
 
 def open_port(address: str, port: int | None) -> socket.socket:
@@ -114,7 +117,12 @@ def read_password(path: Path) -> str:
     return text
 
 
-async def _serve(plan: PanelPlan, listener: socket.socket, secret: Secret) -> None:
+async def _serve(
+    plan: PanelPlan,
+    listener: socket.socket,
+    secret: Secret,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
     connections = Connections(MOST_VIEWERS)
     hub = Hub(plan.bench, connections.seats)
     panel = Panel(hub, Desk(hub, plan.folder), secret)
@@ -136,6 +144,7 @@ async def _serve(plan: PanelPlan, listener: socket.socket, secret: Secret) -> No
             timeout_graceful_shutdown=_FAREWELL,
         ),
         connections,
+        stopped,
     )
     visits = asyncio.create_task(hub.run(is_once=plan.is_once), name="visits")
     visits.add_done_callback(lambda _: setattr(server, "should_exit", True))

@@ -6,6 +6,7 @@ import pty
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,35 @@ def test_what_closes_a_valve_is_interrupted_once(number):
             os.kill(os.getpid(), number)
         for again in SIGNALS:  # while the valve is being closed
             os.kill(os.getpid(), again)
+
+
+class Dying:
+    """What a signal comes to while it is finalised, whose exceptions Python ignores."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __del__(self):
+        os.kill(os.getpid(), self.number)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_an_interruption_is_not_lost_in_a_finaliser(number):
+    def work():
+        Dying(number)
+        threading.Event().wait(5.0)
+
+    with interrupted_once(), pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_another_exception_in_a_finaliser_is_shown_as_before(monkeypatch):
+    shown = []
+    monkeypatch.setattr(sys, "unraisablehook", shown.append)
+    with interrupted_once():
+        Dying("no number")
+    assert [each.exc_type for each in shown] == [TypeError]
+    assert sys.unraisablehook == shown.append
 
 
 def test_the_handlers_of_before_come_back():

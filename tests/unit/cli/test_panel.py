@@ -1,9 +1,11 @@
 """`hil-bench panel`, `run --panel`, and the new words of `ctl`."""
 
+import signal
 import subprocess
 import sys
 
 import pytest
+import uvicorn
 from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.panel import server
@@ -76,7 +78,7 @@ def test_a_panel_needs_its_extra(monkeypatch, capsys):
 def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
     plans = []
 
-    async def serve(plan, _listener, secret):
+    async def serve(plan, _listener, secret, _stopped):
         plans.append((plan, secret))
 
     monkeypatch.setattr(server, "_serve", serve)
@@ -92,10 +94,25 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
     assert plan.bench == "left"
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_page_in_order(number, monkeypatch, capsys):
+    """Its server hears SIGINT and SIGTERM by itself, and ends its process by them again."""
+    served = uvicorn.Server.startup
+
+    async def starting(server, sockets=None):
+        await served(server, sockets)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(uvicorn.Server, "startup", starting)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
+    assert main(["panel", "--port", "0", "--bench", "none"]) == 0
+    assert capsys.readouterr().out.startswith("panel  http://127.0.0.1:")
+
+
 def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys):
     secrets = []
 
-    async def serve(_plan, _listener, secret):
+    async def serve(_plan, _listener, secret, _stopped):
         secrets.append(secret)
 
     monkeypatch.setattr(server, "_serve", serve)

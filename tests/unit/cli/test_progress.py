@@ -127,3 +127,11 @@ def test_a_line_that_can_be_taken_is_written(pipe):
     handler.setStream(stream)
     handler.handle(logging.makeLogRecord({"msg": "all is %s", "args": ("well",)}))
     assert os.read(reader, 100) == b"all is well\n"
+
+
+def test_what_a_file_put_into_a_warning_reaches_no_terminal(pipe):
+    reader, stream = pipe
+    handler = PatientHandler()
+    handler.setStream(stream)
+    handler.handle(logging.makeLogRecord({"msg": "%s\nb", "args": ("a\x18\x1b[2J",)}))
+    assert os.read(reader, 100) == b"a\\x18\\x1b[2J\nb\n"

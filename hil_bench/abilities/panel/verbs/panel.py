@@ -8,6 +8,7 @@ from pathlib import Path
 from hil_bench.abilities.panel import DEFAULT_PORT
 from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interruption
 from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError
 
@@ -91,7 +92,12 @@ def run(args: argparse.Namespace) -> int:
     )
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
-    run_panel(plan, lambda address: print_lines(args, f"panel  {address}"))
+    with interruption() as wish:
+        run_panel(
+            plan,
+            lambda address: print_lines(args, f"panel  {address}"),
+            lambda: wish.requested,
+        )
     return ExitCode.DONE
 
 

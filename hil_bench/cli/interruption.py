@@ -93,11 +93,12 @@ def _coming_again(wish: Interruption) -> Iterator[None]:
 
     def look(lost: "sys.UnraisableHookArgs") -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
-            return before(lost)
+            before(lost)
+            return
         wish.requested = False
         timers.append(threading.Timer(_AGAIN, signal.pthread_kill, (main, signal.SIGINT)))
         timers[-1].daemon = True
-        return timers[-1].start()
+        timers[-1].start()
 
     sys.unraisablehook = look
     try:

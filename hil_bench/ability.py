@@ -76,6 +76,7 @@ class Ability(NamedTuple):
             made with the document, the names of all buses, the folder of the file and the problems,
             and builds a `Part` by the table's name.
         fixtures: a module with fixtures for pytest; it is imported in each of its runs.
+        registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
@@ -87,6 +88,7 @@ class Ability(NamedTuple):
     frame_reader: str = ""
     tables: Mapping[str, str] = _NOTHING
     fixtures: str = ""
+    registries: Mapping[str, str] = _NOTHING
     exports: Mapping[str, str] = _NOTHING
 
 
@@ -137,7 +139,7 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "frame_reader", "fixtures", "exports"):
+    for name in ("options", "collectors", "frame_reader", "fixtures", "registries", "exports"):
         if getattr(ability, name):
             return f"has {name}; of other distributions only verbs and tables are taken"
     for name, verb in ability.verbs.items():

@@ -32,7 +32,7 @@ KEYS = (
 
 
 class Beacon(NamedTuple):
-    """What the table becomes: `config.of(Beacon)`.
+    """A frame at a period: `config.of(Beacon)`.
 
     Attributes:
         can_id: identifier of its frame, which has no data.

@@ -8,6 +8,7 @@ ABILITY = Ability(
     "controllers",
     options={"run": "hil_bench.abilities.controllers.verbs.run_options"},
     fixtures="hil_bench.abilities.controllers.fixtures",
+    registries={"kind of controller": "hil_bench.abilities.controllers.kinds:CONTROLLERS"},
     exports={
         "Controller": _SEAM,
         "ControllerEnd": _SEAM,

@@ -51,3 +51,27 @@ def test_the_verb_reports_them(site, capsys):
     found = {item["name"]: item for item in json.loads(capsys.readouterr().out)["findings"]}
     assert found["spring"]["topic"] == found["stick"]["topic"] == "Extensions"
     assert (found["spring"]["verdict"], found["stick"]["verdict"]) == ("good", "missing")
+
+
+CONTROLLER = """
+from hil_bench import ControllerKind
+
+class Metronome(ControllerKind):
+    name, summary = "metronome", "SYNC"
+
+    def problems(self, settings, folder):
+        return ()
+
+    def build(self, settings, surroundings):
+        raise NotImplementedError
+
+METRONOME = Metronome()
+"""
+
+
+def test_a_kind_of_controller_is_among_them(site):
+    (site / "metronome.py").write_text(CONTROLLER, encoding="utf-8")
+    declared = {"hil_bench.abilities.controllers": {"metronome": "metronome:METRONOME"}}
+    declare(site, "beats", "3.0", declared)
+    importlib.invalidate_caches()
+    assert good("metronome", "kind of controller, beats 3.0") in examine_extensions().findings

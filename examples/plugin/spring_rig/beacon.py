@@ -49,7 +49,7 @@ class Beacon(NamedTuple):
 
     @contextmanager
     def attached(self, session: Session, config: BenchConfig) -> Iterator[None]:
-        """Have it on the first bus of a session."""
+        """Send on the first bus of a session while that lasts."""
         session.sources.append(self.send)
         yield
 

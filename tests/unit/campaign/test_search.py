@@ -17,12 +17,20 @@ from hil_bench.abilities.campaign.search.cost import CRASH, cost_of, turns
 from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
 from hil_bench.abilities.campaign.search.kept_runs import KeptRuns
 from hil_bench.abilities.campaign.search.methods import Evolution, build_search
-from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method, Trial
+from hil_bench.abilities.campaign.search.records import (
+    ALL_METHODS,
+    Budget,
+    Method,
+    SearchResult,
+    Trial,
+)
 from hil_bench.abilities.campaign.search.shrink import Target, round_to, shrink
 from hil_bench.abilities.campaign.summary import tally_of
+from hil_bench.abilities.campaign.verbs.falsify import exit_code_of_search
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 
 REST_SPACE = {"limit_bar": None, "load_n": None}
@@ -387,3 +395,9 @@ def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, capsys):
     verb, *rest = words.split()
     assert cli.main([verb, "rest.scenario.toml", *rest]) == 2
     assert right in capsys.readouterr().err
+
+
+def test_a_search_without_a_requirement_decides_nothing():
+    """docs/exit-codes.md: 6 where what was to be checked was not seen."""
+    nothing = SearchResult((), (), has_ended_early=False, is_interrupted=False)
+    assert exit_code_of_search(nothing) is ExitCode.INCONCLUSIVE

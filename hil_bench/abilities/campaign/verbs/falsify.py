@@ -9,7 +9,13 @@ from pathlib import Path
 from hil_bench.abilities.campaign.pool import local_backend
 from hil_bench.abilities.campaign.reports.search_report import write_search_report
 from hil_bench.abilities.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
-from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Find, Method
+from hil_bench.abilities.campaign.search.records import (
+    ALL_METHODS,
+    Budget,
+    Find,
+    Method,
+    SearchResult,
+)
 from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
@@ -126,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
         further = found.problem or "the same command goes on from there"
         logger.warning("%s: %s; %s", args.scenario, done, further)
     ending = Ending(args)
-    ending.take(_exit_code(found))
+    ending.take(exit_code_of_search(found.search))
     if found.is_interrupted:
         ending.take(ExitCode.INTERRUPTED)
     with ending.going_on():
@@ -137,10 +143,11 @@ def run(args: argparse.Namespace) -> int:
     return ending.code
 
 
-def _exit_code(found: Falsification) -> ExitCode:
-    finds = found.search.finds
+def exit_code_of_search(search: SearchResult) -> ExitCode:
+    """Return the exit code for what a search found; one without a requirement decides nothing."""
+    finds = search.finds
     return verdict_code(
-        fails=bool(found.search.crashes) or any(each.is_failed for each in finds),
+        fails=bool(search.crashes) or any(each.is_failed for each in finds),
         passes=bool(finds)
         and all(each.tally.passed and not each.tally.undecided for each in finds),
     )

@@ -227,3 +227,70 @@ def test_a_controller_that_ends_in_any_order_has_not_lost_its_sync(silent):
         left = [each for each in frames if each.now < begin or each.frame.can_id not in silent]
         found = explain(left, nodes, 1_000_000).findings
         assert Cause.SYNC_MISSING not in {each.cause for each in found}, before
+
+
+def device_type(node_id):
+    return upload(node_id, 0x1000, 0, bytes(4))
+
+
+def test_a_master_is_not_judged_by_its_own_broadcast():
+    """Lely resets all nodes while its own heartbeat says OPERATIONAL."""
+    reset = [(250, Frame(0x000, b"\x82\x00"))]
+    beats = [(time, Frame(0x77F, b"\x05")) for time in range(10, 3000, 100)]
+    assert findings_of(*reset, *beats) == ()
+    # One that is asked by somebody else is no master, and has to obey.
+    asked = [(time, frame) for time, frame in enumerate(device_type(127), 1)]
+    (finding,) = findings_of(*asked, *reset, *beats)
+    assert finding.cause is Cause.START_REFUSED
+
+
+def late_answers(*, late=20, aborts=True):
+    request, answer = device_type(4)
+    frames = [(1, request), (2, answer)]  # at first it is quick
+    for begin in (100, 400, 700):
+        frames.append((begin, request))
+        if aborts:
+            frames.append((begin + 100, Frame(0x604, b"\x80\x00\x10\x00\x00\x00\x04\x05")))
+        frames.append((begin + 100 + late, answer))
+    return frames
+
+
+def test_a_slow_server_is_slow_and_no_twin():
+    (finding,) = findings_of(*late_answers(), end=1500)
+    assert finding.cause is Cause.SDO_LATE
+    assert finding.text == (
+        "node 4 answers 20 ms after its client has given up, at 0.219 s, and 2 times more: it is "
+        "slow, or the client's time-out short"
+    )
+    assert findings_of(*late_answers(aborts=False), end=1500) == ()
+
+
+def test_two_answers_to_one_request_are_still_of_two():
+    request, answer = device_type(4)
+    (finding,) = findings_of((1, request), (2, answer), (3, answer), end=1500)
+    assert finding.cause is Cause.NODE_ID_CLASH
+
+
+def test_a_scan_of_all_node_ids_is_no_fault():
+    """As python-canopen's scanner does it: 1000h of each, without an abort."""
+    frames = [(node, device_type(node)[0]) for node in range(1, 128)]
+    frames.append((128, device_type(9)[1]))
+    assert findings_of(*frames, end=3000) == ()
+    # One that is asked again and again is missed, in a scan too.
+    again = [(200 + number * 10, device_type(50)[0]) for number in range(3)]
+    (finding,) = findings_of(*frames, *again, end=3000)
+    assert (finding.cause, finding.node) == (Cause.NO_BOOT_UP, "node 50")
+
+
+def test_pdos_that_stay_out_together_are_told_once():
+    def cycle(node, begin, end):
+        return [(time, Frame(0x180 + node, bytes(5))) for time in range(begin, end, 10)]
+
+    known = [KnownNode(node, f"sensor {node}", load_eds(PRESSURE_404, node)) for node in (2, 3)]
+    frames = []
+    for node in (2, 3):
+        frames += [(1, Frame(0x700 + node, b"\0"))]
+        frames += [*cycle(node, 10 + node, 500), *cycle(node, 700 + node, 1000)]
+    (finding,) = findings_of((5, Frame(0x000, b"\x01\x00")), *frames, known=known)
+    assert finding.cause is Cause.PDO_MISSING
+    assert finding.text.endswith("; at the same time sensor 3")

@@ -209,6 +209,16 @@ def contention_that_is_settled(rig):
 
 
 @sound
+def tool_that_signs_off(rig):
+    """A tool claims a free address, and gives it up by address 254 when it ends."""
+    rig.start()
+    rig.say(0x18EEFF30, "01 00 00 00 00 00 00 00")
+    rig.network.pump(1.0)
+    rig.say(0x18EEFFFE, "01 00 00 00 00 00 00 00")
+    rig.network.pump(1.0)
+
+
+@sound
 def lever_that_moves(rig):
     """Nobody commands the valve; a second of the joystick."""
     rig.network.pump(1.0)

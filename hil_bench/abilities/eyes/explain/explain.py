@@ -1,6 +1,7 @@
 """Reads a log from its first to its last frame and says what is wrong."""
 
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
@@ -21,6 +22,10 @@ from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.devices.j1939.identifier import NULL
 from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
+
+_OF_SDO = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER})
+_AT_ONCE = 5_000_000
+"""Time within which the PDOs of several nodes stay out together [ns]."""
 
 _ORDER = {cause: number for number, cause in enumerate(Cause)}
 
@@ -92,7 +97,12 @@ def explain(
     found += load.findings(now)
     duration = now * 1e-9
     return Explanation(
-        tuple(sorted(_without_echoes(found), key=lambda each: (_ORDER[each.cause], each.begin))),
+        tuple(
+            sorted(
+                _together(_without_echoes(found, presence.scanned)),
+                key=lambda each: (_ORDER[each.cause], each.begin),
+            )
+        ),
         count,
         duration,
         (*(node.name for _, node in sorted(decoder.nodes.items())), *senders),
@@ -100,7 +110,27 @@ def explain(
     )
 
 
-def _without_echoes(findings: list[Finding]) -> list[Finding]:
+def _together(findings: list[Finding]) -> list[Finding]:
+    """Tell once what the PDOs of several nodes do at one time: whoever they wait for was late."""
+    alone: list[Finding] = []
+    groups: list[list[Finding]] = []
+    for finding in sorted(findings, key=lambda each: each.begin):
+        if finding.cause is not Cause.PDO_MISSING:
+            alone.append(finding)
+        elif groups and finding.begin - groups[-1][0].begin < _AT_ONCE:
+            groups[-1].append(finding)
+        else:
+            groups.append([finding])
+    return alone + [_joined(group) for group in groups]
+
+
+def _joined(group: list[Finding]) -> Finding:
+    first = group[0]
+    others = ", ".join(dict.fromkeys(each.node for each in group[1:] if each.node != first.node))
+    return first._replace(text=f"{first.text}; at the same time {others}") if others else first
+
+
+def _without_echoes(findings: list[Finding], scanned: AbstractSet[str]) -> list[Finding]:
     """Leave out what only repeats a cause: of a node that is not there, its missing answers."""
     causes = {finding.cause for finding in findings}
     gone = {
@@ -109,10 +139,13 @@ def _without_echoes(findings: list[Finding]) -> list[Finding]:
         if finding.cause in {Cause.NO_BOOT_UP, Cause.HEARTBEAT_LOST}
     }
     echoes = {Cause.SDO_NO_ANSWER, Cause.PDO_MISSING}
+    slow = {finding.node for finding in findings if finding.cause is Cause.SDO_LATE}
     return [
         finding
         for finding in findings
         if not (finding.cause in echoes and finding.node in gone)
+        and not (finding.cause in _OF_SDO and finding.node in scanned)
+        and not (finding.cause is Cause.SDO_ABORT and finding.node in slow)
         and not (finding.cause is Cause.EMCY and _reason(finding) in causes)
     ]
 

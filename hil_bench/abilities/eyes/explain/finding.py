@@ -30,6 +30,7 @@ class Cause(Enum):
     START_REFUSED = "does not follow an NMT command", "CiA 301, 7.2.8.3.1 and 7.3.2.2"
     HEARTBEAT_LOST = "heartbeat lost", "CiA 301, 7.2.8.3.2.2"
     J1939_SILENT = "a J1939 device falls silent", "SAE J1939-71"
+    SDO_LATE = "SDO answer comes too late", "CiA 301, 7.2.4.3.17"
     SDO_ABORT = "SDO transfer aborted", "CiA 301, 7.2.4.3.17"
     SDO_NO_ANSWER = "SDO request not answered", "CiA 301, 7.2.4"
     J1939_TRANSFER = "a long J1939 message does not arrive", "SAE J1939-21"

@@ -63,9 +63,9 @@ class Addresses:
                     self._violations.setdefault((bus, message.source), []).append(sight)
 
     def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
-        if address == NULL:
-            self._without.setdefault((bus, name), sight)
-            self._contended.pop((bus, name), None)
+        if address == NULL:  # without a contender it merely signs off
+            if self._contended.pop((bus, name), None) is not None:
+                self._without.setdefault((bus, name), sight)
             return
         self._without.pop((bus, name), None)
         self._contended.pop((bus, name), None)

@@ -19,6 +19,10 @@ _PATIENCE = 1_000_000_000
 
 _SHORT = 0.5
 _FEWEST = 4
+_SCAN = 8
+"""Unknown node-IDs without an answer from which on somebody looks who is there ..."""
+_LOOKS = 2
+"""... unless he speaks to one of them more often than this."""
 
 
 @dataclass(slots=True)
@@ -28,11 +32,15 @@ class _Life:
     node: KnownNode
     is_heard: bool = False
     requests: list[Sight] = field(default_factory=list)
+    is_slave: bool = False  # somebody else asks or commands it alone
+    given_up: list[Sight] = field(default_factory=list)
+    late: list[tuple[Sight, Sight]] = field(default_factory=list)
     boots: list[Sight] = field(default_factory=list)
     restarts: list[Sight] = field(default_factory=list)
     twins: list[Sight] = field(default_factory=list)
     is_reset: bool = False
     commanded: tuple[NmtState, int] | None = None
+    is_broadcast: bool = False  # the command
     refusals: list[Sight] = field(default_factory=list)
     is_started: bool = False
     heartbeats: list[Sight] = field(default_factory=list)
@@ -46,12 +54,16 @@ class Presence:
     Args:
         decoder: that gives the sights.
         known: the nodes that ought to be there.
+
+    Attributes:
+        scanned: names of those that somebody merely looked for, once `findings` is through.
     """
 
     def __init__(self, decoder: Decoder, known: list[KnownNode]) -> None:
         self._decoder = decoder
         self._known = {(node.bus, node.node_id) for node in known}
         self._lives = {(node.bus, node.node_id): _Life(node) for node in known}
+        self.scanned: set[str] = set()
         self._has_started = False
         self._has_commands = False
 
@@ -66,8 +78,13 @@ class Presence:
         if not self._is_from(sight):
             if sight.service is Service.PDO:
                 self._has_commands = True
-            elif not sight.transfer or not sight.transfer.is_answered:
+                return
+            life.is_slave |= sight.service is Service.SDO
+            transfer = sight.transfer
+            if transfer is None or not transfer.is_answered:
                 life.requests.append(sight)
+            if transfer is not None and transfer.is_aborted_by_client:
+                life.given_up.append(sight)
             return
         life.is_heard = True
         if sight.service is Service.HEARTBEAT and len(sight.frame.data) == 1:
@@ -94,8 +111,13 @@ class Presence:
             text += f", but {others}: the log is of another bus" if others else ": have they power?"
             yield Finding(Cause.OTHER_BUS, "", 0, text)
             return
-        for key, life in self._lives.items():
-            if self._is_missing(key, life):
+        missing = {key: life for key, life in self._lives.items() if self._is_missing(key, life)}
+        strange = [key for key in missing if key not in self._known]
+        is_scan = len(strange) >= _SCAN
+        for key, life in missing.items():
+            if is_scan and key in strange and len(life.requests) <= _LOOKS:
+                self.scanned.add(life.node.name)
+            else:
                 yield _absence(life)
         for life in self._lives.values():
             if life.is_heard:
@@ -129,9 +151,11 @@ class Presence:
             if life.node.bus == sight.frame.bus and request.addresses(life.node.node_id):
                 life.is_reset = request.command in RESTORED
                 life.commanded = ENTERED[request.command], sight.now
+                life.is_broadcast = request.node_id == 0
                 life.is_started |= not life.is_reset
                 if request.node_id:
                     life.requests.append(sight)
+                    life.is_slave = True
 
     def _hear_state(self, life: _Life, sight: Sight) -> None:
         if sight.name == "boot-up":
@@ -161,8 +185,11 @@ class Presence:
     def _hear_answer(self, life: _Life, sight: Sight) -> None:
         transfer = sight.transfer
         if transfer is not None:
+            life.is_slave = True
             is_by_node = transfer.is_done or not transfer.is_aborted_by_client
             life.has_answered = transfer.has_ended and is_by_node
+        elif life.given_up and len(sight.frame.data) == 8:
+            life.late.append((life.given_up.pop(0), sight))
         elif life.has_answered and len(sight.frame.data) == 8:
             life.twins.append(sight)  # a second answer to one request
 
@@ -192,7 +219,10 @@ class Presence:
             )
             text += ": its supply, or its watchdog; it then waits to be configured and started"
             yield Finding(Cause.RESTART, name, life.restarts[0].now, text, tuple(life.restarts))
-        elif life.refusals:
+        elif life.late:
+            yield _slowness(life)
+        elif life.refusals and (life.is_slave or not life.is_broadcast or self._is_known(life)):
+            # What a broadcast asks for, its own producer need not do.
             wanted = life.commanded[0].name if life.commanded else ""
             text = f"{name} was commanded to {wanted}, and says {life.refusals[0].words}"
             yield Finding(
@@ -203,6 +233,9 @@ class Presence:
             waited = milliseconds(end - since.now)
             text = f"{name} gets no NMT start in {waited} after its boot-up: its PDOs stay off"
             yield Finding(Cause.NOT_STARTED, name, since.now, text, (since,))
+
+    def _is_known(self, life: _Life) -> bool:
+        return (life.node.bus, life.node.node_id) in self._known
 
     def _is_left(self, life: _Life, end: int) -> bool:
         """Return True if a node was left out while others were started or commanded."""
@@ -217,3 +250,12 @@ def _absence(life: _Life) -> Finding:
     if asked:
         text += f", though it is spoken to from {seconds(asked[0].now)} on"
     return Finding(Cause.NO_BOOT_UP, name, asked[0].now if asked else 0, text, tuple(asked))
+
+
+def _slowness(life: _Life) -> Finding:
+    name, (given_up, answer) = life.node.name, life.late[0]
+    after = milliseconds(answer.now - given_up.now)
+    text = f"{name} answers {after} after its client has given up, at {seconds(answer.now)}"
+    text += f", and {len(life.late) - 1} times more" if len(life.late) > 1 else ""
+    text += ": it is slow, or the client's time-out short"
+    return Finding(Cause.SDO_LATE, name, given_up.now, text, life.late[0])

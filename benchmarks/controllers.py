@@ -4,9 +4,11 @@
     python benchmarks/controllers.py --seconds 60 --turns 7 --kinds library program
 
 All drive the same axis by the same law: the example in C at 1 kHz as a library, as a program on the
-bench's clock and as a process in lock-step over the hub, the example in Python at 500 Hz. The bench
-alone is the bench with the frames of the library's run, both ways, and nobody who computes them.
-Kinds take turns, so that a machine that becomes slower does so for all.
+bench's clock, as a process in lock-step over the hub and as flashed on a simulated STM32F407, which
+sleeps between five interrupts by CAN a millisecond; the example in Python at 500 Hz. A chip has a
+phase of its own, so its bench has a tick of half its cycle. The bench alone is the bench with the
+frames of the library's run, both ways, and nobody who computes them. Kinds take turns, so that a
+machine that becomes slower does so for all.
 """
 
 import argparse
@@ -28,8 +30,9 @@ from hil_bench import VirtualBench, load_config
 from hil_bench.canopen_device.frame import Frame
 
 FIRMWARE: Final = Path(__file__).parents[1] / "examples/firmware"
-KINDS: Final = ("library", "program", "process", "python")
+KINDS: Final = ("library", "program", "process", "elf", "python")
 TICK: Final = 1_000_000
+TICKS: Final = {"elf": 500_000}
 DWELL_MS: Final = 500  # at each target
 
 PYTHON: Final = """
@@ -38,6 +41,23 @@ from hil_bench.abilities.controllers.python.examples import ControllerSettings, 
 def control(rig):
     return position_control(rig, ControllerSettings())
 """
+LISTENERS: Final = """
+from can import Message
+
+def heartbeat(rig):
+    while True:
+        rig.bus.send(Message(arbitration_id=0x70A, data=[5], is_extended_id=False))
+        rig.sleep(0.0105)
+
+def reader(rig):
+    rig.sleep(0.5)  # until the other has set its devices up
+    while True:
+        data = [0x40, 4, 0x60, 0, 0, 0, 0, 0]
+        rig.bus.send(Message(arbitration_id=0x604, data=data, is_extended_id=False))
+        while (answer := rig.bus.recv(0.01)) is not None and answer.arbitration_id != 0x584:
+            pass
+        rig.sleep(0.0033)
+"""
 
 
 def build(folder: Path) -> None:
@@ -45,10 +65,18 @@ def build(folder: Path) -> None:
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     }
-    for name in ("position_control", "libposition_control.so"):
-        words = ["make", "--silent", "-C", str(FIRMWARE), f"BUILD={folder}", f"{folder}/{name}"]
+    names = ["position_control", "libposition_control.so"]
+    if shutil.which("arm-none-eabi-gcc"):
+        names.append("stm32f4.elf")
+    else:
+        occasion.missing("the kind elf", "there is no arm-none-eabi-gcc")
+    targets = f"TARGETS_MM={','.join(['50', '-50'] * 8)}"
+    for name in names:
+        goal = f"{folder}/{name}"
+        words = ["make", "--silent", "-C", str(FIRMWARE), f"BUILD={folder}", targets, goal]
         subprocess.run(words, check=True, env=environment)  # noqa: S603 - our own program
     (folder / "example.py").write_text(PYTHON, encoding="utf-8")
+    (folder / "listeners.py").write_text(LISTENERS, encoding="utf-8")
 
 
 def table(kind: str, folder: Path, seconds: float) -> dict[str, object]:
@@ -56,17 +84,20 @@ def table(kind: str, folder: Path, seconds: float) -> dict[str, object]:
     count = min(16, max(1, round(seconds)))  # the example takes sixteen
     targets = ",".join(["50", "-50"] * (count // 2) + ["50"] * (count % 2))
     dwell = max(DWELL_MS, round(seconds * 1e3 / count))
-    program = [str(folder / "position_control"), "--bus", "{bus}", "--targets-mm", targets]
-    program += ["--dwell-ms", str(dwell)]
+    command = [str(folder / "position_control"), "--bus", "{bus}", "--targets-mm", targets]
+    command += ["--dwell-ms", str(dwell)]
     match kind:
         case "library":
             settings = {"targets_mm": targets, "dwell_ms": dwell}
             library = str(folder / "libposition_control.so")
             return {"kind": kind, "library": library, "settings": settings}
         case "program":
-            return {"kind": kind, "command": program}
+            return {"kind": kind, "command": command}
         case "process":
-            return {"kind": kind, "command": [*program, "--lockstep"]}
+            return {"kind": kind, "command": [*command, "--lockstep"]}
+        case "elf":
+            program = str(folder / "stm32f4.elf")
+            return {"kind": kind, "program": program, "chip": "STM32F407"}
         case _:
             return {"kind": kind, "call": f"{folder / 'example.py'}:control"}
 
@@ -78,6 +109,7 @@ class Run:
         seconds: of bench time.
         controller: its table; None for none.
         frames: those that the bench is given instead, by tick.
+        others: tables of further controllers, by name.
 
     Attributes:
         speed: times real time.
@@ -90,24 +122,29 @@ class Run:
         seconds: float,
         controller: Mapping[str, object] | None = None,
         frames: Mapping[int, Sequence[Frame]] | None = None,
+        others: Mapping[str, object] | None = None,
     ) -> None:
-        tables = {"controllers": {"c": controller}} if controller else {}
+        tables: dict[str, Mapping[str, object]] = {}
+        if controller:
+            tables["controllers"] = {"c": controller, **(others or {})}
+        tick_ns = TICKS.get(str(controller["kind"]), TICK) if controller else TICK
+        tables["bench"] = {"tick_us": tick_ns // 1000}
         config, given = load_config(tables=tables), frames or {}
-        ticks = round(seconds * 1e3)
+        ticks = round(seconds * 1e9 / tick_ns)
         with VirtualBench(config, recorded_time=seconds, logged_frames=ticks * 40) as bench:
             session = bench.session
             session.tick((), 0)
-            session.tick(given.get(1, ()), TICK)  # starts the controller
+            session.tick(given.get(1, ()), tick_ns)  # starts the controller
             begin = time.perf_counter()
             for tick in range(2, ticks):
-                session.tick(given.get(tick, ()), tick * TICK)
+                session.tick(given.get(tick, ()), tick * tick_ns)
             self.speed = seconds / (time.perf_counter() - begin)
             digest = hashlib.sha256(bench.signals.tobytes())
             digest.update(repr([tuple(each) for each in bench.frames]).encode())
             self.digest = digest.hexdigest()[:16]
             heard = [each for each in bench.frames if each.is_received]
             self.frames = {
-                now // TICK: [each.frame for each in group]
+                now // tick_ns: [each.frame for each in group]
                 for now, group in groupby(heard, key=lambda each: each.now)
             }
             self.way = float(abs(bench.signals["axis1.position"]).max())
@@ -154,6 +191,23 @@ def repeat(kinds: Sequence[str], folder: Path, seconds: float, runs: int) -> Ite
             yield kind
 
 
+def repeat_together(folder: Path, seconds: float, runs: int) -> Iterator[str]:
+    """Print the hashes of several runs of three controllers on one bus.
+
+    Yields:
+        Their name, where there is more than one.
+    """
+    others = {
+        name: {"kind": "python", "call": f"{folder / 'listeners.py'}:{name}"}
+        for name in ("heartbeat", "reader")
+    }
+    law = table("library", folder, seconds)
+    digests = {Run(seconds, law, others=others).digest for _ in range(runs)}
+    print(f"three on one bus: {len(digests)} hash of {runs} runs: {', '.join(sorted(digests))}")
+    if len(digests) > 1:
+        yield "three on one bus"
+
+
 def main() -> int:
     """Print all figures; return 1 where a kind has more than one hash."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -168,7 +222,10 @@ def main() -> int:
         folder = Path(name)
         build(folder)
         compare(args.kinds, folder, args.seconds, args.turns)
-        return 1 if list(repeat(args.kinds, folder, min(args.seconds, 2.0), args.runs)) else 0
+        seconds = min(args.seconds, 2.0)
+        differ = list(repeat(args.kinds, folder, seconds, args.runs))
+        differ += repeat_together(folder, seconds, args.runs)
+        return 1 if differ else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 #include "canopen.h"
 #include "platform.h"
 
+#include <inttypes.h>
 #include <string.h>
 
 #define HEARTBEAT_PERIOD_US 50000
@@ -169,7 +170,7 @@ static bool refuse(const struct canopen *master, const struct device *device,
     platform_warn("firmware: %s (node %u): object 0x%02X%02X.%02X: ", device->name,
             device->node_id, request[2], request[1], request[3]);
     if (code)
-        platform_warn("SDO abort 0x%08X\n", code);
+        platform_warn("SDO abort 0x%08" PRIX32 "\n", code);
     else
         platform_warn("no answer that fits\n");
     return false;

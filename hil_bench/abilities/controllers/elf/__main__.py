@@ -1,0 +1,56 @@
+"""The process that simulates a chip: unicorn stays out of the bench's own.
+
+It is started with the descriptor of its link to the bench, ends with it, and hears no signal of a
+terminal.
+"""
+
+import socket
+import sys
+
+from hil_bench.abilities.controllers.elf.exchange import (
+    AWAKE,
+    LARGEST,
+    Answer,
+    Order,
+    State,
+    pack_answer,
+    unpack_request,
+)
+from hil_bench.abilities.controllers.elf.job import read_job
+from hil_bench.abilities.controllers.elf.machine import Machine
+from hil_bench.errors import ConfigError, ControllerError
+
+
+def simulate(link: socket.socket) -> None:
+    """Simulate the chip that the first message names until the bench lets go of the link."""
+    try:
+        machine = Machine(read_job(link.recv(LARGEST).decode()))
+    except ConfigError as error:
+        link.send(pack_answer(Answer(State.FAILED, AWAKE, [], str(error))))
+        return
+    link.send(pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
+    while message := link.recv(LARGEST):
+        link.send(pack_answer(_obey(machine, message)))
+
+
+def _obey(machine: Machine, message: bytes) -> Answer:
+    order, time, received = unpack_request(message)
+    if order is Order.POWER_CYCLE:
+        machine.switch_on(time)
+        return Answer(State.RUNNING, AWAKE, [], "")
+    state, why, sent = State.RUNNING, "", []
+    try:
+        sent = machine.advance(time, received)
+    except ControllerError as error:
+        state, why = State.FAILED, str(error)
+    wake = machine.wake
+    text = "\n".join(part for part in (machine.take_text(), why) if part)
+    return Answer(state, AWAKE if wake is None else wake, sent, text)
+
+
+if __name__ == "__main__":
+    with socket.socket(fileno=int(sys.argv[1])) as parent:
+        try:
+            simulate(parent)
+        except ConnectionError:  # the bench is gone
+            sys.exit(0)

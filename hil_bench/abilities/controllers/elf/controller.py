@@ -1,0 +1,132 @@
+"""A simulated chip, as the bench asks it."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Sequence
+
+from hil_bench.abilities.controllers.elf.exchange import (
+    LARGEST,
+    Answer,
+    Order,
+    State,
+    pack_request,
+    unpack_answer,
+)
+from hil_bench.abilities.controllers.elf.job import Job, write_job
+from hil_bench.abilities.controllers.seam import TimedFrame
+from hil_bench.errors import ControllerError
+from hil_bench.session.program import SHOWN_LINES
+
+_FRAMES_AT_ONCE = 10_000
+_GRACE = 2.0  # that a process has to end [s]
+
+
+class ElfController:
+    """A chip that runs a program.
+
+    Args:
+        job: the chip and its program.
+        tick_ns: time from one `advance` to the next [ns].
+
+    Raises:
+        ControllerError: the program does not fit the chip, or the simulator does not start.
+    """
+
+    has_begun = True  # nobody knows what it does
+
+    def __init__(self, job: Job, tick_ns: int) -> None:
+        self._tick_ns = tick_ns
+        self._name = job.path.name
+        self._lines: deque[str] = deque(maxlen=SHOWN_LINES)
+        self._now: int | None = None
+        self._wake = 0
+        self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        words = [sys.executable, "-P", "-m", __package__, str(theirs.fileno())]
+        with theirs:
+            self._process = subprocess.Popen(  # noqa: S603 - ourselves
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,  # a terminal's signals are the bench's
+            )
+        try:
+            with contextlib.suppress(OSError):  # it has ended, which is heard
+                self._link.send(write_job(job).encode())
+            self._hear()
+        except BaseException:
+            self.close()
+            raise
+
+    def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Let the chip live until a moment; see `Controller`.
+
+        A `ControllerError` says that the program has failed.
+        """
+        if self._now is None:  # power comes with the tick
+            self._ask(Order.POWER_CYCLE, until - self._tick_ns, ())
+        self._now = until
+        if not received and until < self._wake:
+            return ()
+        sent: list[TimedFrame] = []
+        for start in range(0, len(received) or 1, _FRAMES_AT_ONCE):
+            answer = self._ask(Order.ADVANCE, until, received[start : start + _FRAMES_AT_ONCE])
+            sent += answer.sent
+            self._wake = answer.wake
+        return sent
+
+    def reset(self) -> None:
+        """Switch power off and on again."""
+        self._now, self._wake = None, 0
+
+    def tail(self) -> str:
+        """The end of what it has printed."""
+        return "\n".join(self._lines)
+
+    def close(self) -> None:
+        """End the process."""
+        self._link.close()
+        if self._process.returncode is not None:
+            return
+        try:
+            self._process.communicate(timeout=_GRACE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+
+    def _ask(self, order: Order, time: int, frames: Sequence[TimedFrame]) -> Answer:
+        with contextlib.suppress(OSError):  # it has ended, which is heard
+            self._link.send(pack_request(order, time, frames))
+        return self._hear()
+
+    def _hear(self) -> Answer:
+        """Return the next answer.
+
+        Raises:
+            ControllerError: the program has failed, or the simulator.
+        """
+        try:
+            message = self._link.recv(LARGEST)
+        except OSError:
+            message = b""
+        if not message:
+            raise ControllerError(f"the simulator of {self._name} has ended: {self._epitaph()}")
+        answer = unpack_answer(message)
+        if answer.text:
+            self._lines.extend(answer.text.splitlines())
+        if answer.state is State.FAILED:
+            raise ControllerError(self._lines.pop())
+        return answer
+
+    def _epitaph(self) -> str:
+        """The end of the process, in words."""
+        _, said = self._process.communicate()
+        code = self._process.returncode
+        if code < 0:
+            return f"killed by signal {-code}"
+        lines = said.decode(errors="replace").splitlines()
+        return lines[-1] if lines else f"exit code {code}"

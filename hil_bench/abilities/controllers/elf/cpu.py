@@ -1,0 +1,402 @@
+"""A Cortex-M core on unicorn, with what unicorn lacks: exceptions, sleep and time."""
+
+from collections.abc import Callable
+from struct import Struct
+from typing import Final
+
+from unicorn import arm_const as arm
+
+from hil_bench.abilities.controllers.elf.engine import (
+    INVALID_INSTRUCTION,
+    Engine,
+    EngineError,
+    Registers,
+)
+from hil_bench.abilities.controllers.elf.nvic import (
+    FIRST_INTERRUPT,
+    PENDSV,
+    SVCALL,
+    SYSTICK,
+    Exceptions,
+)
+from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
+
+MODELS: Final = {
+    "Cortex-M0": arm.UC_CPU_ARM_CORTEX_M0,
+    "Cortex-M3": arm.UC_CPU_ARM_CORTEX_M3,
+    "Cortex-M4F": arm.UC_CPU_ARM_CORTEX_M4,
+}
+
+MASKED_STEP = 16
+"""Instructions after which the masks are looked at, where they alone hold an exception back."""
+
+_BASIC, _EXTENDED = Struct("<8I"), Struct("<26I")
+_EXC_RETURN, _TO_THREAD, _FROM_PSP, _NO_FLOATS = 0xFFFF_FFE1, 8, 4, 16
+_SPSEL, _FPCA = 2, 4
+_THUMB = 1 << 24
+_PADDED = 1 << 9
+_IPSR = 0x1FF
+_WFI, _WFE = b"\x30\xbf", b"\x20\xbf"
+_CALL, _RETURN = 2, 8  # unicorn's numbers of an SVC and of a branch to EXC_RETURN
+_TRAPS = {
+    1: "an undefined instruction",
+    3: "no code here",
+    4: "an access that is not aligned, or to where nothing is",
+    7: "a breakpoint",
+    17: "a float instruction, though the chip has none or it is off",
+    18: "an instruction that is not Thumb",
+}
+
+_FRAME = (
+    *(getattr(arm, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR")),
+    arm.UC_ARM_REG_PC,
+    arm.UC_ARM_REG_XPSR,
+)
+_SAVED = (*_FRAME, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_CONTROL)
+# The mode first: it says which stack pointer the SP is.
+_RESTORED = (
+    arm.UC_ARM_REG_XPSR,
+    arm.UC_ARM_REG_CONTROL,
+    arm.UC_ARM_REG_SP,
+    *_FRAME[:-1],
+)
+_ENTERED = (
+    arm.UC_ARM_REG_SP,
+    arm.UC_ARM_REG_XPSR,
+    arm.UC_ARM_REG_CONTROL,
+    arm.UC_ARM_REG_LR,
+    arm.UC_ARM_REG_PC,
+)
+_CHAINED = (arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC)
+_FLOATS = (*range(arm.UC_ARM_REG_S0, arm.UC_ARM_REG_S0 + 16), arm.UC_ARM_REG_FPSCR)
+_SHOWN = (*(f"R{number}" for number in range(13)), "SP", "LR", "PC", "XPSR")
+_NAMES = {SVCALL: "SVCall", PENDSV: "PendSV", SYSTICK: "SysTick"}
+
+
+class CpuFault(Exception):  # noqa: N818 - what a core calls it
+    """The program did what a core cannot go on after.
+
+    Args:
+        what: it did, in words.
+        address: of the instruction.
+        caller: the address in LR.
+        registers: a line of all registers.
+    """
+
+    def __init__(self, what: str, address: int, caller: int, registers: str) -> None:
+        super().__init__(what)
+        self.address, self.caller, self.registers = address, caller, registers
+
+
+class Cpu:
+    """The core of a chip.
+
+    Args:
+        model: of `MODELS`.
+        exceptions: that it has.
+        per_ms: instructions that it does in a millisecond.
+
+    Attributes:
+        engine: of unicorn, for what is mapped.
+        exceptions: their state.
+        vectors: address of their table.
+        sleeps_on_exit: whether it sleeps when the last exception is over.
+        wants_reset: whether the program has asked for a reset.
+    """
+
+    def __init__(self, model: str, exceptions: Exceptions, per_ms: int) -> None:
+        self.engine = engine = Engine(MODELS[model])
+        self._has_masks = model != "Cortex-M0"
+        self._has_floats = model == "Cortex-M4F"
+        self.exceptions = exceptions
+        self.vectors = 0
+        self.sleeps_on_exit = self.wants_reset = False
+        self._per_ms = per_ms
+        self._timeline = Timeline()
+        self._epoch = self._done = self._end = 0
+        self._is_running = self._is_asleep = self._has_event = False
+        self._must_repeat = self._is_repeating = False
+        self._trap = 0
+        self._access = ""
+        self._count = engine.count
+        self._pc = Registers(engine, (arm.UC_ARM_REG_PC,))
+        self._saved = Registers(engine, _SAVED)
+        self._restored = Registers(engine, _RESTORED)
+        self._entered = Registers(engine, _ENTERED)
+        self._chained = Registers(engine, _CHAINED)
+        self._floats = Registers(engine, _FLOATS)
+        masks = ("PRIMASK", "BASEPRI", "FAULTMASK") if self._has_masks else ("PRIMASK",)
+        self._masks = Registers(engine, [getattr(arm, f"UC_ARM_REG_{name}") for name in masks])
+        self._stacks = Registers(
+            engine, (arm.UC_ARM_REG_MSP, arm.UC_ARM_REG_PSP, arm.UC_ARM_REG_CONTROL)
+        )
+        self._shown = Registers(engine, [getattr(arm, f"UC_ARM_REG_{name}") for name in _SHOWN])
+        engine.hook_traps(self._take_trap)
+
+    def now(self) -> int:
+        """Return the time, to the instruction [ns]."""
+        done = self._done + self._count.value if self._is_running else self._done
+        return self._epoch + done * 1_000_000 // self._per_ms
+
+    def alarm(self, time: int, action: Callable[[], None]) -> Alarm:
+        """Have something happen at a time [ns], in the middle of what runs if need be."""
+        alarm = self._timeline.add(time, action)
+        if self._is_running and time < self._end:
+            self._interrupt()
+        return alarm
+
+    def pend(self, exception: int) -> None:
+        """Make an exception pending."""
+        self.exceptions.pending |= 1 << exception
+        self.look()
+
+    def hold_line(self, interrupt: int, *, is_active: bool) -> None:
+        """Set the level of an interrupt's line: pending again for as long as it is active."""
+        self.exceptions.hold_line(FIRST_INTERRUPT + interrupt, is_active=is_active)
+        if is_active:
+            self.look()
+
+    def look(self) -> None:
+        """Have the core look for exceptions behind the write that it is doing."""
+        if self._is_running and self.exceptions.pending & self.exceptions.enabled:
+            self._interrupt()
+
+    def ask_for_reset(self) -> None:
+        """Stop behind the write that asks for it; see `wants_reset`."""
+        self.wants_reset = True
+        if self._is_running:
+            self._interrupt()
+
+    def map_peripheral(
+        self,
+        address: int,
+        size: int,
+        read: Callable[[int, int], int],
+        write: Callable[[int, int, int], None],
+    ) -> None:
+        """Have functions answer for a range of addresses.
+
+        Args:
+            address: of its first byte.
+            size: of the range.
+            read: of offset and size gives the value.
+            write: of offset, size and value takes it.
+        """
+
+        def write_once(offset: int, size: int, value: int) -> None:
+            if not self._is_repeating:
+                write(offset, size, value)
+
+        self.engine.map_functions(address, size, read, write_once)
+
+    def note_access(self, words: str) -> None:
+        """Keep what is known of an access that fails."""
+        self._access = words
+
+    def reset(self) -> None:
+        """Begin at the reset vector; the time goes on."""
+        self._epoch, self._done = self.now(), 0
+        self._timeline.clear()
+        self.exceptions.reset()
+        self.sleeps_on_exit = self.wants_reset = False
+        self._is_asleep = self._has_event = False
+        stack, start = (self._word(self.vectors + at) for at in (0, 4))
+        self._restored.write((_THUMB, 0, stack & ~3, 0, 0, 0, 0, 0, 0xFFFF_FFFF, start & ~1))
+        self._masks.write([0] * (3 if self._has_masks else 1))
+
+    def jump_to(self, time: int) -> None:
+        """Set the clock of a core that has not run yet [ns]."""
+        self._epoch, self._done = time, 0
+
+    def run(self, until: int) -> None:
+        """Live until a moment [ns]; a `CpuFault` says that it cannot."""
+        exceptions = self.exceptions
+        while not self.wants_reset:
+            now = self.now()
+            self._timeline.fire(now)
+            step = 0
+            if exceptions.pending & exceptions.enabled:
+                step = self._preempt()
+            if now >= until:
+                return
+            end = self._timeline.next_time(until)
+            if self._is_asleep:
+                self._epoch, self._done = end, 0
+                continue
+            self._execute(now, end, step)
+
+    @property
+    def wake(self) -> int | None:
+        """The time to which it sleeps unless something comes from outside [ns]; None awake."""
+        return self._timeline.next_time(1 << 62) if self._is_asleep else None
+
+    # What runs.
+
+    def _execute(self, now: int, end: int, most: int) -> None:
+        """Run until `end` [ns], or fewer instructions where `most` is not 0."""
+        count = -((now - end) * self._per_ms // 1_000_000) or 1
+        if most and most < count:
+            count = most
+        self._end = end
+        done = self._start(count)
+        if self._must_repeat:
+            self._must_repeat = False
+            self._done -= 1  # counted already
+            self._is_repeating = True
+            self._start(1)
+            self._is_repeating = False
+        if self._trap:
+            trap, self._trap = self._trap, 0
+            if trap == _RETURN:
+                self._leave()
+            elif trap == _CALL:
+                self._enter(SVCALL)
+            else:
+                raise self._fault(_TRAPS.get(trap, f"exception {trap} of the simulator"))
+        elif done < count:
+            self._is_asleep = self._code(self._pc.read()[0] - 2) == _WFI
+
+    def _start(self, count: int) -> int:
+        """Do a number of instructions; return how many were done."""
+        self._is_running = True
+        error = self.engine.start(self._pc.read()[0], count)
+        self._is_running = False
+        done = min(self._count.value, count)  # unicorn counts the one that it stops at
+        self._done += done
+        if error and not self._trap:
+            if error == INVALID_INSTRUCTION and self._code(self._pc.read()[0] - 2) == _WFE:
+                self._is_asleep, self._has_event = not self._has_event, False
+            else:
+                undefined = _TRAPS[1] if error == INVALID_INSTRUCTION else str(EngineError(error))
+                raise self._fault(self._access or undefined)
+        return done
+
+    def _interrupt(self) -> None:
+        """Have the core come back behind the instruction that writes to a peripheral now.
+
+        Unicorn stops in front of it, so it is done again, without an effect.
+        """
+        if not self._is_repeating and not self._must_repeat:
+            self._must_repeat = True
+            self.engine.stop()
+
+    def _take_trap(self, number: int) -> None:
+        self._trap = number
+        self.engine.stop()
+
+    def _code(self, address: int) -> bytes:
+        try:
+            return self.engine.read(address, 2)
+        except EngineError:
+            return b""
+
+    def _word(self, address: int) -> int:
+        return int.from_bytes(self.engine.read(address, 4), "little")
+
+    def _fault(self, what: str) -> CpuFault:
+        self._access = ""
+        values = dict(zip(_SHOWN, self._shown.read(), strict=True))
+        registers = " ".join(f"{name}={value:08X}" for name, value in values.items())
+        return CpuFault(what, values["PC"], values["LR"] & ~1, registers)
+
+    # Exceptions.
+
+    def _ceiling(self) -> int:
+        """The priority that an exception has to be below to preempt what runs now."""
+        ceiling = self.exceptions.priority
+        primask, *others = self._masks.read()
+        if primask & 1:
+            ceiling = min(ceiling, 0)
+        if others:
+            basepri, faultmask = others
+            if basepri:
+                ceiling = min(ceiling, self.exceptions.group_of(basepri))
+            if faultmask & 1:
+                ceiling = min(ceiling, -1)
+        return ceiling
+
+    def _preempt(self) -> int:
+        """Enter the exception that is due; return a number of instructions to look again after."""
+        exceptions = self.exceptions
+        if not exceptions.find_due(exceptions.priority):
+            return 0
+        self._is_asleep = False
+        number = exceptions.find_due(self._ceiling())
+        if not number:
+            return MASKED_STEP
+        self._enter(number)
+        return 0
+
+    def _vector(self, number: int) -> int:
+        return self._word(self.vectors + 4 * number) & ~1
+
+    def _enter(self, number: int) -> None:
+        """Stack what an exception may change, and go to its function."""
+        *frame, sp, control = self._saved.read()
+        status = frame[-1]
+        has_floats = self._has_floats and control & _FPCA
+        back = _EXC_RETURN | (0 if has_floats else _NO_FLOATS)
+        if not status & _IPSR:
+            back |= _TO_THREAD
+            if control & _SPSEL:
+                back |= _FROM_PSP
+        if sp & 4:
+            frame[-1] |= _PADDED
+        if has_floats:
+            stacked = _EXTENDED.pack(*frame, *self._floats.read(), 0)
+        else:
+            stacked = _BASIC.pack(*frame)
+        top = (sp - len(stacked)) & ~7
+        try:
+            self.engine.write(top, stacked)
+        except EngineError:
+            words = f"no room on the stack at 0x{top:08X} for {_name(number)}"
+            raise self._fault(words) from None
+        self.exceptions.begin(number)
+        self._has_event = True
+        control &= ~(_SPSEL | _FPCA)
+        self._entered.write((top, _THUMB | number, control, back, self._vector(number)))
+
+    def _leave(self) -> None:
+        """End the exception that runs: enter the next one, or go back to what it interrupted."""
+        exceptions = self.exceptions
+        back = self._pc.read()[0] | 1
+        if not exceptions.active:
+            raise self._fault("a return from an exception where there is none")
+        exceptions.end()
+        if self._has_masks:
+            primask, basepri, faultmask = self._masks.read()
+            if faultmask:
+                self._masks.write((primask, basepri, 0))
+        self._has_event = True
+        if exceptions.pending & exceptions.enabled:
+            number = exceptions.find_due(self._ceiling())
+            if number:
+                exceptions.begin(number)
+                self._chained.write((_THUMB | number, back, self._vector(number)))
+                return
+        is_psp = back & _FROM_PSP
+        main, process, control = self._stacks.read()
+        sp = process if is_psp else main
+        layout = _BASIC if back & _NO_FLOATS else _EXTENDED
+        try:
+            stacked = layout.unpack(self.engine.read(sp, layout.size))
+        except EngineError:
+            raise self._fault(f"nothing on the stack at 0x{sp:08X} to return to") from None
+        status = stacked[7]
+        sp += layout.size + (4 if status & _PADDED else 0)
+        control &= ~(_SPSEL | _FPCA)
+        if is_psp:
+            control |= _SPSEL
+        if not back & _NO_FLOATS:
+            control |= _FPCA
+            self._floats.write(stacked[8:25])
+        self._restored.write((status & ~_PADDED | _THUMB, control, sp, *stacked[:7]))
+        if self.sleeps_on_exit and not exceptions.active:
+            self._is_asleep = True
+
+
+def _name(number: int) -> str:
+    if number >= FIRST_INTERRUPT:
+        return f"interrupt {number - FIRST_INTERRUPT}"
+    return _NAMES.get(number, f"exception {number}")

@@ -1,0 +1,325 @@
+"""bxCAN, the CAN controller of STM32F0, F1, F3, F4 and L4 (reference manual RM0090, chapter 32)."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
+from hil_bench.abilities.controllers.elf.timeline import Core
+from hil_bench.abilities.controllers.elf.wire import Wire
+from hil_bench.canopen_device.frame import Frame
+
+FILTERS_AT: Final = 0x200
+BANKS: Final = 28
+DEPTH: Final = 3
+"""Frames of a receive FIFO."""
+
+_MCR, _MSR, _TSR, _RF0R, _IER, _ESR, _BTR = 0x00, 0x04, 0x08, 0x0C, 0x14, 0x18, 0x1C
+_TX, _RX = 0x180, 0x1B0
+_INRQ, _SLEEP, _TXFP, _RFLM, _RESET = 1, 2, 4, 8, 1 << 15
+_INAK, _SLAK, _RX_HIGH = 1, 2, 0xC00
+_MCR_RESET, _TSR_RESET, _BTR_RESET = 0x0001_0002, 0x1C00_0000, 0x0123_0000
+_TXRQ, _RTR, _IDE = 1, 2, 4
+_ABRQ = 0x80
+_RQCP, _TXOK = 1, 2
+_TMEIE = 1
+_FMPIE, _FFIE, _FOVIE = 2, 4, 8
+_FULL, _FOVR, _RFOM = 8, 16, 32
+_LBKM, _SILM = 1 << 30, 1 << 31
+_FINIT = 1
+
+
+class Filters:
+    """The filter banks, which CAN1 and CAN2 share."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Go to the state behind power on: no bank is active."""
+        self.control = 0x2A1C_0E01
+        self.lists = self.wide = self.fifos = self.active = 0
+        self.banks = [[0, 0] for _ in range(BANKS)]
+        self._found: dict[tuple[int, bool, bool, range], tuple[int, int] | None] = {}
+
+    def load(self, offset: int) -> int:
+        """Return a register of the banks."""
+        if 0x240 <= offset < 0x240 + 8 * BANKS:
+            return self.banks[(offset - 0x240) // 8][offset >> 2 & 1]
+        name = _FILTER_REGISTERS.get(offset)
+        return getattr(self, name) if name else 0
+
+    def store(self, offset: int, value: int) -> None:
+        """Write a register of the banks."""
+        self._found.clear()
+        if 0x240 <= offset < 0x240 + 8 * BANKS:
+            self.banks[(offset - 0x240) // 8][offset >> 2 & 1] = value
+        elif name := _FILTER_REGISTERS.get(offset):
+            setattr(self, name, value)
+
+    def match(self, frame: Frame, banks: range) -> tuple[int, int] | None:
+        """Return the FIFO that takes a frame and the index of its filter; None for no filter.
+
+        Args:
+            frame: that came.
+            banks: of its controller.
+        """
+        key = frame.can_id, frame.is_extended, frame.is_remote, banks
+        if key not in self._found:
+            self._found[key] = None if self.control & _FINIT else self._find(frame, banks)
+        return self._found[key]
+
+    def _find(self, frame: Frame, banks: range) -> tuple[int, int] | None:
+        full = _register(frame)
+        short = _short(frame)
+        numbers = [0, 0]
+        best: tuple[int, int, int, int] | None = None  # width, kind, index, FIFO: least wins
+        for bank in banks:
+            bit = 1 << bank
+            fifo = int(bool(self.fifos & bit))
+            is_wide, is_list = bool(self.wide & bit), bool(self.lists & bit)
+            count = (2 if is_list else 1) if is_wide else (4 if is_list else 2)
+            if self.active & bit:
+                place = self._place(self.banks[bank], full, short, is_wide, is_list)
+                if place is not None:
+                    found = (0 if is_wide else 1, 0 if is_list else 1, numbers[fifo] + place, fifo)
+                    best = found if best is None else min(best, found)
+            numbers[fifo] += count
+        return None if best is None else (best[3], best[2])
+
+    @staticmethod
+    def _place(bank: list[int], full: int, short: int, is_wide: bool, is_list: bool) -> int | None:
+        first, second = bank
+        if is_wide:
+            if is_list:
+                return next((at for at, each in enumerate(bank) if each & ~1 == full), None)
+            return 0 if not (first ^ full) & second & ~1 else None
+        halves = (first & 0xFFFF, first >> 16, second & 0xFFFF, second >> 16)
+        if is_list:
+            return next((at for at, each in enumerate(halves) if each == short), None)
+        for at in (0, 1):
+            if not (halves[2 * at] ^ short) & halves[2 * at + 1]:
+                return at
+        return None
+
+
+_FILTER_REGISTERS = {
+    0x200: "control",
+    0x204: "lists",
+    0x20C: "wide",
+    0x214: "fifos",
+    0x21C: "active",
+}
+
+
+class BxCan(Peripheral):
+    """A controller.
+
+    Args:
+        core: that it belongs to.
+        wire: the bus that it is on.
+        interrupts: of transmission, FIFO 0, FIFO 1 and status, by number.
+        filters: that it shares.
+        is_second: whether the filters behind CAN2SB are its own.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        wire: Wire,
+        interrupts: Sequence[int],
+        filters: Filters,
+        *,
+        is_second: bool = False,
+    ) -> None:
+        self._core, self._wire, self._interrupts = core, wire, interrupts
+        self._filters, self._is_second = filters, is_second
+        wire.receive = self._receive
+        self.reset()
+
+    def reset(self) -> None:
+        """Go to the state behind power on."""
+        self._mcr, self._tsr, self._ier, self._esr = _MCR_RESET, _TSR_RESET, 0, 0
+        self._btr = _BTR_RESET
+        self._mailboxes = [[0, 0, 0, 0] for _ in range(3)]
+        self._fifos: tuple[deque[tuple[int, int, int, int]], ...] = (deque(), deque())
+        self._overruns = [False, False]
+        self._waiting: list[int] = []
+        self._sending: int | None = None
+        if not self._is_second:
+            self._filters.reset()
+
+    @property
+    def is_on(self) -> bool:
+        """Return True while it takes part in the bus."""
+        return not self._mcr & (_INRQ | _SLEEP)
+
+    def load(self, offset: int) -> int:
+        """Return a register."""
+        if offset >= _RX:
+            if offset >= FILTERS_AT:
+                return self._filters.load(offset)
+            fifo = self._fifos[offset - _RX >> 4 & 1]
+            return fifo[0][offset >> 2 & 3] if fifo else 0
+        if offset >= _TX:
+            return self._mailboxes[offset - _TX >> 4][offset >> 2 & 3]
+        if offset in {_RF0R, _RF0R + 4}:
+            return self._fifo_register(offset - _RF0R >> 2)
+        registers = {_MCR: self._mcr, _MSR: self._state(), _TSR: self._tsr, _IER: self._ier}
+        return (registers | {_ESR: self._esr, _BTR: self._btr}).get(offset, 0)
+
+    def store(self, offset: int, value: int) -> None:
+        """Write a register."""
+        if offset >= FILTERS_AT:
+            self._filters.store(offset, value)
+        elif _TX <= offset < _RX:
+            number, place = offset - _TX >> 4, offset >> 2 & 3
+            self._mailboxes[number][place] = value
+            if place == 0 and value & _TXRQ:
+                self._request(number)
+        elif offset in {_RF0R, _RF0R + 4}:
+            self._release(offset - _RF0R >> 2, value)
+        elif offset == _TSR:
+            self._acknowledge(value)
+        elif offset == _MCR:
+            self._control(value)
+        elif offset == _IER:
+            self._ier = value
+            self._raise_lines()
+        elif offset == _BTR and self._mcr & _INRQ:
+            self._btr = value
+
+    def _state(self) -> int:
+        if self._mcr & _INRQ:
+            return _RX_HIGH | _INAK
+        return _RX_HIGH | (_SLAK if self._mcr & _SLEEP else 0)
+
+    def _control(self, value: int) -> None:
+        if value & _RESET:
+            self.reset()
+            return
+        self._mcr = value
+        if self.is_on:
+            self._send_next()
+
+    def _request(self, number: int) -> None:
+        empty = 1 << 26 + number
+        self._tsr &= ~(empty | 0xF << 8 * number)
+        self._waiting.append(number)
+        self._raise_lines()
+        self._send_next()
+
+    def _acknowledge(self, value: int) -> None:
+        for number in range(3):
+            if value >> 8 * number & _RQCP:
+                self._tsr &= ~(0xF << 8 * number)
+            if value >> 8 * number & _ABRQ and number in self._waiting:
+                self._waiting.remove(number)
+                self._finish(number, _RQCP)
+        self._raise_lines()
+
+    def _send_next(self) -> None:
+        """Have the bus take the next frame: by identifier, or in order of request."""
+        if self._sending is not None or not self._waiting or not self.is_on:
+            return
+        if self._mcr & _TXFP:
+            number = self._waiting[0]
+        else:
+            number = min(self._waiting, key=lambda each: (self._mailboxes[each][0] & ~1, each))
+        self._waiting.remove(number)
+        self._sending = number
+        frame = _frame(self._mailboxes[number])
+        if self._btr & (_LBKM | _SILM):
+            self._core.alarm(self._core.now() + self._wire.duration(frame), self._sent)
+            return
+        self._wire.send(frame, self._sent)
+
+    def _sent(self) -> None:
+        number, self._sending = self._sending, None
+        if number is None:  # reset meanwhile
+            return
+        if self._btr & _LBKM:
+            self._receive(_frame(self._mailboxes[number]))
+        self._finish(number, _RQCP | _TXOK)
+        self._send_next()
+
+    def _finish(self, number: int, flags: int) -> None:
+        self._mailboxes[number][0] &= ~_TXRQ
+        self._tsr |= 1 << 26 + number | flags << 8 * number
+        self._raise_lines()
+
+    def _receive(self, frame: Frame) -> bool:
+        """Take a frame of the bus, where a filter wants it; return False to have it wait."""
+        if not self.is_on:
+            return True
+        start = self._filters.control >> 8 & 0x3F if self._wire.is_shared else BANKS
+        found = self._filters.match(frame, range(start, BANKS) if self._is_second else range(start))
+        if found is None:
+            return True
+        number, index = found
+        if self._wire.may_wait and len(self._fifos[number]) == DEPTH:
+            return False
+        low, high = (int.from_bytes(frame.data[at : at + 4], "little") for at in (0, 4))
+        entry = (_register(frame), index << 8 | len(frame.data), low, high)
+        fifo = self._fifos[number]
+        if len(fifo) < DEPTH:
+            fifo.append(entry)
+        else:
+            self._overruns[number] = True
+            if not self._mcr & _RFLM:
+                fifo[-1] = entry
+        self._raise_fifo(number)
+        return True
+
+    def _fifo_register(self, number: int) -> int:
+        count = len(self._fifos[number])
+        full = _FULL if count == DEPTH else 0
+        return count | full | (_FOVR if self._overruns[number] else 0)
+
+    def _release(self, number: int, value: int) -> None:
+        if value & _FOVR:
+            self._overruns[number] = False
+        if value & _RFOM and self._fifos[number]:
+            self._fifos[number].popleft()
+            self._wire.make_room()
+        self._raise_fifo(number)
+
+    def _raise_lines(self) -> None:
+        is_done = bool(self._tsr & 0x010101) and bool(self._ier & _TMEIE)
+        self._core.hold_line(self._interrupts[0], is_active=is_done)
+        self._raise_fifo(0)
+        self._raise_fifo(1)
+
+    def _raise_fifo(self, number: int) -> None:
+        enabled = self._ier >> 3 * number
+        count = len(self._fifos[number])
+        is_due = (
+            (count and enabled & _FMPIE)
+            or (count == DEPTH and enabled & _FFIE)
+            or (self._overruns[number] and enabled & _FOVIE)
+        )
+        self._core.hold_line(self._interrupts[1 + number], is_active=bool(is_due))
+
+
+def _register(frame: Frame) -> int:
+    """Return the identifier of a frame as RIxR and wide filters have it."""
+    remote = _RTR if frame.is_remote else 0
+    if frame.is_extended:
+        return frame.can_id << 3 | _IDE | remote
+    return frame.can_id << 21 | remote
+
+
+def _short(frame: Frame) -> int:
+    """Return the identifier of a frame as narrow filters have it."""
+    remote = 0x10 if frame.is_remote else 0
+    if frame.is_extended:
+        return frame.can_id >> 18 << 5 | remote | 8 | frame.can_id >> 15 & 7
+    return frame.can_id << 5 | remote
+
+
+def _frame(mailbox: list[int]) -> Frame:
+    identifier, length, low, high = mailbox
+    is_extended, is_remote = bool(identifier & _IDE), bool(identifier & _RTR)
+    data = (low | high << 32).to_bytes(8, "little")[: min(length & 0xF, 8)]
+    can_id = identifier >> (3 if is_extended else 21)
+    return Frame(can_id, b"" if is_remote else data, is_remote, is_extended)

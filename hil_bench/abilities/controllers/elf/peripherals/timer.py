@@ -1,0 +1,140 @@
+"""Timers of STM32: they count up, and tell of their update and of four compare values."""
+
+from collections.abc import Callable
+from functools import partial
+
+from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
+from hil_bench.abilities.controllers.elf.timeline import Alarm, Core
+
+_CR1, _DIER, _SR, _EGR, _CNT, _PSC, _ARR = 0x00, 0x0C, 0x10, 0x14, 0x24, 0x28, 0x2C
+_CEN, _UDIS, _URS, _OPM = 1, 2, 4, 8
+_UIF = 1
+_CCR = (0x34, 0x38, 0x3C, 0x40)
+_FLAGS = 0x1F  # of the update and the four compares
+
+
+class Timer(Peripheral):
+    """A timer that counts up.
+
+    Args:
+        core: of the chip.
+        interrupt: number of its interrupt.
+        frequency: asks for its clock [Hz].
+        width: of its counter [bit].
+    """
+
+    def __init__(
+        self, core: Core, interrupt: int, frequency: Callable[[], int], width: int = 16
+    ) -> None:
+        self._core, self._interrupt, self._frequency = core, interrupt, frequency
+        self._most = (1 << width) - 1
+        self.reset()
+
+    def reset(self) -> None:
+        """Go to the state behind power on."""
+        self._values = {_ARR: self._most}
+        self._prescaler = 0  # that counts; PSC is taken over at an update
+        self._begin = 0  # when it was at 0 [ns]
+        self._held = 0  # its count while it stands
+        self._alarms: list[Alarm] = []
+
+    def load(self, offset: int) -> int:
+        """Return a register."""
+        return self._count() if offset == _CNT else self._values.get(offset, 0)
+
+    def store(self, offset: int, value: int) -> None:
+        """Write a register."""
+        values = self._values
+        if offset == _SR:
+            values[_SR] = values.get(_SR, 0) & value
+            self._raise_line()
+        elif offset == _EGR:
+            if value & 1:
+                self._held = 0
+                self._update(is_forced=True)
+        elif offset == _CNT:
+            self._held = value & self._most
+            self._schedule()
+        elif offset == _CR1:
+            self._held = self._count()
+            values[_CR1] = value
+            self._schedule()
+        elif offset == _ARR:
+            self._held = self._count()
+            values[_ARR] = value & self._most
+            self._schedule()
+        else:
+            values[offset] = value
+            if offset == _DIER:
+                self._raise_line()
+            elif offset in _CCR:
+                self._held = self._count()
+                self._schedule()
+
+    def _is_counting(self) -> bool:
+        return bool(self._values.get(_CR1, 0) & _CEN)
+
+    def _count(self) -> int:
+        if not self._is_counting():
+            return self._held
+        passed = (self._core.now() - self._begin) * self._frequency()
+        return min(passed // (1_000_000_000 * (self._prescaler + 1)), self._values[_ARR])
+
+    def _duration(self, counts: int) -> int:
+        """Return the time of some counts, so that they are over then [ns]."""
+        return -(-counts * (self._prescaler + 1) * 1_000_000_000 // self._frequency())
+
+    def _schedule(self) -> None:
+        """Set the alarms of this turn anew, from the count that it holds."""
+        for alarm in self._alarms:
+            alarm.cancel()
+        self._alarms = []
+        if self._is_counting():
+            self._turn(self._core.now() - self._duration(self._held), self._held)
+
+    def _turn(self, begin: int, held: int) -> None:
+        """Set the alarms of a turn.
+
+        Args:
+            begin: when it was, or would have been, at 0 [ns].
+            held: its count now.
+        """
+        self._begin = begin
+        most = self._values[_ARR]
+        if not most:
+            return
+        times = [(begin + self._duration(most + 1), self._overflow)]
+        for place, register in enumerate(_CCR):
+            value = self._values.get(register, 0)
+            if held < value <= most:
+                matched = partial(self._match, place)
+                times.append((begin + self._duration(value), matched))
+        self._alarms = [self._core.alarm(time, action) for time, action in times]
+
+    def _match(self, place: int) -> None:
+        self._values[_SR] = self._values.get(_SR, 0) | 2 << place
+        self._raise_line()
+
+    def _overflow(self) -> None:
+        begin = self._begin + self._duration(self._values[_ARR] + 1)
+        self._update(is_forced=False)
+        if self._values.get(_CR1, 0) & _OPM:
+            self._values[_CR1] &= ~_CEN
+            self._held = 0
+            return
+        self._turn(begin, -1)
+
+    def _update(self, *, is_forced: bool) -> None:
+        control = self._values.get(_CR1, 0)
+        if control & _UDIS:
+            return
+        self._prescaler = self._values.get(_PSC, 0) & 0xFFFF
+        if not (is_forced and control & _URS):
+            self._values[_SR] = self._values.get(_SR, 0) | _UIF
+            self._raise_line()
+        if is_forced:
+            self._schedule()
+
+    def _raise_line(self) -> None:
+        is_active = bool(self._values.get(_SR, 0) & self._values.get(_DIER, 0) & _FLAGS)
+        self._core.hold_line(self._interrupt, is_active=is_active)

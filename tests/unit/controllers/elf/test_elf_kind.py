@@ -1,0 +1,125 @@
+"""Controllers of the kind `elf`: their table, the example as it is flashed, and its end."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from support.chip_programs import CAN_BUILD, WHY_NOT
+
+from hil_bench.abilities.controllers.elf import kind as elf_kind
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.bench.configuration import load_config
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.extras import require_extra
+from hil_bench.session.virtual_bench import VirtualBench
+
+ROOT = Path(__file__).parents[4]
+EXAMPLE = ROOT / "examples/firmware"
+INCLUDE = ROOT / "hil_bench/abilities/controllers/library/include"
+HOST = "host"
+CHIPS = {"stm32f4": "STM32F407", "stm32g4": "STM32G431"}
+
+needs_compiler = pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ('chip = "LPC1768"', 'chip: "LPC1768" is not known; known are STM32F042, '),
+        ('chip = "STM32F407"\ncan = [3]', "can: STM32F407 has CAN controllers 1 to 2"),
+        ('chip = "STM32F407"\ncan = [1, 1]', "can: [1, 1] has one twice; write them as [1] or"),
+        ('chip = "STM32F407"\ncan = "1"', 'can: "1" is no list of CAN controllers; write them'),
+        ('chip = "STM32F407"\ninstructions_per_ms = 10', "give an integer from 1000 to 1000000"),
+        ("", "chip: missing"),
+    ],
+)
+def test_a_wrong_table_is_said_in_a_line(tmp_path: Path, table: str, line: str) -> None:
+    file = tmp_path / "bench.toml"
+    file.write_text(f'[controllers.axis]\nkind = "elf"\nprogram = "axis.elf"\n{table}\n')
+    with pytest.raises(ConfigError) as raised:
+        load_config(file)
+    assert line in str(raised.value)
+    assert str(raised.value).startswith(f"{file}:controllers.axis")
+
+
+def test_a_missing_simulator_is_named_with_its_extra() -> None:
+    with pytest.raises(ConfigError, match=r"pip install 'hil-bench\[elf\]'"):
+        require_extra("no_such_package", "this", "elf")
+    assert elf_kind.KIND.name == "elf"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example for both chips, and for the host as a library."""
+    folder = tmp_path_factory.mktemp("built")
+    goals = [*(folder / f"{name}.elf" for name in CHIPS), folder / "libposition_control.so"]
+    make = ["make", "-s", "-C", EXAMPLE, f"BUILD={folder}", f"HIL={INCLUDE}", *goals]
+    subprocess.run(make, check=True, capture_output=True)
+    return folder
+
+
+def drive(folder: Path, name: str, seconds: float) -> tuple[list[Frame], list[float]]:
+    """Return what the example has sent, on its chip or the host, and where the piston was."""
+    file = folder / f"{name}.toml"
+    table = f'kind = "elf"\nprogram = "{name}.elf"\nchip = "{CHIPS.get(name)}"\n'
+    if name == HOST:
+        table = 'kind = "library"\nlibrary = "libposition_control.so"\n'
+        table += 'settings = { targets_mm = "50,-20" }\n'
+    file.write_text(f"[bench]\ntick_us = 250\n[controllers.axis]\n{table}")
+    frames: list[Frame] = []
+    with VirtualBench(load_config(file)) as bench:
+        bench.session.watch(frames=lambda received, _sent, _now: frames.extend(received))
+        positions = []
+        for _ in range(round(seconds * 100)):
+            bench.run(0.01)
+            positions.append(bench.values["axis1.position"])
+    return frames, positions
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", CHIPS)
+def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
+    frames, positions = drive(built, name, 1.6)
+    # Its targets are 50 and -20 mm, its own limit of error at rest is 0.1 mm.
+    assert min(abs(position - 0.050) for position in positions) < 1e-4
+    assert abs(positions[-1] + 0.020) < 1e-4
+    assert frames == drive(built, name, 1.6)[0]
+
+
+@needs_compiler
+def test_the_chips_send_the_words_of_the_host(built: Path) -> None:
+    """SDO and NMT, whose content does not hang on when a frame came."""
+    words = []
+    for name in (HOST, *CHIPS):
+        frames, _ = drive(built, name, 0.2)
+        words.append(
+            [frame for frame in frames if frame.can_id == 0 or 0x600 <= frame.can_id < 0x700]
+        )
+    assert words[0] == words[1] == words[2]
+    assert len(words[0]) > 10
+
+
+@needs_compiler
+def test_power_off_and_on_begins_anew(built: Path) -> None:
+    file = built / "power.scenario.toml"
+    (built / "power.toml").write_text("[bench]\ntick_us = 250\n")
+    file.write_text("""
+title = "Loses its power on its way"
+bench = "power.toml"
+duration_s = 2.5
+[controller]
+kind = "elf"
+program = "stm32f4.elf"
+chip = "STM32F407"
+[[step]]
+at_s = 0.3
+firmware = "restart"
+[[expect]]
+id = "T-1"
+that = "eventually abs(axis1.position + 20 mm) < 0.2 mm"
+""")
+    (finding,) = play(prepare(load_scenario(file))).findings
+    assert finding.judgement.outcome is RequirementOutcome.PASSED

@@ -7,6 +7,9 @@ from pathlib import Path
 
 CAN_BUILD = "CI" in os.environ or shutil.which("arm-none-eabi-gcc") is not None
 WHY_NOT = "needs gcc-arm-none-eabi and libnewlib-arm-none-eabi"
+_ROOT = Path(__file__).parents[2]
+_EXAMPLE = _ROOT / "examples/firmware"
+_INCLUDE = _ROOT / "hil_bench/abilities/controllers/library/include"
 
 _LINK = """
 MEMORY {
@@ -86,3 +89,11 @@ def build_for_chip(source: str, folder: Path, core: str = "cortex-m4") -> Path:
         capture_output=True,
     )
     return program
+
+
+def build_example(folder: Path, *names: str) -> Path:
+    """Build files of the example in C into a folder, which is returned."""
+    make = ["make", "-s", "-C", _EXAMPLE, f"BUILD={folder}", f"HIL={_INCLUDE}"]
+    goals = [folder / name for name in names]
+    subprocess.run([*make, *goals], check=True, capture_output=True)  # noqa: S603 - our own program
+    return folder

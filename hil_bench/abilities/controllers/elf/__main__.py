@@ -9,11 +9,12 @@ import sys
 
 from hil_bench.abilities.controllers.elf.exchange import (
     AWAKE,
-    LARGEST,
     Answer,
     Order,
     State,
     pack_answer,
+    receive_message,
+    send_message,
     unpack_request,
 )
 from hil_bench.abilities.controllers.elf.job import read_job
@@ -24,13 +25,13 @@ from hil_bench.errors import ConfigError, ControllerError
 def simulate(link: socket.socket) -> None:
     """Simulate the chip that the first message names until the bench lets go of the link."""
     try:
-        machine = Machine(read_job(link.recv(LARGEST).decode()))
+        machine = Machine(read_job(receive_message(link).decode()))
     except ConfigError as error:
-        link.send(pack_answer(Answer(State.FAILED, AWAKE, [], str(error))))
+        send_message(link, pack_answer(Answer(State.FAILED, AWAKE, [], str(error))))
         return
-    link.send(pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
-    while message := link.recv(LARGEST):
-        link.send(pack_answer(_obey(machine, message)))
+    send_message(link, pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
+    while message := receive_message(link):
+        send_message(link, pack_answer(_obey(machine, message)))
 
 
 def _obey(machine: Machine, message: bytes) -> Answer:

@@ -8,11 +8,12 @@ from collections import deque
 from collections.abc import Sequence
 
 from hil_bench.abilities.controllers.elf.exchange import (
-    LARGEST,
     Answer,
     Order,
     State,
     pack_request,
+    receive_message,
+    send_message,
     unpack_answer,
 )
 from hil_bench.abilities.controllers.elf.job import Job, write_job
@@ -20,7 +21,6 @@ from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.errors import ControllerError
 from hil_bench.session.program import SHOWN_LINES
 
-_FRAMES_AT_ONCE = 10_000
 _GRACE = 2.0  # that a process has to end [s]
 
 
@@ -43,7 +43,7 @@ class ElfController:
         self._lines: deque[str] = deque(maxlen=SHOWN_LINES)
         self._now: int | None = None
         self._wake = 0
-        self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._link, theirs = socket.socketpair()
         words = [sys.executable, "-P", "-m", __package__, str(theirs.fileno())]
         with theirs:
             self._process = subprocess.Popen(  # noqa: S603 - ourselves
@@ -56,7 +56,7 @@ class ElfController:
             )
         try:
             with contextlib.suppress(OSError):  # it has ended, which is heard
-                self._link.send(write_job(job).encode())
+                send_message(self._link, write_job(job).encode())
             self._hear()
         except BaseException:
             self.close()
@@ -72,12 +72,9 @@ class ElfController:
         self._now = until
         if not received and until < self._wake:
             return ()
-        sent: list[TimedFrame] = []
-        for start in range(0, len(received) or 1, _FRAMES_AT_ONCE):
-            answer = self._ask(Order.ADVANCE, until, received[start : start + _FRAMES_AT_ONCE])
-            sent += answer.sent
-            self._wake = answer.wake
-        return sent
+        answer = self._ask(Order.ADVANCE, until, received)
+        self._wake = answer.wake
+        return answer.sent
 
     def reset(self) -> None:
         """Switch power off and on again."""
@@ -100,7 +97,7 @@ class ElfController:
 
     def _ask(self, order: Order, time: int, frames: Sequence[TimedFrame]) -> Answer:
         with contextlib.suppress(OSError):  # it has ended, which is heard
-            self._link.send(pack_request(order, time, frames))
+            send_message(self._link, pack_request(order, time, frames))
         return self._hear()
 
     def _hear(self) -> Answer:
@@ -110,7 +107,7 @@ class ElfController:
             ControllerError: the program has failed, or the simulator.
         """
         try:
-            message = self._link.recv(LARGEST)
+            message = receive_message(self._link)
         except OSError:
             message = b""
         if not message:

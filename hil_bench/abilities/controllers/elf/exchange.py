@@ -1,5 +1,6 @@
 """Messages between the bench and the process that simulates a chip: one of each a tick."""
 
+import socket
 from collections.abc import Sequence
 from enum import IntEnum
 from struct import Struct
@@ -8,9 +9,11 @@ from typing import Final, NamedTuple
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.canopen_device.frame import Frame
 
-LARGEST: Final = 1 << 20
+LARGEST: Final = 1 << 26
 """Of a message [byte]."""
 
+_SIZE = Struct("<I")
+_AT_ONCE = 1 << 16
 _REQUEST = Struct("<BqI")
 _ANSWER = Struct("<BqII")
 _FRAME = Struct("<qIBBB8s")
@@ -47,6 +50,32 @@ class Answer(NamedTuple):
     wake: int
     sent: list[TimedFrame]
     text: str
+
+
+def send_message(link: socket.socket, message: bytes) -> None:
+    """Send a message; an `OSError` says that nobody is there."""
+    link.sendall(_SIZE.pack(len(message)) + message)
+
+
+def receive_message(link: socket.socket) -> bytes:
+    """Return the next message; empty where the other side is gone.
+
+    Raises:
+        ConnectionError: what comes is no message.
+    """
+    data = b""
+    end = _SIZE.size
+    while len(data) < end:
+        more = link.recv(_AT_ONCE)
+        if not more:
+            return b""
+        data += more
+        if end == _SIZE.size <= len(data):
+            (size,) = _SIZE.unpack_from(data)
+            if size > LARGEST:
+                raise ConnectionError(f"a message of {size} bytes, more than {LARGEST}")
+            end += size
+    return data[_SIZE.size :]
 
 
 def pack_request(order: Order, time: int, frames: Sequence[TimedFrame]) -> bytes:

@@ -36,6 +36,7 @@ PAGE: Final = 0x400
 _SYSTEM, _DEBUG, _TRACE = 0xE000_E000, 0xE004_2000, 0xE000_1000
 # System memory: boot loader, unique identity, calibration; not up to where memory begins.
 _IDENTITY = ((0x1FFF_0000, 32 * KIB), (0x1FFF_F400, 2 * KIB))
+_LONGEST_LINE = 1000  # of what it prints; the rest is left out
 _PERIPHERALS = (0x4000_0000, 0x6000_0000)
 _BIT_BANDS = ((0x2000_0000, 0x2200_0000), (0x4000_0000, 0x4200_0000))
 _BAND_BYTES = MIB
@@ -253,7 +254,7 @@ class Machine:
         if byte == 10:
             self.printed.append(self._line.decode("utf-8", "replace").rstrip("\r"))
             self._line.clear()
-        else:
+        elif len(self._line) < _LONGEST_LINE:
             self._line.append(byte)
 
     def _say(self, words: str) -> None:

@@ -1,24 +1,26 @@
 """Controllers of the kind `elf`: their table, the example as it is flashed, and its end."""
 
-import subprocess
+import os
+import signal
 from pathlib import Path
 
 import pytest
-from support.chip_programs import CAN_BUILD, WHY_NOT
+from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
 from hil_bench.abilities.controllers.elf import kind as elf_kind
+from hil_bench.abilities.controllers.elf.controller import ElfController
+from hil_bench.abilities.controllers.elf.job import Job
+from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.extras import require_extra
 from hil_bench.session.virtual_bench import VirtualBench
 
-ROOT = Path(__file__).parents[4]
-EXAMPLE = ROOT / "examples/firmware"
-INCLUDE = ROOT / "hil_bench/abilities/controllers/library/include"
+MS = 1_000_000
 HOST = "host"
 CHIPS = {"stm32f4": "STM32F407", "stm32g4": "STM32G431"}
 
@@ -55,10 +57,7 @@ def test_a_missing_simulator_is_named_with_its_extra() -> None:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The example for both chips, and for the host as a library."""
     folder = tmp_path_factory.mktemp("built")
-    goals = [*(folder / f"{name}.elf" for name in CHIPS), folder / "libposition_control.so"]
-    make = ["make", "-s", "-C", EXAMPLE, f"BUILD={folder}", f"HIL={INCLUDE}", *goals]
-    subprocess.run(make, check=True, capture_output=True)
-    return folder
+    return build_example(folder, *(f"{name}.elf" for name in CHIPS), "libposition_control.so")
 
 
 def drive(folder: Path, name: str, seconds: float) -> tuple[list[Frame], list[float]]:
@@ -123,3 +122,20 @@ that = "eventually abs(axis1.position + 20 mm) < 0.2 mm"
 """)
     (finding,) = play(prepare(load_scenario(file))).findings
     assert finding.judgement.outcome is RequirementOutcome.PASSED
+
+
+@needs_compiler
+def test_a_killed_simulator_is_a_line_and_leaves_no_process(built: Path) -> None:
+    job = Job(built / "stm32f4.elf", "STM32F407", 20_000, 8_000_000, (1,), (0,))
+    controller = ElfController(job, MS)
+    pid = controller._process.pid
+    # More than a message of the kernel holds.
+    frames = [TimedFrame(0, Frame(0x701, b"\x05"))] * 20_000
+    assert controller.advance(MS, frames) is not None
+    os.kill(pid, signal.SIGKILL)
+    with pytest.raises(ControllerError) as raised:
+        controller.advance(2 * MS, ())
+    assert str(raised.value) == "the simulator of stm32f4.elf has ended: killed by signal 9"
+    controller.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)

@@ -5,6 +5,7 @@ Architecture Reference Manual (priorities).
 """
 
 import itertools
+import os
 import struct
 import sys
 from collections.abc import Callable
@@ -153,6 +154,18 @@ def test_a_timer_counts_to_its_compare_and_its_end() -> None:
     timer.store(0, 0)
     core.run(500_000)
     assert (timer.load(0x10), timer.load(0x24)) == (0, 0)
+
+
+def test_a_timer_loses_no_time_while_its_compare_is_written() -> None:
+    core = Core()
+    timer = Timer(core, 28, lambda: 8_000_000, width=32)
+    for offset, value in ((0x28, 7), (0x14, 1), (0, 1)):
+        timer.store(offset, value)
+    for _ in range(1000):
+        core.run(core.time + 700)
+        timer.store(0x34, timer.load(0x24) + 100)
+    # 8 MHz / 8 counts microseconds: 1000 times 0.7 us.
+    assert timer.load(0x24) == 700
 
 
 def test_the_least_identifier_goes_first_unless_in_order_of_request() -> None:
@@ -318,13 +331,29 @@ def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
             assert first + size <= second, f"0x{first:08X} and 0x{second:08X}"
 
 
-def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4) -> bytes:
-    """Return an ELF file of one segment of four bytes."""
+def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4, count: int = 1) -> bytes:
+    """Return an ELF file of the same segment of four bytes, once or more."""
     head = struct.pack(
         "<4sBBB9xHHIIIIIHHHHHH",
-        *(b"\x7fELF", 1, 1, 1, kind, machine, 1, 0x08000000, 52, 0, 0, 52, 32, 1, 40, 0, 0),
+        *(b"\x7fELF", 1, 1, 1, kind, machine, 1, 0x08000000, 52, 0, 0, 52, 32, count, 40, 0, 0),
     )
-    return head + struct.pack("<8I", what, 84, 0x08000000, 0x08000000, size, size, 5, 4) + b"abcd"
+    at = 52 + 32 * count
+    segment = struct.pack("<8I", what, at, 0x08000000, 0x08000000, size, size, 5, 4)
+    return head + segment * count + b"abcd" + b"e" * (size if count > 1 else 0)
+
+
+def with_symbols(data: bytes, names: list[bytes]) -> bytes:
+    """Return the file with functions of these names, each two bytes, from 0x08000000 on."""
+    text, entries = b"\0", b"\0" * 16
+    for place, name in enumerate(names):
+        entries += struct.pack("<IIIBBH", len(text), 0x08000001 + 2 * place, 2, 2, 0, 1)
+        text += name + b"\0"
+    at = len(data)
+    sections = struct.pack("<10I", 1, 2, 0, 0, at, len(entries), 1, 0, 4, 16)
+    sections += struct.pack("<10I", 2, 3, 0, 0, at + len(entries), len(text), 0, 0, 1, 0)
+    end = at + len(entries) + len(text)
+    head = data[:32] + struct.pack("<I", end) + data[36:48] + struct.pack("<HH", 2, 0) + data[52:]
+    return head + entries + text + sections
 
 
 @pytest.mark.parametrize(
@@ -337,6 +366,8 @@ def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4) -> bytes
         (elf(what=3), "is a program for Linux, which the kind program runs"),
         (elf(what=2), "has nothing to be flashed"),
         (elf(size=5), "ends in the middle of what is to be flashed"),
+        (elf().replace(b"\x34\0\x20\0", b"\x34\0\x1f\0"), "is a damaged ELF file"),
+        (elf(count=2, size=200), "is a damaged ELF file"),  # flashes its bytes twice
     ],
 )
 def test_a_file_that_is_no_program_for_a_chip(tmp_path: Path, data: bytes, why: str) -> None:
@@ -359,3 +390,30 @@ def test_a_right_file_is_read(tmp_path: Path) -> None:
     program = read_program(path)
     assert program.segments == ((0x08000000, b"abcd"),)
     assert program.function_at(0x08000000) == "0x08000000"
+
+
+def test_a_name_is_one_line_of_letters(tmp_path: Path) -> None:
+    path = tmp_path / "program.elf"
+    path.write_bytes(with_symbols(elf(), [b"main", b"a\nb\x1b[1m", b"x" * 1000]))
+    program = read_program(path)
+    assert program.names == ("main", "a?b?[1m", "x" * 120)
+    assert program.function_at(0x08000003) == "a?b?[1m+0x1"
+
+
+def test_long_tables_of_symbols_are_read_in_no_time(tmp_path: Path) -> None:
+    """In a file of 4 MB with a copy of the rest for each name this would be 100 GB."""
+    path = tmp_path / "program.elf"
+    path.write_bytes(with_symbols(elf(), [b"%060d" % number for number in range(50_000)]))
+    assert len(read_program(path).names) == 50_000
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path, why in (
+        (pipe, "is no file"),
+        (tmp_path, "is no file"),
+        (tmp_path / "x", "cannot be"),
+    ):
+        with pytest.raises(ConfigError, match=why):
+            read_program(path)

@@ -163,7 +163,7 @@ class SystemControl(Peripheral):
     # SysTick.
 
     def _clock(self) -> int:
-        return self._frequency() // (1 if self._control & _OF_CORE else 8)
+        return max(self._frequency() // (1 if self._control & _OF_CORE else 8), 1)
 
     def _period(self) -> int:
         return (self._reload + 1) * 1_000_000_000 // self._clock()

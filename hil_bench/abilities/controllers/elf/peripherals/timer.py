@@ -10,6 +10,7 @@ _CR1, _DIER, _SR, _EGR, _CNT, _PSC, _ARR = 0x00, 0x0C, 0x10, 0x14, 0x24, 0x28, 0
 _CEN, _UDIS, _URS, _OPM = 1, 2, 4, 8
 _UIF = 1
 _CCR = (0x34, 0x38, 0x3C, 0x40)
+_PLACES = (_ARR, *_CCR)  # whose counts are alarms
 _FLAGS = 0x1F  # of the update and the four compares
 
 
@@ -28,6 +29,7 @@ class Timer(Peripheral):
     ) -> None:
         self._core, self._interrupt, self._frequency = core, interrupt, frequency
         self._most = (1 << width) - 1
+        self._matches = {each: partial(self._match, place) for place, each in enumerate(_CCR)}
         self.reset()
 
     def reset(self) -> None:
@@ -36,7 +38,7 @@ class Timer(Peripheral):
         self._prescaler = 0  # that counts; PSC is taken over at an update
         self._begin = 0  # when it was at 0 [ns]
         self._held = 0  # its count while it stands
-        self._alarms: list[Alarm] = []
+        self._alarms: dict[int, Alarm] = {}  # by the register that is reached
 
     def load(self, offset: int) -> int:
         """Return a register."""
@@ -54,22 +56,23 @@ class Timer(Peripheral):
                 self._update(is_forced=True)
         elif offset == _CNT:
             self._held = value & self._most
-            self._schedule()
+            self._start()
         elif offset == _CR1:
-            self._held = self._count()
-            values[_CR1] = value
-            self._schedule()
-        elif offset == _ARR:
-            self._held = self._count()
-            values[_ARR] = value & self._most
-            self._schedule()
+            self._control(value)
         else:
-            values[offset] = value
+            values[offset] = value & self._most if offset == _ARR else value
             if offset == _DIER:
                 self._raise_line()
-            elif offset in _CCR:
-                self._held = self._count()
-                self._schedule()
+            elif offset in _PLACES and self._is_counting():
+                self._set_alarm(offset, self._count())
+
+    def _control(self, value: int) -> None:
+        was_counting = self._is_counting()
+        if was_counting and not value & _CEN:
+            self._held = self._count()
+        self._values[_CR1] = value
+        if was_counting != self._is_counting():
+            self._start()
 
     def _is_counting(self) -> bool:
         return bool(self._values.get(_CR1, 0) & _CEN)
@@ -84,13 +87,14 @@ class Timer(Peripheral):
         """Return the time of some counts, so that they are over then [ns]."""
         return -(-counts * (self._prescaler + 1) * 1_000_000_000 // self._frequency())
 
-    def _schedule(self) -> None:
-        """Set the alarms of this turn anew, from the count that it holds."""
-        for alarm in self._alarms:
-            alarm.cancel()
-        self._alarms = []
+    def _start(self) -> None:
+        """Count on from the count that it holds, or stand."""
         if self._is_counting():
             self._turn(self._core.now() - self._duration(self._held), self._held)
+        else:
+            for alarm in self._alarms.values():
+                alarm.cancel()
+            self._alarms.clear()
 
     def _turn(self, begin: int, held: int) -> None:
         """Set the alarms of a turn.
@@ -100,16 +104,24 @@ class Timer(Peripheral):
             held: its count now.
         """
         self._begin = begin
+        for register in _PLACES:
+            self._set_alarm(register, held)
+
+    def _set_alarm(self, register: int, held: int) -> None:
+        """Set the alarm of the end of this turn, or of a compare value that is still to come.
+
+        The turn goes on as it began, whatever is written meanwhile: no part of a count is lost.
+        """
+        if register in self._alarms:
+            self._alarms.pop(register).cancel()
         most = self._values[_ARR]
-        if not most:
-            return
-        times = [(begin + self._duration(most + 1), self._overflow)]
-        for place, register in enumerate(_CCR):
-            value = self._values.get(register, 0)
-            if held < value <= most:
-                matched = partial(self._match, place)
-                times.append((begin + self._duration(value), matched))
-        self._alarms = [self._core.alarm(time, action) for time, action in times]
+        if register == _ARR:
+            count, action, is_ahead = most + 1, self._overflow, most > 0
+        else:
+            count, action = self._values.get(register, 0), self._matches[register]
+            is_ahead = held < count <= most
+        if is_ahead:
+            self._alarms[register] = self._core.alarm(self._begin + self._duration(count), action)
 
     def _match(self, place: int) -> None:
         self._values[_SR] = self._values.get(_SR, 0) | 2 << place
@@ -133,7 +145,7 @@ class Timer(Peripheral):
             self._values[_SR] = self._values.get(_SR, 0) | _UIF
             self._raise_line()
         if is_forced:
-            self._schedule()
+            self._start()
 
     def _raise_line(self) -> None:
         is_active = bool(self._values.get(_SR, 0) & self._values.get(_DIER, 0) & _FLAGS)

@@ -13,6 +13,7 @@ import pytest
 from support import documents
 from support.documents import DOCUMENTS, ROOT, Block
 from support.feed_loop import FeedLoop
+from support.fmus import write_law
 
 import hil_drivers.modbus
 from hil_bench.abilities.campaign.reading import read_campaign
@@ -136,6 +137,9 @@ def test_a_toml_snippet_loads(block, tmp_path):
     shutil.copy(ROOT / "device_profiles/imitations/analogue_io_401.eds", tmp_path / "vendor.eds")
     shutil.copy(ROOT / "examples/joystick.dbc", tmp_path)
     path = tmp_path / "bench.toml"
+    if "control.fmu" in block.text:
+        pytest.importorskip("pythonfmu")
+        write_law(tmp_path)
     if "[[expect]]" in block.text:
         path.write_text(block.text, encoding="utf-8")
         check_scenario(path)

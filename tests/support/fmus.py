@@ -1,10 +1,11 @@
-"""FMUs of our own: `slider.c`, built for FMI 2.0 and 3.0 with the headers that FMPy brings."""
+"""FMUs of our own: `slider.c` for FMI 2.0 and 3.0, and a control law written by PythonFMU."""
 
 import functools
 import importlib.util
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 import zipfile
 from pathlib import Path
@@ -114,3 +115,38 @@ def write_fmu(path: Path, version: int = 2, description: str = "", platform: str
         archive.writestr("modelDescription.xml", told)
         archive.writestr(f"binaries/{platform or own}/slider.so", library(version))
     return path
+
+
+# A law in mm as a tool would export it: the valve's overlap, and a gain per mm of error.
+LAW = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+class Control(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.x = self.w = self.u = 0.0
+        self.gain = 0.01
+        for name in ("x", "w"):
+            self.register_variable(Real(name, causality=Fmi2Causality.input, start=0.0))
+        self.register_variable(Real("u", causality=Fmi2Causality.output))
+        fixed = Fmi2Variability.fixed
+        gain = Real("gain", causality=Fmi2Causality.parameter, variability=fixed, start=0.01)
+        self.register_variable(gain)
+
+    def do_step(self, current_time, step_size):
+        error = self.w - self.x
+        over = 0.0 if abs(error) < 0.1 else 23.0 if error > 0.0 else -23.0
+        self.u = over + 100.0 * self.gain * error
+        return True
+"""
+
+
+def write_law(folder: Path) -> Path:
+    """Write the control law as `control.fmu`."""
+    from pythonfmu.builder import FmuBuilder  # noqa: PLC0415 - an extra
+
+    (folder / "control.py").write_text(LAW)
+    searched = list(sys.path)
+    made = Path(FmuBuilder.build_FMU(folder / "control.py", dest=folder))
+    sys.path[:] = searched
+    return made.rename(folder / "control.fmu")

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from hil_bench.abilities.controllers.elf.kind import KIND as ELF
+from hil_bench.abilities.controllers.fmu.kind import KIND as FMU
 from hil_bench.abilities.controllers.library.kind import KIND as LIBRARY
 from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.program.kind import KIND as PROGRAM
@@ -15,7 +16,7 @@ from hil_bench.config.settings import Given, Key, Problems, Setting, convert, re
 from hil_bench.config.values import find_nearest, quote, text, texts
 from hil_bench.registry import Registry, find_twice
 
-_OWN = {kind.name: kind for kind in (ELF, LIBRARY, PROCESS, PROGRAM, PYTHON)}
+_OWN = {kind.name: kind for kind in (ELF, FMU, LIBRARY, PROCESS, PROGRAM, PYTHON)}
 
 KIND_KEY: Final = Key("kind", text, example='"python"')
 COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()), Key("folder", text))

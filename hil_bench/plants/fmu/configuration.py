@@ -172,20 +172,32 @@ def quantities_of(outputs: Mapping[str, Bound]) -> tuple[Quantity, ...]:
     return (*found, SPOOL_SETPOINT)
 
 
-def check_step(name: str, description: FmuDescription, step_us: int, problems: Problems) -> None:
-    """Note a communication step, ``bench.step_us``, that an FMU does not take."""
+def step_fault(description: FmuDescription, step: float) -> tuple[str, float] | None:
+    """Return why an FMU does not take a communication step, and the right one; None if it does.
+
+    Args:
+        description: of the FMU.
+        step: the communication step [s].
+    """
     fixed = description.fixed_step
     if not fixed or fixed <= 0.0:
-        return
-    place = problems.place("bench", "step_us")
-    parts = step_us * 1e-6 / fixed
+        return None
+    parts = step / fixed
     is_multiple = parts > 0.5 and math.isclose(parts, round(parts), rel_tol=1e-6)
     if description.is_exact and not math.isclose(parts, 1.0, rel_tol=1e-6):
-        wrong = f"{step_us} is not the step of {description.model}, which takes no other"
-        problems.add(place, f"{wrong}; give {fixed * 1e6:.10g} for plant.{name}")
-    elif not is_multiple:
-        wrong = f"{step_us} is no multiple of the internal step of {description.model}"
-        problems.add(place, f"{wrong}; give a multiple of {fixed * 1e6:.10g} for plant.{name}")
+        return f"is not the step of {description.model}, which takes no other", fixed
+    if not is_multiple:
+        return f"is no multiple of the internal step of {description.model}", fixed
+    return None
+
+
+def check_step(name: str, description: FmuDescription, step_us: int, problems: Problems) -> None:
+    """Note a communication step, ``bench.step_us``, that an FMU does not take."""
+    if fault := step_fault(description, step_us * 1e-6):
+        wrong, fixed = fault
+        right = f"{'' if description.is_exact else 'a multiple of '}{fixed * 1e6:.10g}"
+        place = problems.place("bench", "step_us")
+        problems.add(place, f"{step_us} {wrong}; give {right} for plant.{name}")
 
 
 def parameters_of(settings: Settings, description: FmuDescription) -> tuple[tuple[int, float], ...]:

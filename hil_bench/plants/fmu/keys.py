@@ -1,6 +1,7 @@
 """The keys of a table ``[plant.NAME]`` with ``kind = "fmu"``; `docs/fmu.md` tells their meaning."""
 
 import re
+from collections.abc import Callable
 from typing import Final
 
 from hil_bench.config.settings import Key
@@ -21,32 +22,51 @@ UNITS: Final = {
 
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 
+Bindings = dict[str, dict[str, str]]
 
-def _bound(value: object) -> dict[str, dict[str, str]]:
-    """Read variables by the names of their quantities, each with a unit where one is given.
+
+def bindings(names: re.Pattern[str], right_name: str) -> Callable[[object], Bindings]:
+    """Return a reader of variables by names, each with a unit where one is given.
+
+    Args:
+        names: those that are right.
+        right_name: the same in words.
+    """
+    right = 'give NAME = "VARIABLE", or NAME = { variable = "VARIABLE", unit = "mm" }'
+
+    def read(value: object) -> Bindings:
+        if not isinstance(value, dict):
+            raise ConfigError(f"{describe(value)} is not a table; {right}")
+        for name in value:
+            if not names.fullmatch(name):
+                raise ConfigError(f"{describe(name)} cannot be a name; {right_name}")
+        return {name: _variable(name, given, right) for name, given in value.items()}
+
+    return read
+
+
+def _variable(name: str, given: object, right: str) -> dict[str, str]:
+    """Return a variable, and its unit where one is given.
 
     Raises:
         ConfigError: it is something else.
     """
-    right = 'give NAME = "VARIABLE", or NAME = { variable = "VARIABLE", unit = "mm" }'
-    if not isinstance(value, dict):
-        raise ConfigError(f"{describe(value)} is not a table; {right}")
-    bound = {}
-    for name, given in value.items():
-        if not _NAME.fullmatch(name):
-            letters = "give at most 32 letters, digits or _"
-            raise ConfigError(f"{describe(name)} cannot be a name; {letters}")
-        told = {"variable": given} if isinstance(given, str) else given
-        is_table = isinstance(told, dict) and told.keys() <= {"variable", "unit"}
-        if not is_table or not all(isinstance(each, str) for each in told.values()):
-            raise ConfigError(f"{name} = {describe(given)} binds nothing; {right}")
-        if "variable" not in told:
-            raise ConfigError(f"{name} has no variable; {right}")
-        if told.get("unit", "-") not in UNITS:
-            nearest = find_nearest(told["unit"], list(UNITS))
-            raise ConfigError(f"{name}: {describe(told['unit'])} is no known unit; {nearest} is")
-        bound[name] = dict(told)
-    return bound
+    told = {"variable": given} if isinstance(given, str) else given
+    if (
+        not isinstance(told, dict)
+        or told.keys() - {"variable", "unit"}
+        or not all(isinstance(each, str) for each in told.values())
+    ):
+        raise ConfigError(f"{name} = {describe(given)} binds nothing; {right}")
+    if "variable" not in told:
+        raise ConfigError(f"{name} has no variable; {right}")
+    if told.get("unit", "-") not in UNITS:
+        nearest = find_nearest(told["unit"], list(UNITS))
+        raise ConfigError(f"{name}: {describe(told['unit'])} is no known unit; {nearest} is")
+    return dict(told)
+
+
+_bound = bindings(_NAME, "give at most 32 letters, digits or _")
 
 
 def _numbers(value: object) -> dict[str, float]:

@@ -151,6 +151,8 @@ class PythonController:
 
     def _ending(self, error: Exception, until: int) -> Exception:
         """Return the end of the controller by an exception, as the bench knows ends."""
+        if isinstance(error, ControllerError):
+            return error
         if not self.has_begun and isinstance(error, (DriverError, ValueError)):
             return ControllerError(f"the controller could not work: {error}")
         if self._is_cyclic and isinstance(error, DriverError):

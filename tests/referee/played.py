@@ -103,29 +103,33 @@ class Played:
         unseen = [None] * (self.ticks - len(signals))
         return {n: [Fraction(repr(float(x))) for x in signals[n]] + unseen for n in KINDS}
 
+    def _runs(self, signals: dict[str, list[Fraction | None]], seen: int | None = None):
+        """Return a referee's run for each requirement, so that each knows its own rounding."""
+        return [Run(signals, self.ticks, TICK, seen) for _ in self.trees]
+
     def differences_in_test(self) -> Iterator[str]:
         """Yield what the referee contradicts of what `test` finds."""
         run = self._play({}, stops=self.stops)
-        referee = Run(self._values(run), self.ticks, TICK, len(run.evidence.signals))
-        for tree, (requirement, judgement) in zip(self.trees, run.findings, strict=True):
+        referees = self._runs(self._values(run), len(run.evidence.signals))
+        for referee, tree, (requirement, judgement) in zip(
+            referees, self.trees, run.findings, strict=True
+        ):
             found = [*differences(referee, tree, judgement, TICK, is_planned=True)]
             for each in marked(found, referee, is_exact=False):
                 yield f"{each}: {requirement.that}"
 
     def differences_in_verb(self) -> Iterator[str]:
         """Yield what the referee contradicts of what the verb prints, and of its exit code."""
-        run = self._play({}, stops=self.stops)
-        referee = Run(self._values(run), self.ticks, TICK)
-        outcomes = [referee.rule(tree).outcome for tree in self.trees]
+        referees = self._runs(self._values(self._play({}, stops=self.stops)))
         stops = ["--stop-at-failure"] if self.stops else []
         with contextlib.redirect_stdout(io.StringIO()) as written:
             code = cli.main(["test", str(self.path), "--json", *stops])
         (result,) = json.loads(written.getvalue()).values()
-        for found, outcome in zip(result["findings"], outcomes, strict=True):
-            if found["judgement"]["outcome"] != outcome:
-                yield f"{found['id']}: {found['judgement']['outcome']}, the referee says {outcome}"
-        if code != EXIT_CODES[min(outcomes, key=WORST_FIRST.index)]:
-            yield f"exit code {code}"
+        found = [(each["id"], each["judgement"]["outcome"], None) for each in result["findings"]]
+        yield from self._compared(referees, found)
+        worst = min((outcome for _, outcome, _ in found), key=WORST_FIRST.index)
+        if code != EXIT_CODES[worst]:
+            yield f"exit code {code}, though the worst outcome is {worst}"
 
     def differences_in_campaign(self, folder: Path, runs: int) -> Iterator[str]:
         """Yield what the referee contradicts of what a campaign keeps of its runs."""
@@ -133,15 +137,21 @@ class Played:
         store = Store(folder, {})
         execute(plan, store, perform_here)
         for result in collect(plan, store).results:
-            values = self.recorded(dict(result.values))
-            referee = Run(values, self.ticks, TICK)
-            rulings = [referee.rule(tree) for tree in self.trees]
-            worst = min((r.outcome for r in rulings), key=WORST_FIRST.index)
+            referees = self._runs(self.recorded(dict(result.values)))
+            found = [(each.id, each.outcome, each.margin) for each in result.verdicts]
+            yield from self._compared(referees, found)
+            worst = min((outcome for _, outcome, _ in found), key=WORST_FIRST.index)
             if result.outcome != worst:
-                yield f"{result.values}: {result.outcome}, the referee says {worst}"
-            for ruling, verdict in zip(rulings, result.verdicts, strict=True):
-                bound = ruling.margin.high if ruling.outcome == FAILED else ruling.margin.low
-                if verdict.outcome != ruling.outcome:
-                    yield f"{verdict.id}: {verdict.outcome}, the referee says {ruling.outcome}"
-                elif verdict.margin is not None and not is_margin(verdict.margin, bound):
-                    yield f"{verdict.id}: margin {verdict.margin}, the referee says {bound}"
+                yield f"{result.values}: {result.outcome}, though the worst outcome is {worst}"
+
+    def _compared(self, referees, found: list[tuple[str, str, float | None]]) -> Iterator[str]:
+        """Yield in which ids, outcomes and margins the referee differs."""
+        for referee, tree, (name, outcome, margin) in zip(referees, self.trees, found, strict=True):
+            ruling = referee.rule(tree)
+            bound = ruling.margin.high if ruling.outcome == FAILED else ruling.margin.low
+            differs = []
+            if outcome != ruling.outcome:
+                differs = [f"{name}: {outcome}, the referee says {ruling.outcome}"]
+            elif margin is not None and not is_margin(margin, bound):
+                differs = [f"{name}: margin {margin}, the referee says {bound}"]
+            yield from marked(differs, referee, is_exact=False)

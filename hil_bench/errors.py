@@ -127,19 +127,23 @@ _MDF_BY_US = rb"(?s)(MDF     |UnFinMF ).{8}hilbench"
 _OURS = {
     ".asc": rb"date ",
     ".blf": rb"LOGG",
+    ".cdcf": rb"(?s)..\0\0",
     ".csv": rb"time\b",
     ".dbc": rb'VERSION "hil-bench"',
     ".html": rb"(?si)<!doctype html>.*hil-bench",
     ".json": rb"\s*[\[{]",
     ".log": rb"\(",
+    ".md": rb"(?s)# (CANopen conformance report|.*(hil-bench|\n## Steps\n))",
     ".mf4": _MDF_BY_US,
     ".pdf": rb"%PDF",
     ".png": rb"\x89PNG",
+    ".py": rb'(?s)""".{0,500}hil-bench',
     ".svg": rb"<\?xml|<svg",
+    ".toml": rb"# .{0,500}hil-bench",
     ".xml": rb"<\?xml|<testsuite",
 }
 """How files begin that the bench replaces, by suffix: those that it writes itself. Pictures, bus
-logs, tables of signals, JSON and JUnit files are known by their kind alone."""
+logs, tables of signals, concise DCFs, JSON and JUnit files are known by their kind alone."""
 
 
 def check_replaceable(path: Path) -> None:
@@ -159,16 +163,18 @@ def check_replaceable(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, *, replaces: bool = False) -> Iterator[Path]:
     """Have a file written whole, or left as it was; see `check_replaceable`.
 
     Args:
         path: the file; a device, a pipe or a link is written where it is.
+        replaces: any file that is there, since somebody has asked for it.
 
     Yields:
         The file to write, which takes its place at the end of the block.
     """
-    check_replaceable(path)
+    if not replaces:
+        check_replaceable(path)
     if path.is_symlink() or (path.exists() and not path.is_file()):
         yield path
         return

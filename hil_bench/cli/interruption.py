@@ -29,6 +29,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.requested = False
+        self.is_postponed = False
 
     @property
     def code(self) -> ExitCode:
@@ -56,7 +57,7 @@ class Interruption:
         Raises:
             KeyboardInterrupt: the end was not asked for before.
         """
-        if not self.requested:
+        if not self.requested and not self.is_postponed:
             self.request(number)
             raise KeyboardInterrupt
 
@@ -89,24 +90,26 @@ def interrupted_once() -> Iterator[None]:
 def _coming_again(wish: Interruption) -> Iterator[None]:
     """Have an interruption come again that Python ignored, as it does what a finaliser raises."""
     before, main = sys.unraisablehook, threading.main_thread().ident or 0
-    timers: list[threading.Timer] = []
+    has_ended = threading.Event()
+
+    def ask() -> None:
+        while not has_ended.wait(_AGAIN) and not wish.requested:
+            signal.pthread_kill(main, signal.SIGINT)
 
     def look(lost: "sys.UnraisableHookArgs") -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             before(lost)
             return
-        wish.requested = False
-        timers.append(threading.Timer(_AGAIN, signal.pthread_kill, (main, signal.SIGINT)))
-        timers[-1].daemon = True
-        timers[-1].start()
+        wish.requested, wish.is_postponed = False, True  # in this hook it would be lost again
+        threading.Thread(target=ask, daemon=True).start()
+        wish.is_postponed = False
 
     sys.unraisablehook = look
     try:
         yield
     finally:
         sys.unraisablehook = before
-        for timer in timers:
-            timer.cancel()
+        has_ended.set()
 
 
 @contextmanager

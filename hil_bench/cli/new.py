@@ -213,7 +213,7 @@ def run(args: argparse.Namespace) -> int:
     data = collect_data(vars(args), ask=_ask if sys.stdin.isatty() else None)
     text = bench_text(data)
     right = "give a file in a directory of yours"
-    with about_file(args.file, right=right), whole_file(args.file) as file:
+    with about_file(args.file, right=right), whole_file(args.file, replaces=True) as file:
         file.write_text(text, encoding="utf-8")
         try:
             load_config(file)  # what makes no sense leaves no file

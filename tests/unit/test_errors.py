@@ -21,7 +21,7 @@ def fill_the_disk(path):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-@pytest.mark.parametrize("before", [None, "before"])
+@pytest.mark.parametrize("before", [None, "# Written by hil-bench: before"])
 def test_a_file_that_cannot_be_written_to_its_end_is_left_as_it_was(tmp_path, before):
     path = tmp_path / "bench.toml"
     if before is not None:
@@ -67,6 +67,10 @@ def test_a_link_stays_a_link(tmp_path):
         ("a.html", b"<!doctype html><title>Of a user</title>"),
         ("a.dbc", b'VERSION ""\n'),
         ("a.json", b"words"),
+        ("a.toml", b"# the press of hall 3\n"),
+        ("a.md", b"# Notes\n"),
+        ("a.py", b'"""Of a user."""\n'),
+        ("a.cdcf", b"words"),
     ],
 )
 def test_a_file_of_somebody_else_is_not_replaced(tmp_path, name, content):
@@ -86,6 +90,11 @@ def test_a_file_of_somebody_else_is_not_replaced(tmp_path, name, content):
         ("a.png", b"\x89PNG"),
         ("a.html", b"<!doctype html><title>hil-bench</title>"),
         ("a.json", b""),
+        ("a.toml", b"# Written by hil-bench, which replaces files that begin so.\n"),
+        ("a.md", b"# CANopen conformance report\n"),
+        ("a.md", b"# Axis 1\n\n**passed**\n\n## Steps\n"),
+        ("a.py", b'"""SRS-1 fails: found by hil-bench falsify in a.scenario.toml."""\n'),
+        ("a.cdcf", b"\2\0\0\0"),
         ("a.txt", b"words"),
     ],
 )

@@ -18,7 +18,7 @@ from hil_bench.abilities.analysis.simulated_studies import (
 from hil_bench.abilities.analysis.simulation_statements import simulation_statements
 from hil_bench.abilities.analysis.statement import Statement, Verdict
 from hil_bench.abilities.analysis.study import Study, write_study
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, check_replaceable, whole_file
 
 REPORT = "paper-report.md"
 """Name of the report's file."""
@@ -80,10 +80,12 @@ def write_paper(directory: Path, runs: PaperRuns | None = None) -> list[Path]:
     images = directory / IMAGES
     with about_file(directory, right="give a directory of yours"):
         images.mkdir(exist_ok=True)
+        check_replaceable(report)
         report.touch()
     runs = run_paper() if runs is None else runs
     files = [path for study in paper_studies(runs) for path in write_study(study, images)]
-    report.write_text(report_text(runs), encoding="utf-8")
+    with about_file(report), whole_file(report) as file:
+        file.write_text(report_text(runs), encoding="utf-8")
     return [report, *files]
 
 

@@ -22,10 +22,13 @@ from hil_bench.abilities.scenario.records import (
 )
 from hil_bench.errors import ConfigError, about_file, whole_file
 
+WRITTEN = "# Written by hil-bench, which replaces files that begin so."
+
 
 def write_scenario(scenario: Scenario, path: Path) -> None:
     """Write a scenario to a file, by its suffix CSV or TOML; a `ConfigError` where it cannot be."""
-    text = to_csv(scenario) if path.suffix.lower() == ".csv" else to_toml(scenario)
+    is_sheet = path.suffix.lower() == ".csv"
+    text = to_csv(scenario) if is_sheet else f"{WRITTEN}\n{to_toml(scenario)}"
     with about_file(path), whole_file(path) as file:
         file.write_text(text, encoding="utf-8")
 

@@ -81,6 +81,24 @@ def test_an_interruption_is_not_lost_in_a_finaliser(number):
         work()
 
 
+def test_an_interruption_is_not_lost_while_it_is_asked_for_again(monkeypatch):
+    """On a busy machine the signal comes before the thread that sends it has started."""
+
+    start = threading.Thread.start
+
+    def start_behind_the_signal(thread):
+        os.kill(os.getpid(), signal.SIGINT)
+        start(thread)
+
+    def work():
+        Dying(signal.SIGTERM)
+        threading.Event().wait(5.0)
+
+    monkeypatch.setattr(threading.Thread, "start", start_behind_the_signal)
+    with interrupted_once(), pytest.raises(KeyboardInterrupt):
+        work()
+
+
 def test_another_exception_in_a_finaliser_is_shown_as_before(monkeypatch):
     shown = []
     monkeypatch.setattr(sys, "unraisablehook", shown.append)

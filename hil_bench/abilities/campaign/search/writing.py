@@ -11,7 +11,7 @@ from hil_bench.abilities.campaign.search.shrink import Shrunk, Target
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import Scenario, SetStep
 from hil_bench.abilities.scenario.writing import to_toml
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, whole_file
 
 _TEST = '''\
 """{text}"""
@@ -62,9 +62,10 @@ def write_failure(
     with about_file(folder):
         folder.mkdir(parents=True, exist_ok=True)
         content = to_toml(_moved(source, folder))
-        files.scenario.write_text(f"# {text}\n{content}", encoding="utf-8")
         test = _TEST.format(text=text, name=name, file=files.scenario.name)
-        files.test.write_text(test, encoding="utf-8")
+        with whole_file(files.scenario) as scenario, whole_file(files.test) as of_pytest:
+            scenario.write_text(f"# {text}\n{content}", encoding="utf-8")
+            of_pytest.write_text(test, encoding="utf-8")
     return files
 
 

@@ -11,7 +11,7 @@ from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_drivers import Network
 from hil_drivers.boot import NetworkManager
 from hil_drivers.boot_records import BootResult
@@ -159,6 +159,7 @@ def _write_concise(args: argparse.Namespace, plan: BootPlan | None) -> int:
         for slave in plan.slaves:
             if slave.configuration:
                 path = directory / f"{slave.name}.cdcf"
-                path.write_bytes(pack_concise_dcf(slave.configuration))
+                with whole_file(path) as file:
+                    file.write_bytes(pack_concise_dcf(slave.configuration))
                 print_lines(args, f"{path}: {len(slave.configuration)} entries")
     return ExitCode.DONE

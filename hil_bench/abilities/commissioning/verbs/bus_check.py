@@ -20,7 +20,7 @@ from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.network_arguments import bus_words, seen_from_bus
 from hil_bench.cli.results import print_lines
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_drivers import DriverError, Network
 
 
@@ -90,7 +90,8 @@ def _write_dcf(directory: Path, plans: Sequence[Plan]) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         for plan in plans:
             path = directory / f"node{plan.config.node_id}.cdcf"
-            path.write_bytes(concise_dcf(plan))
+            with whole_file(path) as file:
+                file.write_bytes(concise_dcf(plan))
             print(f"{path}: {len(plan.writes)} writes", file=sys.stderr)
 
 

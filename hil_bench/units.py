@@ -1,7 +1,7 @@
 """Units: the one place where a data-sheet unit meets SI.
 
 Values inside the bench are SI. A `Unit` converts where a person reads or writes: `bench.toml`, the
-status line, plots.
+status line, plots. In which units people are shown values: `hil_bench.shown_units`.
 """
 
 import math
@@ -31,6 +31,9 @@ class Unit(NamedTuple):
         return value / self.factor
 
 
+_INCH, _FOOT, _POUND_FORCE, _US_GALLON = 0.0254, 0.3048, 4.4482216152605, 3.785411784e-3
+_PSI = _POUND_FORCE / _INCH**2
+
 ONE = Unit("-", "")
 PERCENT = Unit("%", "_percent", 1e-2)
 PERCENT_PER_SECOND = Unit("%/s", "_percent_s", 1e-2)
@@ -52,6 +55,8 @@ SQUARE_CENTIMETRE = Unit("cm²", "_cm2", 1e-4)
 SQUARE_MILLIMETRE_PER_SECOND = Unit("mm²/s", "_mm2_s", 1e-6)
 CUBIC_CENTIMETRE = Unit("cm³", "_cm3", 1e-6)
 LITRE = Unit("l", "_l", 1e-3)
+INCH = Unit("in", "_in", _INCH)
+INCH_PER_SECOND = Unit("in/s", "_in_s", _INCH)
 METRE_PER_SECOND = Unit("m/s", "_m_s")
 MILLIMETRE_PER_SECOND = Unit("mm/s", "_mm_s", 1e-3)
 DEGREE = Unit("deg", "_deg", math.pi / 180.0)
@@ -65,7 +70,10 @@ SECOND_PER_METRE = Unit("s/m", "_s_m")
 KILOGRAM = Unit("kg", "_kg")
 KILOGRAM_PER_CUBIC_METRE = Unit("kg/m³", "_kg_m3")
 NEWTON = Unit("N", "_n")
+KILONEWTON = Unit("kN", "_kn", 1e3)
+POUND_FORCE = Unit("lbf", "_lbf", _POUND_FORCE)
 NEWTON_METRE = Unit("N m", "_n_m")
+POUND_FORCE_FOOT = Unit("lbf ft", "_lbf_ft", _POUND_FORCE * _FOOT)
 NEWTON_METRE_SECOND = Unit("N m s", "_n_m_s")
 KILOGRAM_SQUARE_METRE = Unit("kg m²", "_kg_m2")
 NEWTON_SECOND_PER_METRE = Unit("N s/m", "_n_s_m")
@@ -78,8 +86,13 @@ BAR_PER_SECOND = Unit("bar/s", "_bar_s", 1e5)
 BAR_PER_KELVIN = Unit("bar/K", "_bar_k", 1e5)
 BAR_PER_ROOT_HERTZ = Unit("bar/√Hz", "_bar_rthz", 1e5)
 MEGAPASCAL = Unit("MPa", "_mpa", 1e6)
+MEGAPASCAL_PER_SECOND = Unit("MPa/s", "_mpa_s", 1e6)
+PSI = Unit("psi", "_psi", _PSI)
+PSI_PER_SECOND = Unit("psi/s", "_psi_s", _PSI)
 CUBIC_METRE_PER_SECOND = Unit("m³/s", "_m3_s")
 LITRE_PER_MINUTE = Unit("l/min", "_l_min", 1e-3 / 60.0)
+US_GALLON = Unit("gal", "_gal", _US_GALLON)
+US_GALLON_PER_MINUTE = Unit("gpm", "_gpm", _US_GALLON / 60.0)
 LITRE_PER_MINUTE_BAR = Unit("l/(min bar)", "_l_min_bar", 1e-3 / 60.0 / 1e5)
 SECOND_AND_NEWTON = Unit("[s, N]", "_s_n")
 SECOND_AND_NEWTON_METRE = Unit("[s, N m]", "_s_n_m")
@@ -98,22 +111,8 @@ UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
 }
 """Units in which bindings and registers may have a quantity, by its SI unit."""
 
-DISPLAY_UNITS: Mapping[str, Unit] = {
-    "m": MILLIMETRE,
-    "m/s": MILLIMETRE_PER_SECOND,
-    "Pa": BAR,
-    "-": PERCENT,
-    "rad": REVOLUTION,
-    "rad/s": REVOLUTION_PER_MINUTE,
-    "m³/s": LITRE_PER_MINUTE,
-}
-"""In which unit people are shown a quantity, by its SI unit."""
-
 
 _MINUTE, _HOUR = 60.0, 3600.0
-_INCH, _FOOT, _POUND_FORCE, _US_GALLON = 0.0254, 0.3048, 4.4482216152605, 3.785411784e-3
-_PSI = _POUND_FORCE / _INCH**2
-
 _SPELLED: Mapping[str, Mapping[str, float]] = {
     "-": {"-": 1.0, "1": 1.0, "%": 1e-2},
     "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": _MINUTE, "h": _HOUR},
@@ -240,8 +239,3 @@ def si_unit(symbol: str) -> tuple[str, float]:
     """
     found = read_unit(symbol)
     return (symbol, 1.0) if found is None or found.offset else (found.symbol, found.factor)
-
-
-def display_unit(symbol: str) -> Unit:
-    """Return the unit in which people are shown a quantity of this SI unit; most as they are."""
-    return DISPLAY_UNITS.get(symbol, Unit(symbol, ""))

@@ -12,11 +12,10 @@ from hil_bench.cli.live_words import (
     fault_text,
     health_text,
     node_text,
-    shown_in,
-    value_text,
 )
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.errors import (
     BusError,
     ConfigError,
@@ -28,6 +27,7 @@ from hil_bench.errors import (
 )
 from hil_bench.outside.feed.client import FeedClient, connect
 from hil_bench.outside.feed.places import HAS_SOCKETS, find_names
+from hil_bench.shown_units import shown_unit
 
 _EXAMPLES = """\
 examples:
@@ -55,6 +55,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_bench_argument(parser)
     add_json_argument(parser)
+    add_units_argument(parser)
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, parser_class=Parser
     )
@@ -262,8 +263,8 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
     for name, ecu in ecus.items():
         yield f"J1939  {name:{width}}  {ecu_text(ecu)}"
     for name, unit in hello["channels"]:
-        shown = shown_in(unit)
-        yield f"value  {name:{width}}  {value_text(values.get(name), shown):>10} {shown.symbol}"
+        shown = shown_unit(unit)
+        yield f"value  {name:{width}}  {shown.text(values.get(name)):>10} {shown.symbol}"
     if work := state.get("work"):
         yield from map(printable, _work_lines(work))
     for fault in state["faults"]:

@@ -1,39 +1,9 @@
 """A running bench in words: states, faults, the loop, values in the units that people use."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from hil_bench.errors import printable
-from hil_bench.units import (
-    BAR,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    REVOLUTION,
-    REVOLUTION_PER_MINUTE,
-    Unit,
-)
-
-_SHOWN = {
-    "Pa": BAR,
-    "m": MILLIMETRE,
-    "m/s": MILLIMETRE_PER_SECOND,
-    "rad": REVOLUTION,
-    "rad/s": REVOLUTION_PER_MINUTE,
-}
-"""In which values are shown, by their SI unit."""
-
-
-def shown_in(unit: str) -> Unit:
-    """Return the unit in which a value in an SI unit is shown."""
-    return _SHOWN.get(unit, Unit(unit, ""))
-
-
-def value_text(value: float | None, unit: Unit) -> str:
-    """Return a value that is given in SI as people read it; "-" where there is none."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    return f"{round(unit.from_si(value), 3) + 0.0:.3f}"  # no -0.000
 
 
 def node_text(node: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
@@ -57,6 +58,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--to", type=float, default=np.inf, metavar="S", dest="end", help="end at S seconds"
     )
     add_json_argument(parser)
+    add_units_argument(parser)
     parser.set_defaults(run=run)
 
 

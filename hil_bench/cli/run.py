@@ -17,6 +17,7 @@ from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.options import add_options, take_over
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -63,7 +64,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_json_argument(often)
     add_lockstep_arguments(parser)
     _add_timing(add_loop_arguments(parser))
-    _add_seldom(parser.add_argument_group("seldom used"))
+    seldom = parser.add_argument_group("seldom used")
+    _add_seldom(seldom)
+    add_units_argument(seldom)
     parser.set_defaults(run=run)
 
 

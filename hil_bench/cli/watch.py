@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hil_bench.cli.ctl import add_bench_argument, bench_errors
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.options import add_options, take_over
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.watch_view import ONCE, REFRESH, WatchView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.client import FeedClient, connect
@@ -42,6 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help=f"show one picture, and exit; listen to a bus for {ONCE:g} s",
     )
+    add_units_argument(parser)
     add_options("watch", parser)
     parser.set_defaults(run=run)
 

@@ -1,6 +1,5 @@
 """The view of `hil-bench watch`: tables made of the messages of the feed."""
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -10,9 +9,8 @@ from hil_bench.cli.live_words import (
     fault_text,
     health_text,
     node_text,
-    shown_in,
-    value_text,
 )
+from hil_bench.cli.watch_values import Values, make_table
 from hil_bench.errors import printable
 
 if TYPE_CHECKING:
@@ -25,8 +23,7 @@ ONCE = 2.0
 REFRESH = 0.1
 """Time between two pictures [s]."""
 
-_BAR = 20
-_BLOCKS = " ▏▎▍▌▋▊▉█"
+_ITEMS = 12  # of work, most
 _EVENTS = 5
 STATE_STYLES = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": "red"}
 """Colours of NMT states."""
@@ -51,8 +48,7 @@ class WatchView:
         """Show a bench from its start."""
         self.is_there = self.is_moving = True
         self._hello = hello
-        self._values: dict[str, float | None] = {}
-        self._ranges: dict[str, tuple[float, float]] = {}
+        self._values = Values([(name, unit) for name, unit in hello["channels"]])
         self._state: Mapping[str, Any] = {"nodes": {}, "faults": []}
         self._health: Mapping[str, Any] = {}
         self._lost = 0
@@ -62,7 +58,7 @@ class WatchView:
         self.is_moving = True
         match message["type"]:
             case "rows":
-                self._take_row(message["rows"][-1])
+                self._values.take(message["rows"][-1])
             case "state":
                 self._state = message
             case "health":
@@ -80,26 +76,23 @@ class WatchView:
         """Return the view to draw."""
         from rich.console import Group  # noqa: PLC0415 - it is an extra
 
-        parts: list[RenderableType] = [self._heading(), self._value_table(), self._node_table()]
-        parts.append(self._fault_part())
-        parts.append(f"loop   {health_text(self._health)}")
+        work = self._state.get("work")
+        parts: list[RenderableType] = [self._heading()]
+        if work:
+            parts += work_parts(work, self._hello.get("work", {}).get("verb", "work"))
+        parts += self._values.tables(list(self._hello["axes"]), limits_of(work or {}))
+        if self._is_bench:
+            parts += [self._node_table(), self._fault_part()]
+            parts.append(f"loop   {health_text(self._health)}")
         parts += [f"event  {event}" for event in self._events]
         if self._lost:
             parts.append(f"{self._lost} messages lost: this terminal is too slow")
         return Group(*parts)
 
-    def _take_row(self, row: list[float | None]) -> None:
-        names = ["time", *(name for name, _ in self._hello["channels"])]
-        self._values = dict(zip(names, row, strict=True))
-        for name, value in self._values.items():
-            if value is not None:
-                low, high = self._ranges.get(name, (value, value))
-                self._ranges[name] = (min(low, value), max(high, value))
-
     def _heading(self) -> "RenderableType":
         from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-        time = self._values.get("time") or 0.0
+        time = self._values.time
         name, pid = printable(str(self._hello["name"])), self._hello["pid"]
         text = Text(f"bench  {name}, process {pid}, at {time:.3f} s")
         if not self.is_there:
@@ -108,21 +101,9 @@ class WatchView:
             text.append("   its time stands still", style="bold yellow")
         return text
 
-    def _value_table(self) -> "Table":
-        table = make_table("value", "", "", "lowest", "", "highest", right=(1, 3, 5))
-        for name, symbol in self._hello["channels"]:
-            unit = shown_in(symbol)
-            value = self._values.get(name)
-            low, high = self._ranges.get(name, (math.nan, math.nan))
-            table.add_row(
-                printable(name),
-                value_text(value, unit),
-                unit.symbol,
-                value_text(low, unit),
-                bar(value, low, high),
-                value_text(high, unit),
-            )
-        return table
+    @property
+    def _is_bench(self) -> bool:
+        return bool(self._hello.get("work", {"is_bench": True}).get("is_bench"))
 
     def _node_table(self) -> "Table":
         from rich.text import Text  # noqa: PLC0415 - it is an extra
@@ -143,26 +124,46 @@ class WatchView:
         return Text("\n".join(lines), style="bold red") if lines else Text("fault  none")
 
 
-def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:
-    """Return a bar that is as full as the value lies between the two; empty where they are one."""
-    if value is None or not low < high:
-        return " " * width
-    share = min(max((value - low) / (high - low), 0.0), 1.0)
-    eighths = round(share * width * 8)
-    full, rest = divmod(eighths, 8)
-    return ("█" * full + (_BLOCKS[rest] if rest else "")).ljust(width)
+def limits_of(work: Mapping[str, Any]) -> dict[str, tuple[float | None, float | None]]:
+    """Return the lowest and highest right value of channels, of the work and its requirements."""
+    limits: dict[str, tuple[float | None, float | None]] = {
+        name: (low, high) for name, (low, high) in work.get("limits", {}).items()
+    }
+    for margin in work.get("margins", ()):
+        for band in margin["bands"]:
+            low, high = limits.get(band["channel"], (None, None))
+            lows = [each for each in (low, band["low"]) if each is not None]
+            highs = [each for each in (high, band["high"]) if each is not None]
+            limits[band["channel"]] = max(lows, default=None), min(highs, default=None)
+    return limits
 
 
-def make_table(*heads: str, right: tuple[int, ...] = ()) -> "Table":
-    """Return an empty table.
+def work_parts(work: Mapping[str, Any], verb: str) -> "list[RenderableType]":
+    """Return the progress of work, with the margins of its requirements and its findings."""
+    from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-    Args:
-        heads: of its columns.
-        right: the columns that are aligned right.
-    """
-    from rich.table import Table  # noqa: PLC0415 - it is an extra
-
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for number, head in enumerate(heads):
-        table.add_column(head, no_wrap=True, justify="right" if number in right else "left")
-    return table
+    unit = f" {work.get('unit', '')}".rstrip()
+    progress = f"{work['done']:g} of {work['total']:g}{unit}  " if work["total"] else ""
+    left = work.get("left")
+    remaining = "" if left is None else f", {left:.0f} s left"
+    words = work["now"] or work["verdict"]
+    parts: list[RenderableType] = [printable(f"{verb}  {progress}{words}{remaining}")]
+    if work["detail"]:
+        parts.append(printable(f"limits  {work['detail']}"))
+    counts = "  ".join(f"{count} {name}" for name, count in work["counts"].items())
+    if counts:
+        parts.append(printable(f"so far  {counts}"))
+    if work.get("margins"):
+        table = make_table("requirement", "so far", "margin")
+        for each in work["margins"]:
+            is_bad = each["margin"] is not None and each["margin"] < 0.0
+            style = "red" if is_bad or each["verdict"] == "failed" else ""
+            words = each["verdict"] or ("open" if each["margin"] is None else "holds")
+            table.add_row(*map(printable, (each["id"], words, each["text"])), style=style)
+        parts.append(table)
+    shown = [each for each in work["items"] if each["verdict"] not in {"", "done"}][:_ITEMS]
+    for each in shown:
+        style = "red" if each["verdict"] in {"failed", "stopped", "crashed"} else ""
+        line = printable(f"  {each['name']} {each['verdict']} {each['text']}".rstrip())
+        parts.append(Text(line, style=style))
+    return parts

@@ -1,7 +1,6 @@
 """The findings of a commissioning step: measures with limits, named faults, a verdict."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -10,10 +9,8 @@ import numpy.typing as npt
 
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
-from hil_bench.units import BAR_PER_SECOND, DISPLAY_UNITS, MILLISECOND, Unit
-
-SHOWN_UNITS: Mapping[str, Unit] = {**DISPLAY_UNITS, "Pa/s": BAR_PER_SECOND, "s": MILLISECOND}
-"""In which unit a measure is shown, by the symbol of its SI unit; others as they are."""
+from hil_bench.shown_units import display_unit
+from hil_bench.units import MILLISECOND, SECOND, Unit
 
 SAMPLE_CHANNELS = tuple(Channel(q.name, q.unit) for q in QUANTITIES if q.is_recorded)
 """What the drivers tell at each sample, after the time."""
@@ -78,7 +75,7 @@ class Measure:
 
 def shown_unit(symbol: str) -> Unit:
     """Return the unit in which a quantity of this SI unit is shown."""
-    return SHOWN_UNITS.get(symbol, Unit(symbol, ""))
+    return MILLISECOND if symbol == SECOND.symbol else display_unit(symbol)
 
 
 @dataclass(frozen=True, slots=True)

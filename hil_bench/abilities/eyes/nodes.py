@@ -11,7 +11,7 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.errors import ConfigError
-from hil_bench.units import DISPLAY_UNITS, Unit
+from hil_bench.shown_units import display_unit
 
 _NODE_IDS = range(1, 128)
 
@@ -54,7 +54,7 @@ def _scales(config: BenchConfig, settings: NodeConfig) -> Iterator[tuple[tuple[i
     for binding in settings.bindings:
         quantity = axes[binding.axis].kind.by_name.get(binding.quantity)
         if quantity is not None and binding.scale:
-            unit = DISPLAY_UNITS.get(quantity.unit, Unit(quantity.unit, ""))
+            unit = display_unit(quantity.unit)
             scale = Scale(1.0 / (binding.scale * unit.factor), unit, binding.offset)
             yield (binding.index, binding.subindex), scale
 

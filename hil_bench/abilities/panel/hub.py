@@ -17,6 +17,7 @@ from hil_bench.errors import BusError, ConfigError, HilBenchError
 from hil_bench.outside.feed.client import only_one
 from hil_bench.outside.feed.messages import encode
 from hil_bench.outside.feed.places import find_names
+from hil_bench.shown_units import units_content
 
 MOST_VIEWERS = 64
 
@@ -217,6 +218,7 @@ class Hub:
         if self.link is None:
             return b""
         hello = {**self.link.hello, "fault_kinds": fault_choices(self.link.hello)}
+        hello["units"] = units_content()
         return b"".join([encode(hello), self._state, self._health, *self._events])
 
     def _say(self, bench: str | None, words: str, benches: list[str]) -> None:

@@ -18,7 +18,8 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.units import display_unit, read_unit
+from hil_bench.shown_units import display_unit
+from hil_bench.units import read_unit
 
 _GIVEN = "given"  # metadata of a field: the unit that the file has, where it is another one
 

@@ -18,7 +18,8 @@ from hil_bench.errors import ConfigError, whole_file
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
-from hil_bench.units import Unit, display_unit
+from hil_bench.shown_units import display_unit
+from hil_bench.units import Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

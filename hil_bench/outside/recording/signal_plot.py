@@ -10,7 +10,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
 from hil_bench.outside.recording.plot import save_figure
-from hil_bench.units import display_unit
+from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

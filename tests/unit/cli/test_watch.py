@@ -7,7 +7,8 @@ from rich.console import Console
 from support.feed_loop import FeedLoop
 
 from hil_bench.cli import main, watch
-from hil_bench.cli.watch_view import WatchView, bar
+from hil_bench.cli.watch_values import bar
+from hil_bench.cli.watch_view import WatchView
 from hil_bench.errors import BusError
 
 
@@ -72,8 +73,8 @@ def test_the_range_is_that_of_what_was_seen():
     for value in (0.1, 0.3, None, 0.2):
         view.take({"type": "rows", "rows": [[1.0, value]]})
     (line,) = [line.split() for line in drawn(view) if line.startswith("axis1.position")]
-    assert line[:4] == ["axis1.position", "200.000", "mm", "100.000"]
-    assert line[-1] == "300.000"
+    assert line[:4] == ["axis1.position", "200.00", "mm", "100.00"]
+    assert line[-1] == "300.00"
 
 
 def test_what_happens_is_listed():

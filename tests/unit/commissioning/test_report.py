@@ -67,7 +67,7 @@ def test_both_say_the_same(tmp_path):
         "0 to 40 bar",
         "100 mm/s",
         "from 50 mm/s",
-        "-12.5 N",
+        "-0.0125 kN",
         "not run",
         "step ramp failed",
         "0x00000003",

@@ -79,7 +79,16 @@ def test_a_client_sees_what_is_done_and_what_it_found(loop):
     wire = watching(loop)
     (state,) = states(wire)
     assert (state["nodes"], state["faults"], state["recording"]) == ({}, [], None)
+    rest = {
+        "unit": "",
+        "left": None,
+        "margins": [],
+        "histograms": [],
+        "courses": [],
+        "failures": [],
+    }
     assert state["work"] == {
+        **rest,
         "now": "ramp",
         "detail": "position 10 to 190 mm",
         "done": 1,
@@ -134,7 +143,7 @@ def test_the_status_in_the_shell_has_a_line_for_it(loop):
         lines = [*status_lines(hello, client.request("status"))]
     assert lines[:3] == [
         "bench  commission  process 1, commission plan.toml, at 0.200 s",
-        "value  axis1.position     500.000 mm",
+        "value  axis1.position      500.00 mm",
         "work   4 of 8  ramp\\x1b[2J",
     ]
 

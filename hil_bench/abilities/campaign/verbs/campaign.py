@@ -38,6 +38,7 @@ from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.numbers import count, count_from_zero
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 
@@ -119,6 +120,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--report", type=Path, metavar="FILE", help="write an HTML report that opens offline"
     )
     add_json_argument(parser)
+    add_units_argument(parser)
     add_work_arguments(parser, "campaign")
     parser.set_defaults(run=run)
 

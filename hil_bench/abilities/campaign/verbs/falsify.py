@@ -27,6 +27,7 @@ from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.numbers import count, count_from_zero, positive
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.units_argument import add_units_argument
 
 logger = logging.getLogger(__name__)
 
@@ -107,6 +108,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_parameter_argument(parser)
     add_jobs_argument(parser)
     add_json_argument(parser)
+    add_units_argument(parser)
     parser.set_defaults(run=run)
 
 

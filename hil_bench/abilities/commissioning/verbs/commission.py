@@ -56,6 +56,7 @@ from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.work_recording import recorded_work
 from hil_bench.cli.work_side import (
     ShownRows,
@@ -122,6 +123,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     add_json_argument(parser)
+    add_units_argument(parser)
     add_work_arguments(parser, "commission")
     parser.set_defaults(run=run)
 

@@ -35,7 +35,7 @@ from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.plot import plot_result
-from hil_bench.units import display_unit
+from hil_bench.shown_units import display_unit
 
 _LONGEST = 3600.0
 

@@ -10,6 +10,7 @@ import { MachineView } from "./machine.js";
 import { Model } from "./model.js";
 import { RecordView } from "./record.js";
 import { ScopeView } from "./scope.js";
+import { takeUnits, UnitsControl } from "./units.js";
 import { WorkView } from "./work.js";
 
 const STILL = 2000; // without a row, time stands still [ms]
@@ -136,6 +137,9 @@ function offerBenches({ bench, benches }) {
   picker.replaceChildren(...benches.map((name) => el("option", { value: name, selected: name === bench }, name)));
 }
 
+const units = new UnitsControl(() => views.forEach(({ view }) => (view.changeUnits ?? view.begin)?.call(view, model.hello)));
+document.getElementById("tabs").before(units.root);
+
 link.on("panel", (status) => {
   model.benches = status.benches;
   if (!status.bench && model.hello) {
@@ -148,6 +152,8 @@ link.on("panel", (status) => {
 });
 link.on("hello", (hello) => {
   lastRow = performance.now();
+  takeUnits(hello.units);
+  units.begin();
   model.begin(hello);
   setText(document.getElementById("bench-name"), hello.name);
   document.title = `${hello.name} – hil-bench`;

@@ -10,6 +10,7 @@ from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.results import print_lines
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.errors import ConfigError
 
 _NICENESS = 5
@@ -61,6 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help="exit when the bench ends, or if the bench of --bench does not run",
     )
+    add_units_argument(parser)
     parser.set_defaults(run=run)
 
 

@@ -35,7 +35,7 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.trigger import quantity
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.units import display_unit
+from hil_bench.shown_units import display_unit
 
 _EXAMPLES = """\
 examples:

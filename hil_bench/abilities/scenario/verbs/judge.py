@@ -21,6 +21,7 @@ from hil_bench.abilities.scenario.verbs.verdicts import (
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 
@@ -61,6 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_report_argument(parser)
     add_json_argument(parser)
+    add_units_argument(parser)
     parser.set_defaults(run=run)
 
 

@@ -4,7 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.scenario.dimensions import UNITS
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.live_margins import LiveMargins
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
@@ -40,6 +42,7 @@ def shown_stage(prepared: PreparedScenario, stage: Stage) -> ShownWork:
     """Return a scenario on a bench that runs, for those who watch."""
     scenario = prepared.scenario
     tick = prepared.config.tick_ns * 1e-9
+    live = LiveMargins(prepared, stage.witness)
     steps = [
         WorkItem(f"{each.tick * tick:.3f} s", "", _action_text(each.action))
         for each in prepared.actions
@@ -48,6 +51,7 @@ def shown_stage(prepared: PreparedScenario, stage: Stage) -> ShownWork:
 
     def state() -> WorkState:
         done = stage.director.done
+        margins = live.look()
         findings, left = asked, steps[done:]
         if stage.director.is_over:
             try:
@@ -56,8 +60,10 @@ def shown_stage(prepared: PreparedScenario, stage: Stage) -> ShownWork:
                 findings = [WorkItem("step", "stopped", str(error))]
         return WorkState(
             now="" if stage.director.is_over else scenario.title,
-            done=done,
-            total=len(steps),
+            done=round(stage.witness.ticks * tick, 1),
+            total=scenario.duration,
+            unit="s",
+            margins=margins,
             items=[*findings, *(each._replace(verdict="done") for each in steps[:done]), *left],
             verdict=_verdict(findings) if stage.director.is_over else "",
         )
@@ -81,7 +87,10 @@ def _verdict(items: Sequence[WorkItem]) -> str:
 def _action_text(action: Action) -> str:
     match action:
         case SetAction():
-            return f"set {action.target} = {action.value:g}"
+            unit = UNITS.get(action.units[0]) if action.units else None
+            if unit is None:
+                return f"set {action.target} = {action.value:g}"
+            return f"set {action.target} = {unit.unit.from_si(action.value):g} {action.units[0]}"
         case FaultConfig():
             return f"{action.kind} {action.target}"
         case NmtStep():

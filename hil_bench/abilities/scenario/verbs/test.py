@@ -40,6 +40,7 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, worst
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.numbers import count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.session.pool import Pool, TaskEnd
@@ -98,6 +99,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_report_argument(parser)
     add_json_argument(parser)
+    add_units_argument(parser)
     add_machine_arguments(parser)
     add_work_arguments(parser, "test")
     parser.set_defaults(run=run)

@@ -20,6 +20,7 @@ from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.recording.files import RecordingFile
@@ -113,6 +114,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="write each measured value beside the twin's",
     )
     add_json_argument(parser)
+    add_units_argument(parser)
     add_work_arguments(parser, "shadow")
     parser.set_defaults(run=run)
 

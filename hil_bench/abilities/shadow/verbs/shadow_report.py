@@ -16,7 +16,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.work_side import WorkView
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.session.work_feed import WorkItem
-from hil_bench.units import display_unit
+from hil_bench.shown_units import display_unit
 
 Limits = Mapping[str, Mapping[str, float]]
 """By axis and quantity, in SI units."""

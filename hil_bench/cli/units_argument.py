@@ -1,0 +1,37 @@
+"""The option of the units in which a verb shows values."""
+
+import argparse
+from collections.abc import Sequence
+
+from hil_bench.errors import ConfigError
+from hil_bench.shown_units import SETS, VARIABLE, choose
+
+
+def add_units_argument(parser: "argparse._ActionsContainer") -> None:
+    """Add --units, which overrides the environment variable for this run and its helpers."""
+    parser.add_argument(
+        "--units",
+        action=_Choose,
+        metavar="WORDS",
+        help="show values in these units, as in psi,in,gpm or MPa; sets of them are "
+        f"{' and '.join(SETS)} (default: {VARIABLE} of the environment, else metric)",
+    )
+
+
+class _Choose(argparse.Action):
+    def __call__(
+        self,
+        _parser: argparse.ArgumentParser,
+        _namespace: argparse.Namespace,
+        values: str | Sequence[object] | None,
+        _option: str | None = None,
+    ) -> None:
+        """Choose.
+
+        Raises:
+            argparse.ArgumentError: a word is wrong.
+        """
+        try:
+            choose(str(values))
+        except ConfigError as error:
+            raise argparse.ArgumentError(self, str(error)) from None

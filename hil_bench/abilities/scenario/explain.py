@@ -120,9 +120,17 @@ class Explainer:
             case nodes.All():
                 return min(self.margin(each, tick) for each in node.operands)
             case nodes.Always() | nodes.Eventually():
-                return float(self._margins(node.operand)[self._extreme(node, tick)])
+                return self._margin_of_window(node, tick)
             case _:
                 raise TypeError(f"{type(node).__name__} is kept")
+
+    def _margin_of_window(self, node: nodes.Always | nodes.Eventually, tick: int) -> float:
+        first, last = self._reach(node, node.window, tick, 1)
+        part = self._margins(node.operand)[first : last + 1]
+        _, end = window_ticks(node, node.window, self._tick_ns)
+        if not len(part) or (end is not None and tick + end >= self._ticks):  # unknown behind
+            part = np.append(part, np.inf if self._is_failed else -np.inf)
+        return float(part.min() if isinstance(node, nodes.Always) else part.max())
 
     def _implication(self, node: nodes.Implies, tick: int) -> Cause:
         bounds = self._log.margins(node.trigger)

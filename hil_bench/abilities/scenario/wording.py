@@ -34,6 +34,9 @@ _MOST_DIGITS = 12
 _USUAL = ("bar", "mm", "mm/s", "s", "N", "bar/s", "l/min")
 
 
+_NOTHING = 1e-300  # equal sides differ by the smallest double, so that the sign is kept
+
+
 def unit_of(dimension: Dimension, symbol: str) -> Unit:
     """Return the unit in which to show a value: the one that the text gives, or a usual one."""
     found = find_unit(symbol) if symbol else None
@@ -64,7 +67,8 @@ def show_reading(value: float, apart: float, unit: Unit) -> str:
 
 
 def show_gap(value: float, unit: Unit) -> str:
-    """Return an SI difference in a unit, in four digits."""
+    """Return an SI difference in a unit, in four digits; of equal sides a zero with its sign."""
+    value = value if abs(value) >= _NOTHING else math.copysign(0.0, value)
     return _with_unit(unit.from_si(value), 4, unit)
 
 

@@ -425,6 +425,11 @@ def test_bounds_between_ticks_take_the_ticks_inside():
         run("always from 200 us to 800 us flag > 0", flag=[1, 1])
 
 
+def test_the_margin_of_equal_sides_is_shown_as_zero():
+    found = run("always flag < 5", flag=[1, 5])
+    assert (found.outcome, found.deciding.margin) == ("failed", "-0")
+
+
 def test_settled_is_for_the_rest_of_the_run_or_a_time():
     position = [0.0, 0.1001, 0.0999, 0.1, 0.2]
     target = [0.1] * 5
@@ -443,6 +448,10 @@ def test_settled_is_for_the_rest_of_the_run_or_a_time():
         ("always (flag < 9 for the last 1 ms)", ("flag < 9", 0.001)),
         ("always flag < 9 and target < 5 m", ("flag < 9", 0.001)),
         ("previous(flag) < 9", ("previous(flag) < 9", 0.0)),
+        # What asks for a time behind the run is not known, so it decides nothing.
+        ("(always flag < 5) and eventually after 7 ms falls(flag)", ("flag < 5", 0.001)),
+        ("(always flag < 5) and always after 7 ms falls(flag)", ("flag < 5", 0.001)),
+        ("(always flag < 5) and eventually from 1 ms to 7 ms flag < -9", ("flag < 5", 0.001)),
     ],
 )
 def test_the_comparison_that_decides_is_named(text, node_at):

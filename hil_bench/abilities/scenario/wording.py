@@ -31,10 +31,8 @@ _TURNED: Final = {
     (Turn.CHANGES, False): "did not change",
 }
 _MOST_DIGITS = 12
-_USUAL = ("bar", "mm", "mm/s", "s", "N", "bar/s", "l/min")
-
-
 _NOTHING = 1e-300  # equal sides differ by the smallest double, so that the sign is kept
+_USUAL = ("bar", "mm", "mm/s", "s", "N", "bar/s", "l/min")
 
 
 def unit_of(dimension: Dimension, symbol: str) -> Unit:

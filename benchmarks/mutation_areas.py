@@ -20,10 +20,15 @@ PACKAGES: Final = {
     folder.name: sorted(
         str(path.relative_to(_ROOT)) for path in folder.rglob("*.py") if path.stat().st_size
     )
-    for folder in (*sorted((_ROOT / "hil_bench").iterdir()), _ROOT / "drivers")
-    if (folder / "__init__.py").exists() or folder.name == "drivers"
+    for folder in (
+        *sorted((_ROOT / "hil_bench").iterdir()),
+        *sorted((_ROOT / "hil_bench/abilities").iterdir()),
+        _ROOT / "drivers",
+    )
+    if ((folder / "__init__.py").exists() and folder.name != "abilities")
+    or folder.name == "drivers"
 }
-"""All modules of each package. Its tests are those that run the changed line."""
+"""All modules of each package and ability. Its tests are those that run the changed line."""
 
 KERNELS: Final = "hil_bench/plants/hydraulic_cylinder/model/"
 """Modules whose tests run with `NUMBA_DISABLE_JIT=1`: what Numba has cached has no mutant in it."""

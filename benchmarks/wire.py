@@ -9,6 +9,7 @@ import time
 
 import occasion
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.session.session import Session, open_session
 
@@ -52,7 +53,7 @@ def main() -> None:
         benches = [Running(path, bitrate, is_wired=is_wired) for is_wired in (False, True)]
         times = [[bench.block() for bench in benches] for _ in range(blocks)]
         off, on = map(statistics.median, zip(*times, strict=True))
-        wiring = benches[1].session.bench.wiring
+        wiring = benches[1].session.bench.part(Copper).wiring
         passed = wiring.buses[0].wire.passed if wiring else 0
         frames = passed / benches[1].ticks
         print(

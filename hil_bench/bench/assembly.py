@@ -7,18 +7,17 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import cast
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.copper import build_wiring
-from hil_bench.bench.ecus import build_segments
+from hil_bench.bench.copper_ticks import Copper
+from hil_bench.bench.ecus import EcuTable, build_segments
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
-from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
@@ -52,7 +51,7 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
     config = config or load_config()
     bench = build_bench(config)
     bench.start(0)
-    return EmbeddedBus(bench.tick, config.tick_ns, wire=bench.wiring)
+    return EmbeddedBus(bench.tick, config.tick_ns, medium=bench.medium)
 
 
 def build_bench(config: BenchConfig) -> Bench:
@@ -77,28 +76,29 @@ def build_bench(config: BenchConfig) -> Bench:
     axes = [build_axis(axis, plants[axis.name], list(parts.values())) for axis in config.axes]
     buses = number_buses(config)
     ecus = {each.name: each.ecu for segment in segments for each in segment.stations}
+    numbers = {node: buses[name] for name, node in nodes.items()}
+    bench = Bench(
+        axes,
+        Switchboard(numbers, agenda),
+        steps=config.steps_per_tick,
+        fittings=list(fittings.values()),
+        sensors=order_sensors(axes, parts, config),
+    )
+    bench.group([*find_fed(config, supplies), *group_plants(axes, config)])
     wiring = build_wiring(config, nodes, ecus)
     plugs = wiring.plugs if wiring else {}
     wires = {name: plugs[each] for name, each in {**nodes, **ecus}.items() if each in plugs}
+    if wiring is not None:
+        bench.extend(Copper(wiring))
+    bench.extend(EcuTable(segments))
     faults = Faults(
         find_fault_points(axes, nodes, parts, buses, wires, segments, supplies),
+        bench,
         tick_ns=config.tick_ns,
         seed=config.seed,
     )
     schedule_faults(faults, config.faults)
-    numbers = {node: buses[name] for name, node in nodes.items()}
-    switchboard = Switchboard(numbers, agenda, wiring)
-    make = Bench if wiring is None else partial(WiredBench, wiring=wiring)
-    bench = make(
-        axes,
-        switchboard,
-        steps=config.steps_per_tick,
-        faults=faults,
-        fittings=list(fittings.values()),
-        sensors=order_sensors(axes, parts, config),
-    )
-    bench.join(segments)
-    bench.group([*find_fed(config, supplies), *group_plants(axes, config)])
+    bench.extend(faults)
     return bench
 
 

@@ -13,20 +13,61 @@ The order inside a tick is fixed, as in the real-time thread of a CANopen device
 
 A frame that one node of the bench sends is heard by the other nodes of the bench in the next tick,
 as on a wire.
+
+What a bench has beside plants and nodes is an `Extension`: it adds what it does to the places of
+the tick, and the tick knows nothing else of it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeVar
 
-from hil_bench.bench.segment import Segment
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.plants.plant import PlantGroup
 
-if TYPE_CHECKING:
-    from hil_bench.bench.wiring import Wiring
+Act = Callable[[int], None]
+"""Does something in a tick, at its time [ns]."""
+
+Sieve = Callable[[Sequence[Frame], int], Sequence[Frame]]
+"""Given frames and a time [ns], returns those that go on."""
+
+FrameObserver = Callable[[Sequence[Frame], Sequence[Frame], int], None]
+"""Told the frames that the bench received and sent, and their time [ns].
+
+Where frames take time on a bus it is told each by itself, at the time at which it had passed."""
+
+
+class Extension(Protocol):
+    """A part of a bench beside its plants and nodes."""
+
+    def join(self, bench: "Bench") -> None:
+        """Add what it does to the places of the tick, and its ways to the switchboard."""
+
+
+class Medium(Protocol):
+    """Buses on which frames take time.
+
+    Attributes:
+        is_direct: whether a user in the same thread puts frames at any time, not with a tick.
+    """
+
+    is_direct: bool
+
+    def takes(self, frame: Frame) -> bool:
+        """Return True if `put` takes a frame at any time."""
+
+    def put(self, frame: Frame, now: int) -> bool:
+        """Have the user want to send a frame from now on [ns]; return whether it had room."""
+
+    def next_frame(self, until: int) -> tuple[Frame, int] | None:
+        """Return the next frame that passes, and when [ns]; None where none does until then."""
+
+    def reported(self) -> Sequence[Frame]:
+        """Return the error frames of the last tick."""
+
+
+ExtensionT = TypeVar("ExtensionT")
 
 
 class Bench:
@@ -36,18 +77,26 @@ class Bench:
         axes: the cylinders, at least one.
         switchboard: every CANopen node, and its bus.
         steps: plant steps in one tick, one or more.
-        faults: what may go wrong; without it nothing can.
         fittings: what the device of each node does, in the order of the nodes.
         sensors: what is recorded of them, in that order.
 
     Attributes:
         nodes: every CANopen node.
+        switchboard: as passed in.
         commands: what each axis was commanded in the last tick [SI].
         is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
-        wiring: its buses of copper; None where all buses take no time.
-        segments: the J1939 devices of each bus that has some.
+        medium: the buses on which frames take time; None where all take none.
         groups: plants that move at once, each group with the numbers of its axes.
         single: the numbers of all other axes.
+        starts: called when the power comes on, after the nodes have got it.
+        arrivals: given the frames that arrived for a tick, before anything else.
+        begins: called before frames are received.
+        holds: called before the plants move.
+        acts: called after the plants and their sensors.
+        finishes: called before the nodes send.
+        served: given the frames that are to be served between two ticks.
+        departures: given what was sent, in a tick and between two.
+        retells: make an observer of frames into one that is told them as they passed.
     """
 
     def __init__(
@@ -56,33 +105,54 @@ class Bench:
         switchboard: Switchboard,
         *,
         steps: int,
-        faults: Faults | None = None,
         fittings: Sequence[Fitting] = (),
         sensors: Sequence[Measurement] = (),
     ) -> None:
-        self.wiring: Wiring | None = None
+        self.medium: Medium | None = None
         self.axes = tuple(axes)
         self.group(())
         self._inputs = [0.0] * len(self.axes)
         self._outputs: list[Sequence[float]] = [()] * len(self.axes)
         self.nodes = switchboard.nodes
-        self.faults = faults or Faults()
         self.is_timeless: Callable[[Frame], bool] = switchboard.is_timeless
         self.commands = [0.0] * len(self.axes)
         self.fittings = tuple(fittings)
         self.sensors = tuple(sensors)
-        self._acts = [each.advance for each in self.fittings if each.advance is not None]
-        self.segments: tuple[Segment, ...] = ()
-        self._switchboard = switchboard
+        self.switchboard = switchboard
         self._steps = steps
-        switchboard.lay(self.faults.lines)
+        self._extensions: list[Extension] = []
+        self.starts: list[Act] = []
+        self.arrivals: list[Sieve] = []
+        self.begins: list[Act] = []
+        self.holds: list[Act] = []
+        self.acts: list[Act] = [act for each in self.fittings if (act := each.advance) is not None]
+        self.finishes: list[Act] = []
+        self.served: list[Sieve] = []
+        self.departures: list[Sieve] = []
+        self.retells: list[Callable[[FrameObserver], FrameObserver]] = []
 
-    def join(self, segments: Sequence[Segment]) -> None:
-        """Plug J1939 devices in."""
-        self.segments = tuple(segments)
-        for segment in self.segments:
-            segment.join(self._switchboard, self.wiring)
-            self._acts.append(segment.advance)
+    def extend(self, extension: Extension) -> None:
+        """Let an extension act in the ticks from now on, after those that are there."""
+        self._extensions.append(extension)
+        extension.join(self)
+
+    def find(self, kind: type[ExtensionT]) -> ExtensionT | None:
+        """Return the extension of a class; None where the bench has none."""
+        for each in self._extensions:
+            if isinstance(each, kind):
+                return each
+        return None
+
+    def part(self, kind: type[ExtensionT]) -> ExtensionT:
+        """Return the extension of a class.
+
+        Raises:
+            LookupError: the bench has none.
+        """
+        found = self.find(kind)
+        if found is None:
+            raise LookupError(f"this bench has no {kind.__name__}")
+        return found
 
     def group(self, groups: Sequence[tuple[Sequence[int], PlantGroup]]) -> None:
         """Move plants at once from now on: those of each group, with the numbers of its axes."""
@@ -92,21 +162,21 @@ class Bench:
 
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
-        self._switchboard.start(now)
-        for segment in self.segments:
-            segment.start(now)
+        self.switchboard.start(now)
+        for start in self.starts:
+            start(now)
 
     @property
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:
         """Every COB-ID that some node listens to, by `address_of`; a new object after a change."""
-        return self._switchboard.routes
+        return self.switchboard.routes
 
     @property
     def unrouted(self) -> int:
         """The number of received frames that no node listens to."""
-        return self._switchboard.unrouted
+        return self.switchboard.unrouted
 
-    def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+    def tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         """Move the whole bench on by one tick.
 
         Args:
@@ -116,19 +186,23 @@ class Bench:
         Returns:
             The frames that the nodes send, in the order they would reach the bus.
         """
-        switchboard = self._switchboard
-        if now >= self.faults.due:
-            self.faults.advance(now)
-            switchboard.lay(self.faults.lines)
+        switchboard = self.switchboard
+        for sift in self.arrivals:
+            frames = sift(frames, now)
+        for begin in self.begins:
+            begin(now)
         switchboard.receive(frames, now, switchboard.ports)
-        for hold in self.faults.holds:
-            hold()
+        for hold in self.holds:
+            hold(now)
         self._advance_axes(now)
-        for act in self._acts:
+        for act in self.acts:
             act(now)
-        for babble in self.faults.babbles:
-            babble(switchboard.emit)
-        return switchboard.send(now, switchboard.ports)
+        for finish in self.finishes:
+            finish(now)
+        sent: Sequence[Frame] = switchboard.send(now, switchboard.ports)
+        for sift in self.departures:
+            sent = sift(sent, now)
+        return sent
 
     def _advance_axes(self, now: int) -> None:
         axes, commands, inputs, outputs = self.axes, self.commands, self._inputs, self._outputs
@@ -143,7 +217,7 @@ class Bench:
         for number, axis in enumerate(axes):
             axis.publish(outputs[number], now)
 
-    def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+    def serve(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         """Do what a tick does, but leave plant and devices where they are: no time passes.
 
         Set-points that come so act in the next tick.
@@ -155,6 +229,13 @@ class Bench:
         Returns:
             The frames that the nodes send, in the order they would reach the bus.
         """
-        ports = self._switchboard.concerned(frames)
-        self._switchboard.receive(frames, now, ports)
-        return self._switchboard.send(now, ports)
+        for sift in self.served:
+            frames = sift(frames, now)
+            if not frames:
+                return ()
+        ports = self.switchboard.concerned(frames)
+        self.switchboard.receive(frames, now, ports)
+        sent: Sequence[Frame] = self.switchboard.send(now, ports)
+        for sift in self.departures:
+            sent = sift(sent, now)
+        return sent

@@ -1,10 +1,11 @@
 """The J1939 devices of a bench: built from their configuration, and set and read by tests."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from numbers import Real
 from typing import NoReturn
 
+from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.segment import EcuStation, Segment
 from hil_bench.devices.axis import Fitting
@@ -116,12 +117,32 @@ class EcuHandle:
 
 
 class EcuTable(dict[str, EcuHandle]):
-    """The J1939 devices of a bench by their names; another name is a `ConfigError`."""
+    """The J1939 devices of a bench by their names; another name is a `ConfigError`.
 
-    def __init__(self, segments: tuple[Segment, ...]) -> None:
+    Args:
+        segments: the devices of each bus that has some.
+
+    Attributes:
+        segments: as passed in.
+    """
+
+    def __init__(self, segments: Sequence[Segment] = ()) -> None:
+        self.segments = tuple(segments)
         stations = (station for segment in segments for station in segment.stations)
         super().__init__((station.name, EcuHandle(station)) for station in stations)
+
+    def join(self, bench: Bench) -> None:
+        """Plug the devices in."""
+        for segment in self.segments:
+            segment.join(bench.switchboard)
+            bench.starts.append(segment.start)
+            bench.acts.append(segment.advance)
 
     def __missing__(self, name: str) -> NoReturn:
         known = f"give one of {', '.join(self)}" if self else "this bench has none"
         raise ConfigError(f'j1939: there is no device "{name}"; {known}')
+
+
+def ecus_of(bench: Bench) -> EcuTable:
+    """Return the J1939 devices of a bench."""
+    return bench.find(EcuTable) or EcuTable()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
+from hil_bench.bench.switchboard import Way
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.faults.line import Line
 from hil_bench.devices.j1939.ecu import Ecu
@@ -34,26 +35,17 @@ class EcuStation:
 
 
 class Board(Protocol):
-    """The board that a segment is plugged into.
+    """The board that a segment is plugged into."""
 
-    Attributes:
-        emit: takes a frame that is sent.
-    """
+    @property
+    def emit(self) -> Emit:
+        """Takes a frame that is sent."""
 
-    emit: Emit
+    def ways_of(self, device: object) -> Sequence[Way]:
+        """Return the ways between the bus and a device, on a bus of copper its CAN controller."""
 
     def host(self, bus: int, take: Handler, begin: Callable[[int], None]) -> None:
         """Hand frames with a 29-bit identifier to `take`; call `begin` before each round."""
-
-
-class Wires(Protocol):
-    """The buses of copper, where there are some."""
-
-    def sender(self, node: Ecu) -> Emit | None:
-        """Return the callable that sends a device's frames; None where its bus takes no time."""
-
-    def guard(self, node: Ecu, handle: Handler) -> Handler:
-        """Wrap a device's handler so that received frames pass the line first."""
 
 
 class Segment:
@@ -82,14 +74,13 @@ class Segment:
             (each, partial(self._emit, each)) for each in self.stations
         ]
 
-    def join(self, board: Board, wires: Wires | None = None) -> None:
-        """Plug the segment in, on a bus of copper each device with a CAN controller of its own."""
+    def join(self, board: Board) -> None:
+        """Plug the segment in, each device by its ways."""
         self._board = board
         for place, station in enumerate(self.stations):
-            send = None if wires is None else wires.sender(station.ecu)
-            if wires is not None and send is not None:
-                self._emits[place] = station, send
-                self._ways[place] = station, wires.guard(station.ecu, self._ways[place][1])
+            for way in board.ways_of(station.ecu):
+                self._emits[place] = station, way.sender(self._emits[place][1])
+                self._ways[place] = station, way.guard(self._ways[place][1])
         board.host(self.number, self._receive, self._begin)
 
     def start(self, now: int) -> None:

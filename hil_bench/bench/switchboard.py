@@ -2,7 +2,7 @@
 
 A frame from a bus, or from a node of the bench, goes to every node that listens to its COB-ID on
 its bus. A frame that a node sends goes out to the node's bus, and in the next round to the other
-nodes of the bench, as on a wire. A line with a fault lies between a node and its bus.
+nodes of the bench, as on a wire. Ways, such as a line with a fault, lie between a node and its bus.
 
 One round is `receive`, then `send`; a tick of the bench is one, and so is what it serves between
 two ticks.
@@ -10,14 +10,37 @@ two ticks.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
-from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.frame import Emit, Frame, Handler, Routes, make_frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.line import Line
 from hil_bench.frame import BUS_SHIFT, address_of
+
+
+class Way(Protocol):
+    """Something between a device and its bus."""
+
+    @property
+    def may_delay(self) -> bool:
+        """Whether it may hold frames back; only then its `deliver` and `release` are called."""
+
+    def sender(self, emit: Emit) -> Emit:
+        """Return a callable that sends the device's frames; `emit` is nearer to the bus."""
+
+    def guard(self, handle: Handler) -> Handler:
+        """Wrap a handler of the device so that received frames pass the way first."""
+
+    def deliver(self, now: int) -> None:
+        """Begin a round at `now` [ns]: hand the device the frames that were late until then."""
+
+    def release(self, emit: Emit) -> None:
+        """Emit the frames of the device that were late until now."""
+
+
+Ways = Mapping[Any, Way]
+"""The ways of some devices, by the devices."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +50,7 @@ class Port:
     Attributes:
         node: that node.
         emit: takes the frames that the node sends.
-        release: sends the late frames whose time has come; None where the line has no fault.
+        release: sends the late frames whose time has come; None where none may be late.
     """
 
     node: Node
@@ -41,7 +64,6 @@ class Switchboard:
     Args:
         buses: the number of the bus of each node.
         agenda: the one that all these nodes bring forward.
-        wiring: the ways of nodes whose bus is of copper; their frames are not ours to hand on.
 
     Attributes:
         nodes: all of them.
@@ -50,17 +72,17 @@ class Switchboard:
             change.
         unrouted: the number of received frames that no node listens to.
         emit: takes a frame that is sent in this round, from no node.
+        knows_senders: whether somebody else knows which received frames are from elsewhere, and
+            calls `count_foreign` with them.
     """
 
-    def __init__(
-        self, buses: Mapping[Node, int], agenda: Agenda, wiring: Wiring | None = None
-    ) -> None:
-        self._wiring = wiring
+    def __init__(self, buses: Mapping[Node, int], agenda: Agenda) -> None:
+        self.knows_senders = False
         self.nodes = tuple(buses)
         self.unrouted = 0
         self._buses = dict(buses)
         self._agenda = agenda
-        self._lines: Mapping[Node, Line] = {}
+        self._layers: dict[object, Ways] = {}
         self._heard: list[Frame] = []
         self._sent: list[Frame] = []
         self.emit: Emit = self._sent.append
@@ -92,11 +114,23 @@ class Switchboard:
         self._preludes.append(begin)
         self._plug_in()
 
-    def lay(self, lines: Mapping[Node, Line]) -> None:
-        """Let the frames of these nodes go by lines that have a fault, those of others directly."""
-        if lines is not self._lines:
-            self._lines = lines
+    def lay(self, owner: object, ways: Ways) -> None:
+        """Let the frames of these devices go by ways, in place of those that the owner laid last.
+
+        The ways of who came first are nearest to the bus.
+        """
+        if ways is not self._layers.get(owner):
+            self._layers[owner] = ways
             self._plug_in()
+
+    def ways_of(self, device: object) -> list[Way]:
+        """Return the ways between a bus and a device, from the bus on."""
+        return [ways[device] for ways in self._layers.values() if device in ways]
+
+    @property
+    def hears_all(self) -> bool:
+        """True if frames are for devices here whose identifiers nobody can list."""
+        return bool(self._extended)
 
     def is_timeless(self, frame: Frame) -> bool:
         """Return True if a frame may be served between two ticks: SDO requests, unheard frames.
@@ -114,7 +148,7 @@ class Switchboard:
 
     def concerned(self, frames: Sequence[Frame]) -> Sequence[Port]:
         """Return the ports of the nodes that may have something to do after these frames."""
-        if len(frames) != 1 or self._heard or self._lines:
+        if len(frames) != 1 or self._heard or self._laid:
             return self.ports
         can_id, _, _, is_extended, bus = frames[0]
         return () if is_extended else self._listeners.get(can_id | bus << BUS_SHIFT, ())
@@ -220,18 +254,20 @@ class Switchboard:
     def _plug_in(self) -> None:
         """Give each node its way to the bus, and find the nodes' listeners anew."""
         self.ports = tuple(self._port(node, bus) for node, bus in self._buses.items())
-        self._deliveries = [line.deliver for line in self._lines.values()] + self._preludes
+        late = [way for layer in self._layers.values() for way in layer.values() if way.may_delay]
+        self._laid = bool(late)
+        self._deliveries = [way.deliver for way in late] + self._preludes
         self._releases = [port.release for port in self.ports if port.release is not None]
         self._merge_routes()
 
     def _port(self, node: Node, bus: int) -> Port:
-        emit = _numbered(self.emit, bus) if bus else self.emit
-        if self._wiring is not None:
-            emit = self._wiring.sender(node) or emit
-        line = self._lines.get(node)
-        if line is None:
-            return Port(node, emit, None)
-        return Port(node, line.sender(emit), lambda: line.release(emit))
+        emit: Emit = _numbered(self._sent.append, bus) if bus else self._sent.append
+        release: Callable[[], None] | None = None
+        for way in self.ways_of(node):
+            if way.may_delay:
+                release = partial(_release, way, emit, release)
+            emit = way.sender(emit)
+        return Port(node, emit, release)
 
     def _merge_routes(self) -> None:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""
@@ -242,12 +278,12 @@ class Switchboard:
         requests, syncs = set[int](), set[int]()
         for port in self.ports:
             node, bus = port.node, self._buses[port.node]
-            line = self._lines.get(node)
+            ways = self.ways_of(node)[::-1]
             for can_id, handler in node.routes.items():
                 address = address_of(can_id, bus)
-                taker = handler if line is None else line.guard(handler)
-                if self._wiring is not None:
-                    taker = self._wiring.guard(node, taker)
+                taker = handler
+                for way in ways:
+                    taker = way.guard(taker)
                 routes.setdefault(address, []).append(taker)
                 listeners.setdefault(address, []).append(port)
             for can_id in node.sent_ids:
@@ -259,8 +295,8 @@ class Switchboard:
             address: (self._settle, *handlers) if address in syncs else tuple(handlers)
             for address, handlers in routes.items()
         }
-        # On copper, what comes may be our own: there the wire knows who has sent it.
-        watches = {} if self._wiring is not None else self._watches
+        # Where frames take time, what comes may be our own.
+        watches = {} if self.knows_senders else self._watches
         self.routes = {
             address: (*watches.get(address, ()), *self._inside.get(address, ()))
             for address in routes | watches
@@ -274,6 +310,13 @@ class Switchboard:
         self._table = [self.routes.get(address, ()) for address in range(end)]
         self._marks = bytes(address in self._overheard for address in range(end))
         self._timeless = frozenset(requests - self._overheard)
+
+
+def _release(way: Way, emit: Emit, before: Callable[[], None] | None) -> None:
+    """Send the late frames of a way, after those of the one nearer to the bus."""
+    if before is not None:
+        before()
+    way.release(emit)
 
 
 def _foreign_counter(node: Node) -> Handler:

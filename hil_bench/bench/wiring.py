@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from typing import ClassVar, Final
 
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
@@ -268,11 +268,12 @@ class Wiring:
                     plug.node.rejoin(self.now)
             plug.events.clear()
 
-    def sender(self, node: Device) -> Emit | None:
-        """Return the callable that sends a device's frames; None where its bus takes no time."""
-        plug = self.plugs.get(node)
-        if plug is None:
-            return None
+    def ways(self) -> "dict[Device, PlugWay]":
+        """Return the way of each device on copper."""
+        return {device: PlugWay(self, plug) for device, plug in self.plugs.items()}
+
+    def send_by(self, plug: Plug) -> Emit:
+        """Return the callable that sends a device's frames."""
         number, station = plug.bus.number, plug.station
 
         def send(frame: Frame) -> None:
@@ -282,11 +283,8 @@ class Wiring:
 
         return send
 
-    def guard(self, node: Device, handle: Handler) -> Handler:
+    def hear_by(self, plug: Plug, handle: Handler) -> Handler:
         """Wrap a device's handler so that it skips the frames that its station missed."""
-        plug = self.plugs.get(node)
-        if plug is None:
-            return handle
         station = plug.station
 
         def take(frame: Frame, now: int) -> None:
@@ -307,3 +305,34 @@ class Wiring:
                 bus.wire.put(bus.babbler, frame, self.now)
 
         return send
+
+
+class PlugWay:
+    """The way between a device and its bus of copper.
+
+    Args:
+        wiring: all buses of copper.
+        plug: of the device.
+
+    Attributes:
+        may_delay: False: what is late is on the bus.
+    """
+
+    may_delay: ClassVar[bool] = False
+
+    def __init__(self, wiring: Wiring, plug: Plug) -> None:
+        self._wiring, self._plug = wiring, plug
+
+    def sender(self, _emit: Emit) -> Emit:
+        """Return the callable that puts the device's frames on the bus."""
+        return self._wiring.send_by(self._plug)
+
+    def guard(self, handle: Handler) -> Handler:
+        """Wrap a handler so that it skips the frames that the device's station missed."""
+        return self._wiring.hear_by(self._plug, handle)
+
+    def deliver(self, now: int) -> None:
+        """Do nothing: see `may_delay`."""
+
+    def release(self, emit: Emit) -> None:
+        """Do nothing: see `may_delay`."""

@@ -8,6 +8,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.words import emergency_text
+from hil_bench.devices.faults.faults import Faults
 
 if TYPE_CHECKING:
     from hil_bench.devices.faults.schedule import FaultEvent
@@ -53,7 +54,7 @@ class BenchEvents:
                 config.nodes, bench.nodes, bench.fittings, strict=True
             )
         ]
-        self._faults = bench.faults
+        self._faults = bench.part(Faults)
         self._last_fault: FaultEvent | None = None
         self._sync = _SyncWatch(bench.nodes) if watches_sync else None
         self._budget = _Budget(say)

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import hil_bench
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import AxisConfig, BenchConfig
+from hil_bench.bench.ecus import ecus_of
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
@@ -167,7 +169,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "seed": config.seed,
         "devices": dict(_devices(config)),
         "ecus": dict(_ecus(config, session)),
-        "fault_targets": session.bench.faults.targets,
+        "fault_targets": session.bench.part(Faults).targets,
         "machines": {axis.name: _machine(axis) for axis in config.axes},
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]
@@ -205,7 +207,7 @@ def _ecus(config: BenchConfig, session: Session) -> Iterator[tuple[str, dict[str
                 "axis": ecu.kind.axis_of(ecu),
                 "signals": {
                     name: {"unit": value.unit, "is_settable": value.takes is not None}
-                    for name, value in session.ecus[ecu.name].values.items()
+                    for name, value in ecus_of(session.bench)[ecu.name].values.items()
                 },
                 "groups": [
                     {"pgn": each.group, "is_sent": each.is_sent, "signals": each.signals}

@@ -5,8 +5,10 @@ from dataclasses import asdict
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import EcuTable
+from hil_bench.bench.copper_ticks import Copper
+from hil_bench.bench.ecus import ecus_of
 from hil_bench.cli.live_words import can_text, ecu_text
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.realtime.statistics import DurationSummary, TickSummary
 from hil_bench.outside.transports.bus_load import bitrate_text, load_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
@@ -74,23 +76,24 @@ def fault_lines(bench: Bench) -> list[str]:
     return [
         f"fault     {event.time * 1e-9:.3f} s {event.kind} {event.target} "
         f"{'begins' if event.is_begin else 'ends'}"
-        for event in list(bench.faults.events)[-_SHOWN_FAULT_EVENTS:]
+        for event in list(bench.part(Faults).events)[-_SHOWN_FAULT_EVENTS:]
     ]
 
 
 def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
     """Return the counts of each bus of copper and the nodes with errors there."""
-    if bench.wiring is None:
+    copper = bench.find(Copper)
+    if copper is None:
         return []
     names = list(config.buses)
     lines = [
         f"wire      {names[number]}: {bus.wire.passed} frames passed, {bus.wire.failed} failed"
         + (f", {bus.controller.refused} of the controller lost" if bus.controller.refused else "")
-        for number, bus in bench.wiring.buses.items()
+        for number, bus in copper.wiring.buses.items()
     ]
     return lines + [
         f"          {plug.station.name}: {can_text(plug.standing())}"
-        for plug in bench.wiring.plugs.values()
+        for plug in copper.wiring.plugs.values()
         if plug.station.errors or plug.station.refused or plug.station.rec
     ]
 
@@ -113,5 +116,6 @@ def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
         lines.append(f"node {node.node_id:<4} {settings.name}: {', '.join((state, *refused))}")
         if node.storage_problem is not None:
             lines.append(f"          {node.storage_problem}")
-    ecus = EcuTable(bench.segments)
-    return lines + [f"J1939     {name}: {ecu_text(ecu.standing())}" for name, ecu in ecus.items()]
+    return lines + [
+        f"J1939     {name}: {ecu_text(ecu.standing())}" for name, ecu in ecus_of(bench).items()
+    ]

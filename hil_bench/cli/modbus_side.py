@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, ModbusConfig
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.helpers import Helper
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session
@@ -66,7 +67,7 @@ def open_modbus(config: BenchConfig, session: Session) -> Iterator[OpenModbus]:
     Yields:
         The server; one without anything where the configuration has none.
     """
-    binding = session.modbus
+    binding = session.find(ModbusBinding)
     if config.modbus is None or binding is None:
         yield OpenModbus()
         return

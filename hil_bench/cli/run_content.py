@@ -2,9 +2,12 @@
 
 from dataclasses import asdict
 
+from hil_bench.bench.copper_ticks import plugs_of
+from hil_bench.bench.ecus import ecus_of
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.histogram_file import figures
 from hil_bench.cli.run_setup import RunSetup
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.outside.transports.bus_load import load_of
 from hil_bench.session.lockstep import LockStepReport
@@ -61,7 +64,7 @@ def _common(
     report: RunReport | LockStepReport, setup: RunSetup, helpers: Helpers
 ) -> dict[str, object]:
     bench = setup.session.bench
-    plugs = bench.wiring.plugs if bench.wiring else {}
+    plugs = plugs_of(bench)
     return {
         "ended_by": None if report.lost is None else str(report.lost),
         "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
@@ -73,7 +76,7 @@ def _common(
                 "target": event.target,
                 "begins": event.is_begin,
             }
-            for event in bench.faults.events
+            for event in bench.part(Faults).events
         ],
         "nodes": [
             {
@@ -92,7 +95,7 @@ def _common(
                 **ecu.standing(),
                 "can": plugs[ecu.ecu].standing() if ecu.ecu in plugs else None,
             }
-            for name, ecu in setup.session.ecus.items()
+            for name, ecu in ecus_of(bench).items()
         ],
         "recording": _recorded(setup.recording),
         "helpers": helpers.lines(),

@@ -5,15 +5,13 @@ Each command is a record of plain values, so that it can come from another proce
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Protocol
+from typing import Any, Protocol
 
 from hil_bench.bench.bench import Bench
-from hil_bench.bench.ecus import EcuHandle
-from hil_bench.bench.node_objects import NodeObjects
 from hil_bench.canopen_device.datatypes import Value
 from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.fault import Fault
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import Influence
@@ -23,30 +21,34 @@ MOST_FAULTS = 256
 """Most faults that commands may have begun, or planned, at a time: each costs every tick."""
 
 
+class Device(Protocol):
+    """What a command may read and set of a device, by name."""
+
+    def __getitem__(self, name: str, /) -> Value | None:
+        """Return a value; `ConfigError` where there is none of that name."""
+
+    def __setitem__(self, name: str, value: Any, /) -> None:  # noqa: ANN401 - checked there
+        """Set a value; `ConfigError` where it cannot be."""
+
+
 class Controls:
     """The parts of a bench that commands act on.
 
     Args:
         bench: the bench.
-        nodes: the objects of its nodes, by the names of the nodes.
-        ecus: its J1939 devices by their names.
+        devices: its devices by their names.
 
     Attributes:
         bench: as passed in.
-        devices: nodes and J1939 devices, each with what a command may read and set.
+        devices: as passed in.
         faults: those that commands have begun, by their numbers.
         journal: the commands that have acted.
         is_over: whether a command has asked for the end of the run.
     """
 
-    def __init__(
-        self,
-        bench: Bench,
-        nodes: Mapping[str, NodeObjects],
-        ecus: Mapping[str, EcuHandle] = MappingProxyType({}),
-    ) -> None:
+    def __init__(self, bench: Bench, devices: Mapping[str, Device]) -> None:
         self.bench = bench
-        self.devices: Mapping[str, NodeObjects | EcuHandle] = {**nodes, **ecus}
+        self.devices = devices
         self.faults: dict[int, Fault] = {}
         self.journal = Journal()
         self.is_over = False
@@ -79,7 +81,7 @@ class Controls:
             if known.is_active or known.begins is None or known.begins >= now
         }
 
-    def device(self, name: str) -> NodeObjects | EcuHandle:
+    def device(self, name: str) -> Device:
         """Return a device.
 
         Raises:
@@ -127,7 +129,7 @@ class BeginFault:
         """
         kind = find_kind(self.kind)
         controls.check_room(now)
-        begin = getattr(controls.bench.faults, kind.value)
+        begin = getattr(controls.bench.part(Faults), kind.value)
         try:
             fault: Fault = begin(self.target, **self.arguments)
         except TypeError as error:
@@ -152,7 +154,7 @@ class ClearFault:
             ConfigError: no fault has this number.
         """
         if self.number is None:
-            controls.bench.faults.clear()
+            controls.bench.part(Faults).clear()
             controls.faults.clear()
         elif (fault := controls.faults.pop(self.number, None)) is not None:
             fault.clear()
@@ -180,7 +182,7 @@ class SetObject:
     def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
         """Set it; return what it holds now. `ConfigError` where it cannot."""
         objects = controls.device(self.node)
-        objects[self.name] = self.value  # type: ignore[assignment]
+        objects[self.name] = self.value
         return objects[self.name]
 
 

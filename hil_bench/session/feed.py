@@ -11,8 +11,10 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.bench.ecus import EcuHandle
+from hil_bench.bench.copper_ticks import plugs_of
+from hil_bench.bench.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.feed.messages import (
     ACTED,
@@ -94,6 +96,7 @@ class Feed:
         self._recording = recording
         self._work = work
         self._session = session
+        self._faults = session.bench.part(Faults)
         self._process = process
         self._plan = plan
         self._put = plan.up.put
@@ -145,14 +148,14 @@ class Feed:
             change(frames=self._put_frames)
         if changed & WANTS_STATE:
             self._shown = None
-            events = self._session.bench.faults.events
+            events = self._faults.events
             self._last_fault = events[-1] if events else None
             self._look_at = 0
 
     def _publish(self) -> None:
         if not self._wanted & WANTS_ROWS:
             self._put_row(self._session.row())
-        for event in self._session.bench.faults.events_since(self._last_fault):
+        for event in self._faults.events_since(self._last_fault):
             self._last_fault = event
             content = {
                 "time": event.time * 1e-9,
@@ -174,8 +177,7 @@ class Feed:
     def _state(self) -> dict[str, Any]:
         session = self._session
         controls = session.controls
-        wiring = session.bench.wiring
-        plugs = wiring.plugs if wiring else {}
+        plugs = plugs_of(session.bench)
         nodes = {
             name: {
                 "state": node.state.name.replace("_", "-"),
@@ -200,10 +202,13 @@ class Feed:
                 "begins": _seconds(fault.begins),
                 "ends": _seconds(fault.ends),
             }
-            for fault in session.bench.faults.active
+            for fault in self._faults.active
         ]
         recording = None if self._recording is None else self._recording.state
-        ecus = {name: _ecu_state(ecu, plugs.get(ecu.ecu)) for name, ecu in session.ecus.items()}
+        ecus = {
+            name: _ecu_state(ecu, plugs.get(ecu.ecu))
+            for name, ecu in ecus_of(session.bench).items()
+        }
         state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
         return state if self._work is None else {**state, "work": self._work().content()}
 

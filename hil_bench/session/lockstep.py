@@ -67,7 +67,7 @@ class LockStep:
     """
 
     def __init__(self, session: Stepped, *, tick_ns: int, ticks_per_sync: int = 1) -> None:
-        if session.bench.wiring is not None:
+        if session.bench.medium is not None:
             raise ConfigError(
                 "[bus.wire]: in lock-step no time passes for frames; leave the table out, or run "
                 "in real or virtual time"

@@ -6,7 +6,7 @@ from typing import Final
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.bench.wired_bench import WiredBench
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.errors import ConfigError
@@ -73,8 +73,8 @@ def measure_traffic(
     config, number = _of_copper(config, name, bitrate), list(config.buses).index(name)
     commands = [frame._replace(bus=number) for frame in commands]
     session, found = open_session(config), MeasuredTraffic()
-    bench = session.bench
-    if not isinstance(bench, WiredBench):
+    copper = session.bench.find(Copper)
+    if copper is None:
         raise ConfigError("the bench has no node on this bus; give it one")
     session.start()
     boot = config.tick_ns * _BOOT_TICKS
@@ -89,8 +89,8 @@ def measure_traffic(
             due += cycle if cycles % _DRIFT else cycle + config.tick_ns
             frames += commands
         session.tick(frames, now)
-        found.take([passage for passage in bench.passages if passage.frame.bus == number])
-    found.waiting = sum(station.waiting for station in bench.copper.buses[number].wire.stations)
+        found.take([passage for passage in copper.passages if passage.frame.bus == number])
+    found.waiting = sum(station.waiting for station in copper.wiring.buses[number].wire.stations)
     return found
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.bench.configuration import RealtimeConfig
-from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.errors import BusError, ControllerError, TimingError
@@ -85,8 +84,8 @@ def run_paced(
     lost: BusError | ControllerError | TimingError | None = None
     with undisturbed(realtime or RealtimeConfig(), pacer.period) as held:
         try:
-            is_wired = session.bench.wiring is not None  # there, frames for others take time
-            bus = _Bus(session, transport, pacer, hears_all=hears_all or is_wired)
+            takes_time = session.bench.medium is not None  # so do frames for others
+            bus = _Bus(session, transport, pacer, hears_all=hears_all or takes_time)
             _loop(session, bus, pacer, stopped, serves_between_ticks=serves_between_ticks)
         except (BusError, ControllerError, TimingError) as error:
             lost = error
@@ -138,7 +137,7 @@ class _Bus:
         self._bench = session.bench
         self._transport = transport
         self._pacer = pacer
-        self._hears_all = hears_all or bool(session.bench.segments)
+        self._hears_all = hears_all or session.bench.switchboard.hears_all
         # A driver of real hardware would send them as data frames.
         is_virtual = getattr(transport, "channel", "").startswith(_VIRTUAL_CHANNELS)
         self._reports_errors = is_virtual and isinstance(transport, SocketCanTransport)
@@ -164,8 +163,9 @@ class _Bus:
         if self._bench.routes is not self._routes:
             self.listen()
         self._transport.send(frames)
-        if self._reports_errors and isinstance(self._bench, WiredBench) and self._bench.errors:
-            self._transport.send([frame for frame, _ in self._bench.errors])
+        medium = self._bench.medium
+        if self._reports_errors and medium is not None and (errors := medium.reported()):
+            self._transport.send(errors)
 
     def serve(self) -> None:
         """Answer SDO requests until shortly before the next tick, where the bus allows that.

@@ -4,26 +4,20 @@ A runner calls `tick` and `serve` and knows nothing else of the bench; an observ
 passed and knows nothing of the runner. All times are bench time: nanoseconds since power-on.
 """
 
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.bench import Bench
+from hil_bench.bench.bench import Bench, FrameObserver
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import EcuHandle, EcuTable
+from hil_bench.bench.ecus import EcuTable
 from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
-from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.commands import Controls
+from hil_bench.session.commands import Controls, Device
 from hil_bench.session.door import Door
 from hil_bench.session.telemetry import bench_channels, sample
-
-FrameObserver = Callable[[Sequence[Frame], Sequence[Frame], int], None]
-"""Told the frames that the bench received and sent, and their time [ns].
-
-On a bus of copper it is told each frame by itself, at the time at which it had passed."""
 
 RowObserver = Callable[[Sequence[float]], None]
 """Told the time [s] and a value a channel, in its SI unit, at the end of each tick."""
@@ -38,6 +32,8 @@ Source = Callable[[int], Sequence[Frame]]
 """Given the time of a tick [ns] before it begins, returns what others on its buses in this process
 have sent since the last one."""
 
+PartT = TypeVar("PartT")
+
 Interceptor = Callable[[Sequence[Frame], int], Sequence[Frame]]
 """Given the frames that arrived for a tick and its time [ns], returns those that it takes."""
 
@@ -48,15 +44,13 @@ class Session:
     Args:
         bench: not yet powered on.
         nodes: the objects of its nodes, by the names of the nodes.
-        ecus: its J1939 devices by their names.
+        devices: others of its devices that a command may read and set, by their names.
         stimuli: what else to record, each a function of bench time [s].
-        modbus: its Modbus units; None without any.
+        parts: what else it has; `part` finds it.
 
     Attributes:
         bench: as passed in.
         nodes: as passed in.
-        ecus: as passed in.
-        modbus: as passed in; a server needs its `exchange` in each tick.
         channels: of a row, without the time.
         controls: what commands act on.
         door: takes commands from anywhere; they act at the start of the next tick.
@@ -73,17 +67,16 @@ class Session:
         bench: Bench,
         *,
         nodes: Mapping[str, NodeObjects] | None = None,
-        ecus: Mapping[str, EcuHandle] | None = None,
+        devices: Mapping[str, Device] | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
-        modbus: ModbusBinding | None = None,
+        parts: Sequence[object] = (),
     ) -> None:
         self.bench = bench
         self.nodes = nodes or {}
-        self.ecus = ecus or {}
-        self.modbus = modbus
+        self._parts = tuple(parts)
         stimuli = stimuli or {}
         self.channels = (*stimuli, *bench_channels(bench))
-        self.controls = Controls(bench, self.nodes, self.ecus)
+        self.controls = Controls(bench, {**self.nodes, **(devices or {})})
         self.door = Door(self.controls)
         self.now = 0
         self.intercept: Interceptor | None = None
@@ -95,6 +88,13 @@ class Session:
         self._told: list[FrameObserver] = []
         self._row_observers: list[RowObserver] = []
         self._tick_observers: list[TickObserver] = []
+
+    def find(self, kind: type[PartT]) -> PartT | None:
+        """Return the part of a class, of the session or of its bench; None where there is none."""
+        for each in self._parts:
+            if isinstance(each, kind):
+                return each
+        return self.bench.find(kind)
 
     def watch(
         self,
@@ -143,29 +143,10 @@ class Session:
             self._tick_observers.remove(ticks)
 
     def _at_their_times(self, observe: FrameObserver) -> FrameObserver:
-        """Return an observer that passes on each frame at its own time where a bus is simulated."""
-        bench = self.bench
-        if not isinstance(bench, WiredBench):
-            return observe
-
-        wiring = bench.copper
-
-        def tell(_received: Sequence[Frame], _sent: Sequence[Frame], now: int) -> None:
-            errors = deque(bench.errors)
-            for passage in bench.passages:
-                while errors and errors[0][1] <= passage.end:
-                    frame, time = errors.popleft()
-                    observe((frame,), (), time)
-                if wiring.is_outside(passage):
-                    observe((passage.frame,), (), passage.end)
-                else:
-                    observe((), (passage.frame,), passage.end)
-            for frame, time in errors:
-                observe((frame,), (), min(time, now))
-            if bench.direct or bench.at_once:
-                observe(bench.direct, bench.at_once, now)
-
-        return tell
+        """Return an observer that passes on each frame at its own time where it takes some."""
+        for retell in self.bench.retells:
+            observe = retell(observe)
+        return observe
 
     def start(self) -> None:
         """Power the bench on; its nodes boot in the first tick."""
@@ -232,7 +213,6 @@ def open_session(
         stimuli: what else to record, each a function of bench time [s].
     """
     bench = build_bench(config)
-    modbus = ModbusBinding(config, bench) if config.modbus is not None else None
+    parts = () if config.modbus is None else (ModbusBinding(config, bench),)
     nodes = NodeTable(bench.nodes, config.nodes)
-    ecus = EcuTable(bench.segments)
-    return Session(bench, nodes=nodes, ecus=ecus, stimuli=stimuli, modbus=modbus)
+    return Session(bench, nodes=nodes, devices=bench.find(EcuTable), stimuli=stimuli, parts=parts)

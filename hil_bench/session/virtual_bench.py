@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.ecus import ecus_of
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
@@ -94,7 +96,7 @@ class VirtualBench:
         self.session = session or open_session(self.config, stimuli)
         self.bench = self.session.bench
         self.nodes = self.session.nodes
-        self.ecus = self.session.ecus
+        self.ecus = ecus_of(self.bench)
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
@@ -106,14 +108,14 @@ class VirtualBench:
         self._recording = self._open.enter_context(
             recorded(self.session, record, self.config, is_real_time=pacer is not None)
         )
-        if self.session.modbus is not None:
-            self.session.watch(ticks=self.session.modbus.exchange)
+        if (modbus := self.session.find(ModbusBinding)) is not None:
+            self.session.watch(ticks=modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
         for part in self.config.parts:
             self._open.enter_context(part.attached(self.session, self.config))
         self.session.start()
         self.bus = EmbeddedBus(
-            self.session.tick, self.config.tick_ns, pacer=pacer, wire=self.bench.wiring
+            self.session.tick, self.config.tick_ns, pacer=pacer, medium=self.bench.medium
         )
         self.buses: dict[str, EmbeddedPort] = {
             name: self.bus.make_further() if number else self.bus
@@ -142,7 +144,7 @@ class VirtualBench:
     @property
     def faults(self) -> Faults:
         """The faults of the bench, as in ``bench.faults.freeze("pressure_a")``."""
-        return self.bench.faults
+        return self.bench.part(Faults)
 
     @property
     def signals(self) -> SignalTable:
@@ -268,9 +270,10 @@ class VirtualBench:
         from hil_bench.outside.transports.modbus.embedded import EmbeddedLink  # noqa: PLC0415 - an extra
         from hil_bench.outside.transports.modbus.register_server import RegisterServer  # noqa: PLC0415
 
-        if self.session.modbus is None:
+        modbus = self.session.find(ModbusBinding)
+        if modbus is None:
             raise ConfigError("modbus: there is no such table; give [modbus]")
-        plan, period = self.session.modbus.plan, self.config.tick_ns * 1e-9
+        plan, period = modbus.plan, self.config.tick_ns * 1e-9
         server = RegisterServer(
             plan.units,
             plan.rows,

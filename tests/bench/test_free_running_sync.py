@@ -15,6 +15,7 @@ from device_profiles import IMITATIONS
 from hil_bench.bench.assembly import build_bench, embedded_bus
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters
@@ -202,7 +203,7 @@ def test_syncs_that_share_a_tick_on_two_buses_answer_on_their_own(tmp_path):
 
 def test_a_line_that_delays_two_syncs_into_one_tick_loses_none():
     bus = synchronous_bench()
-    with bus.bench.faults.delay("position", 0.005, direction="received"):
+    with bus.bench.part(Faults).delay("position", 0.005, direction="received"):
         sent = bus.tick(SYNC) + bus.tick(SYNC, SYNC)
         sent += bus.tick(count=20)
     counts = [[frame.can_id for frame in sent].count(can_id) for can_id in SENDERS]

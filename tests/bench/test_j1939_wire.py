@@ -7,6 +7,7 @@ import can
 import pytest
 
 from hil_bench import VirtualBench, load_config
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.errors import ConfigError
 from hil_bench.outside.wire.bits import worst_bits
 
@@ -28,7 +29,7 @@ def bench():
 
 
 def plug_of(bench, name):
-    return bench.bench.wiring.plugs[bench.ecus[name].ecu]
+    return bench.bench.part(Copper).wiring.plugs[bench.ecus[name].ecu]
 
 
 def frames_of(bench, can_id, since=0.0):

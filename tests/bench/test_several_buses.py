@@ -13,6 +13,7 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.frame import address_of
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
@@ -93,14 +94,14 @@ def test_nodes_of_one_bus_do_not_overhear_the_other():
 
 def test_a_babbling_node_floods_its_own_bus(bench):
     bench.tick([], 0)
-    with bench.faults.babble("position", 3):
+    with bench.part(Faults).babble("position", 3):
         sent = bench.tick([], TICK)
     assert [(frame.can_id, frame.bus) for frame in sent] == [(0x001, 1)] * 3
 
 
 def test_a_fault_on_the_line_leaves_the_frame_on_its_bus(bench):
     bench.tick([], 0)
-    with bench.faults.delay("position", 0.002, direction="sent"):
+    with bench.part(Faults).delay("position", 0.002, direction="sent"):
         assert bench.tick([Frame(0x603, VENDOR, bus=1)], TICK) == []
         bench.tick([], 2 * TICK)
         (late,) = bench.tick([], 3 * TICK)

@@ -4,6 +4,7 @@ import can
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.wire.bits import exact_bits
@@ -68,7 +69,7 @@ def test_a_full_buffer_is_an_error_of_the_controller_and_counted():
         send(b, 0x600)
         with pytest.raises(can.CanOperationError, match="transmission buffer is full"):
             send(b, 0x600)
-        (bus,) = b.bench.wiring.buses.values()
+        (bus,) = b.bench.part(Copper).wiring.buses.values()
         assert bus.controller.refused == 1
 
 

@@ -4,6 +4,7 @@ import can
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -33,7 +34,7 @@ def emcy_codes(bench, node_id):
 
 
 def plug_of(bench, name):
-    wiring = bench.bench.wiring
+    wiring = bench.bench.part(Copper).wiring
     return wiring.plugs[next(n for n in wiring.plugs if n.node_id == {"valve": 1}[name])]
 
 
@@ -112,7 +113,7 @@ def test_a_noisy_bus_is_the_same_at_every_run():
         wire = {"bus": {"bitrate": 125_000, "wire": {"bit_error_rate": 1e-4}}}
         with VirtualBench(load_config(tables=wire, seed=5)) as b:
             b.run(1.0)
-            runs.append((list(b.frames), b.bench.wiring.buses[0].wire.failed))
+            runs.append((list(b.frames), b.bench.part(Copper).wiring.buses[0].wire.failed))
     assert runs[0] == runs[1]
 
 

@@ -6,6 +6,7 @@ import re
 import pytest
 from support.live_bench import live_bench, panel
 
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.session.commands import Mark
 
 pytestmark = pytest.mark.browser
@@ -83,7 +84,7 @@ def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatc
         expect(page.locator("#brief")).to_contain_text(re.compile(r"this page missed \d+ messages"))
         expect_time_to_pass(page)
         # What it must have comes over any line.
-        bench.session.bench.faults.freeze("position")
+        bench.session.bench.part(Faults).freeze("position")
         expect(page.locator(".active-faults")).to_contain_text("freeze position")
 
 

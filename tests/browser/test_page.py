@@ -7,6 +7,7 @@ from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 
 from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.devices.faults.faults import Faults
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -81,7 +82,7 @@ def test_a_sensor_is_broken_by_a_click_and_mended(page, bench, keep):
     page.get_by_role("button", name="broken: position").click()
     expect(page.locator(".drawing")).to_contain_text("sensor: no value")
     expect(page.locator(".active-faults")).to_contain_text("break_wire position")
-    (fault,) = bench.session.bench.faults.active
+    (fault,) = bench.session.bench.part(Faults).active
     assert (fault.kind, fault.target) == ("break_wire", "position")
     keep(page, "broken-sensor")
     devices = view(page, "devices")
@@ -109,7 +110,7 @@ def test_a_fault_of_any_kind_takes_its_keys(page, bench, keep):
     expect(faults).to_contain_text("axis1.load is 5000 N")
     faults.get_by_role("button", name="Clear all faults").click()
     expect(faults.locator("tbody")).to_have_text("no fault")
-    assert bench.session.bench.faults.active == ()
+    assert bench.session.bench.part(Faults).active == ()
 
 
 def test_an_object_is_read_and_set(page, bench):

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from hil_bench.canopen_device.nmt import NmtCommand
+from hil_bench.devices.faults.faults import Faults
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -40,9 +41,11 @@ def wait_for_trigger(scope):
 def test_an_edge_triggers_at_the_tick_that_crosses(scope, bench):
     # At rest P_A is near 50 bar; 20 bar more cross 60 bar.
     arm(scope, "pressure_a.measured [bar]", "rises above", 60)
-    bench.session.bench.faults.offset("pressure_a", amount=20e5, at=bench.session.now * 1e-9 + 0.2)
+    bench.session.bench.part(Faults).offset(
+        "pressure_a", amount=20e5, at=bench.session.now * 1e-9 + 0.2
+    )
     time = wait_for_trigger(scope)
-    (event,) = bench.session.bench.faults.events
+    (event,) = bench.session.bench.part(Faults).events
     # A chain of the sensor may take some milliseconds; the tick after is the least.
     assert event.time <= round(time * 1e9) < event.time + 50_000_000
 
@@ -60,8 +63,8 @@ def start_node(bench):
 @pytest.mark.parametrize(
     ("what", "happen"),
     [
-        ("a fault begins", lambda bench: bench.session.bench.faults.freeze("pressure_b")),
-        ("an EMCY comes", lambda bench: bench.session.bench.faults.break_wire("position")),
+        ("a fault begins", lambda bench: bench.session.bench.part(Faults).freeze("pressure_b")),
+        ("an EMCY comes", lambda bench: bench.session.bench.part(Faults).break_wire("position")),
         ("a node changes its state", start_node),
     ],
 )
@@ -95,7 +98,7 @@ COLOURS = """(times) => {
 def test_faults_are_shaded_while_they_last(page, scope, bench):
     scope.get_by_label("time shown").select_option("5")
     expect(page.locator("#clock")).to_have_text(re.compile(r"[1-9]\.\d\d s"))
-    fault = bench.session.bench.faults.freeze("pressure_b", duration=0.3)
+    fault = bench.session.bench.part(Faults).freeze("pressure_b", duration=0.3)
     expect(page.locator("#brief")).to_contain_text("1 fault")
     expect(page.locator("#brief")).to_contain_text("no fault")
     scope.get_by_role("button", name="Pause").click()

@@ -6,6 +6,7 @@ import pytest
 from support.live_bench import live_bench
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.session.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -35,7 +36,7 @@ def test_the_pressure_of_an_own_unit_is_that_of_the_plant(page, bench, keep):
     expect(drawing).to_contain_text("Colours: 0 to 210.0 bar, the supply pressure as set")
     expect(drawing).to_contain_text(re.compile(r"supply \d+\.\d bar"))
     # Held at 31.9 bar by a fault, while 210 bar are set; this pump lifts it by nothing in a tick.
-    bench.session.bench.faults.drop_supply("axis1", 31.9e5)
+    bench.session.bench.part(Faults).drop_supply("axis1", 31.9e5)
     expect(drawing).to_contain_text("supply 31.9 bar")
     legend = page.locator("#view-machine .legend-item", has_text="axis1.P_S")
     expect(legend).to_contain_text("31.9")

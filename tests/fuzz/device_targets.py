@@ -8,6 +8,7 @@ from support.bus_side import BusSide
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.ecus import EcuTable
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
@@ -81,7 +82,7 @@ _ADDRESSES = (128, 19, 140, GLOBAL)
 def ecus(data: bytes) -> None:
     """J1939 devices: a valve driver, a joystick and sensors by table, without the plant."""
     script, sent = Script(data), list[Frame]()
-    stations = build_bench(_J1939).segments[0].stations
+    stations = build_bench(_J1939).part(EcuTable).segments[0].stations
     now = 0
     for station in stations:
         station.ecu.start(now)

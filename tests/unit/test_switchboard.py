@@ -41,7 +41,7 @@ class Rig:
         """Give the line of a node these faults."""
         line = Line(node)
         line.meetings += [Meeting(rule) for rule in rules]
-        self.board.lay({node: line})
+        self.board.lay(self, {node: line})
         return line
 
     def start_synchronous(self):
@@ -186,7 +186,7 @@ def test_a_line_loses_what_its_fault_loses_and_no_other(pair):
     pair.start_synchronous()
     pair.fault(pair.nodes[0], silence)
     assert [frame.can_id for frame in pair.round(SYNC)] == [0x186]
-    pair.board.lay({})
+    pair.board.lay(pair, {})
     assert [frame.can_id for frame in pair.round(SYNC)] == [0x185, 0x186]
 
 

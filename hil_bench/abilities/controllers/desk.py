@@ -122,7 +122,7 @@ class Desk:
         self._skipped = skipped
         received: Sequence[TimedFrame] = self._inbox
         self._inbox = []
-        if self._session.bench.wiring is None:
+        if self._session.bench.medium is None:
             self._own.clear()  # on copper they are heard when they have passed
         try:
             if self.is_due:
@@ -240,7 +240,7 @@ class Desks:
             Desk(config, session, bench, scratch / config.name, values or {})
             for config in sorted(configs, key=attrgetter("name"))
         ]
-        if session.bench.wiring is not None and any(each.kind.is_clock for each in configs):
+        if session.bench.medium is not None and any(each.kind.is_clock for each in configs):
             raise ConfigError(
                 "[bus.wire]: a controller whose SYNC is its clock gives frames no time to pass; "
                 "leave the table out, or give a controller of another kind"

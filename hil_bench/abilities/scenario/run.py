@@ -30,6 +30,7 @@ from hil_bench.abilities.scenario.witness import bench_vocabulary
 from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
 from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError
 from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.frame_reader import FrameReader
@@ -220,7 +221,7 @@ def _controller_problems(
 def _step_problems(
     actions: tuple[TimedAction, ...], config: BenchConfig, session: Session
 ) -> Iterator[str]:
-    targets, faults = Targets(config, session), session.bench.faults.rehearsal()
+    targets, faults = Targets(config, session), session.bench.part(Faults).rehearsal()
     for _, action, place in actions:
         try:
             match action:

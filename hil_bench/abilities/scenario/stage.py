@@ -43,8 +43,8 @@ class Stage:
         if stops_at_failure:
             session.watch(ticks=_Stopper(prepared, self.witness, self.director).look)
         session.intercept = self.director
-        if session.bench.wiring is not None:
-            session.bench.wiring.is_direct = False  # the director sees frames before the bus does
+        if session.bench.medium is not None:
+            session.bench.medium.is_direct = False  # the director sees frames before the bus does
 
     def end(self) -> None:
         """Let the run be over."""

@@ -14,6 +14,8 @@ from hil_bench.abilities.scenario.targets import is_number
 from hil_bench.abilities.scenario.vocabulary import EMCY, FRAME, Vocabulary
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.ecus import ecus_of
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
@@ -43,14 +45,14 @@ def bench_vocabulary(
     bench = session.bench
     names = tuple(node.name for node in config.nodes)
     signals = {channel.name: channel.unit for channel in session.channels}
-    registers = name_registers(session.modbus)
+    registers = name_registers(session.find(ModbusBinding))
     signals |= {name: each.entry.register.unit.symbol for name, each in registers.items()}
     states: dict[str, Mapping[str, int]] = {f"{name}.nmt": _NMT_STATES for name in names}
     for name, node, fitting in zip(names, bench.nodes, bench.fittings, strict=True):
         signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
         if fitting.state is not None:
             states[f"{name}.state"] = _VALVE_STATES
-    own_signals, own_states = ecu_names(session.ecus)
+    own_signals, own_states = ecu_names(ecus_of(session.bench))
     shared = name_shared(registers)
     return Vocabulary(
         signals | own_signals,
@@ -59,7 +61,7 @@ def bench_vocabulary(
         True,
         parameters,
         shared,
-        tuple(session.ecus),
+        tuple(ecus_of(session.bench)),
     )
 
 
@@ -83,7 +85,7 @@ class Witness:
         self._rows: list[list[float]] = []
         self._heard: set[str] = set()
         self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
-        self._registers = name_registers(session.modbus)
+        self._registers = name_registers(session.find(ModbusBinding))
         self._buses = number_buses(config)
         self._names = sorted(names)
         places = {channel.name: number for number, channel in enumerate(session.channels, 1)}
@@ -92,7 +94,7 @@ class Witness:
             for node, fitting in zip(config.nodes, session.bench.fittings, strict=True)
         }
         self._readers = [
-            ecu_reader(session.ecus, name) or self._reader(name, places, states)
+            ecu_reader(ecus_of(session.bench), name) or self._reader(name, places, states)
             for name in self._names
         ]
         self._hears = any(name.startswith((f"{EMCY}(", f"{FRAME}(")) for name in self._names)

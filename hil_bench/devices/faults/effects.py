@@ -6,11 +6,14 @@ from typing import NamedTuple, Protocol
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.line import Babble, Line, Meeting, silence
+from hil_bench.devices.faults.line import Line, Meeting, silence
 from hil_bench.devices.faults.sensor_stages import SensorStage
 from hil_bench.devices.faults.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import SUPPLY, Influence
+
+Act = Callable[[int], None]
+"""Does something in a tick, at its time [ns]."""
 
 _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
@@ -162,7 +165,7 @@ class SupplyEffect:
         holds: what is called before each tick of the plants.
     """
 
-    def __init__(self, plant: Influenced, pressure: float, holds: list[Callable[[], None]]) -> None:
+    def __init__(self, plant: Influenced, pressure: float, holds: list[Act]) -> None:
         self._plant, self._pressure, self._holds = plant, pressure, holds
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
@@ -174,7 +177,7 @@ class SupplyEffect:
         self._holds.remove(self._hold)
         self._plant.influence(SUPPLY, None)
 
-    def _hold(self) -> None:
+    def _hold(self, _now: int) -> None:
         self._plant.influence(SUPPLY, self._pressure)
 
 
@@ -217,7 +220,7 @@ class DefectEffect:
         point: DefectPoint,
         name: str,
         make: Callable[[], Growth],
-        holds: list[Callable[[], None]],
+        holds: list[Act],
     ) -> None:
         self._point, self._name, self._make, self._holds = point, name, make, holds
         self._growth = make()
@@ -232,7 +235,7 @@ class DefectEffect:
         self._holds.remove(self._grow)
         self._point.remove(self._name, self)
 
-    def _grow(self) -> None:
+    def _grow(self, _now: int) -> None:
         if not self._growth.is_full:
             self._point.add(self._name, self, self._growth.next())
 
@@ -295,16 +298,16 @@ class BabbleEffect:
 
     Args:
         babble: sends it.
-        babbles: what is called in each tick.
+        finishes: what is called before the nodes of a tick send.
     """
 
-    def __init__(self, babble: Babble, babbles: list[Babble]) -> None:
-        self._babble, self._babbles = babble, babbles
+    def __init__(self, babble: Act, finishes: list[Act]) -> None:
+        self._babble, self._finishes = babble, finishes
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Begin to send."""
-        self._babbles.append(self._babble)
+        self._finishes.append(self._babble)
 
     def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Stop."""
-        self._babbles.remove(self._babble)
+        self._finishes.remove(self._babble)

@@ -44,7 +44,6 @@ from hil_bench.devices.faults.effects import (
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind
 from hil_bench.devices.faults.line import (
-    Babble,
     Line,
     Meeting,
     Rule,
@@ -58,7 +57,7 @@ from hil_bench.devices.faults.line import (
     truncation,
 )
 from hil_bench.devices.faults.physical_faults import PhysicalFaults
-from hil_bench.devices.faults.points import FaultPoints
+from hil_bench.devices.faults.points import FaultPoints, Places
 from hil_bench.devices.faults.schedule import When
 from hil_bench.devices.faults.sensor_stages import (
     Broken,
@@ -102,26 +101,43 @@ class Faults(PhysicalFaults):
 
     Args:
         points: the targets of faults.
+        places: where they act in a tick, those of the bench that this is to join; without them,
+            nowhere.
         tick_ns: time between two ticks [ns].
         seed: of the random faults.
 
     Attributes:
         lines: connections that have or had a fault, by node; a new object whenever one comes in.
-        holds: to be called before each tick of the plants.
-        babbles: to be called in each tick, with where to send to.
     """
 
     lines: Mapping[Node, Line]
 
     def __init__(
-        self, points: FaultPoints | None = None, *, tick_ns: int = 1_000_000, seed: int = 0
+        self,
+        points: FaultPoints | None = None,
+        places: Places | None = None,
+        *,
+        tick_ns: int = 1_000_000,
+        seed: int = 0,
     ) -> None:
-        super().__init__(points or FaultPoints(), tick_ns)
+        super().__init__(points or FaultPoints(), tick_ns, places.holds if places else [])
+        self._places = places
         self._tick_ns = tick_ns
         self.lines = {}
-        self.babbles: list[Babble] = []
         self._seed = seed
         self._streams: Counter[str] = Counter()
+
+    def join(self, bench: Places) -> None:
+        """Begin and end what is due at the beginning of each tick of a bench."""
+        board = bench.switchboard
+
+        def begin(now: int) -> None:
+            if now >= self.due:
+                self.advance(now)
+                board.lay(self, self.lines)
+
+        board.lay(self, self.lines)
+        bench.begins.append(begin)
 
     def rehearsal(self) -> "Faults":
         """Faults of the same bench to try a schedule on; those that are tried here never begin."""
@@ -207,7 +223,7 @@ class Faults(PhysicalFaults):
         """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
         point = find("axis", axis, self._points.supplies)
         bounded("pressure", pressure, low=point.lowest, high=_HIGHEST_SUPPLY)
-        effect = SupplyEffect(point.plant, pressure, self.holds)
+        effect = SupplyEffect(point.plant, pressure, self._holds)
         return self.add(FaultKind.DROP_SUPPLY, axis, effect, when)
 
     def silence(self, node: str, **when: Unpack[When]) -> Fault:
@@ -271,7 +287,14 @@ class Faults(PhysicalFaults):
         self._check_node(node)
         frames = count("frames_per_tick", frames_per_tick, 1, _MOST_FRAMES)
         send = babble(identifier(can_id) or 0, frames, self._points.buses.get(node, 0))
-        return self.add(FaultKind.BABBLE, node, BabbleEffect(send, self.babbles), when)
+        places = self._places
+
+        def act(_now: int) -> None:
+            if places is not None:
+                send(places.switchboard.emit)
+
+        finishes = places.finishes if places is not None else []
+        return self.add(FaultKind.BABBLE, node, BabbleEffect(act, finishes), when)
 
     def bit_error(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
         """Disturb a bit in a share of a node's frames, 0 to 1, at random, on a bus of copper.

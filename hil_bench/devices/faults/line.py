@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.faults.kinds import FaultDirection
@@ -61,7 +61,10 @@ class Line:
 
     Attributes:
         meetings: the faults of this line, in the order in which a frame meets them.
+        may_delay: True: a fault may hold frames back.
     """
+
+    may_delay: ClassVar[bool] = True
 
     def __init__(self, node: Receiver) -> None:
         self.meetings: list[Meeting] = []

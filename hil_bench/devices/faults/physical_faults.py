@@ -3,12 +3,11 @@
 Each may grow: from nothing, when it begins, to all of it after a time.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple, Unpack
 
 from hil_bench.devices.faults.checks import bounded, choose, find, missing_defect, to_ns
-from hil_bench.devices.faults.effects import DefectEffect, Growth, SpoolEffect
+from hil_bench.devices.faults.effects import Act, DefectEffect, Growth, SpoolEffect
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import LEAKS, FaultKind, LeakPath
 from hil_bench.devices.faults.points import FaultPoints
@@ -37,16 +36,12 @@ class PhysicalFaults(FaultSchedule):
     Args:
         points: what may have faults.
         tick_ns: time between two ticks [ns].
-
-    Attributes:
-        holds: to be called before each tick of the plants.
+        holds: called before each tick of the plants.
     """
 
-    holds: list[Callable[[], None]]
-
-    def __init__(self, points: FaultPoints, tick_ns: int) -> None:
+    def __init__(self, points: FaultPoints, tick_ns: int, holds: list[Act]) -> None:
         super().__init__()
-        self.holds = []
+        self._holds = holds
         self._points = points
         self._tick = tick_ns * 1e-9
 
@@ -146,7 +141,7 @@ class PhysicalFaults(FaultSchedule):
             raise ConfigError(f"faults: {axis} {missing_defect(wear.name)}")
         bounded(kind.value, wear.amount, low=0.0, high=point.known[wear.name].high)
         grow = partial(Growth, wear.amount, self._ticks(wear.growth))
-        return self.add(kind, axis, DefectEffect(point, wear.name, grow, self.holds), when)
+        return self.add(kind, axis, DefectEffect(point, wear.name, grow, self._holds), when)
 
     def _ticks(self, growth: float) -> int:
         return round(to_ns("growth", growth) * 1e-9 / self._tick)

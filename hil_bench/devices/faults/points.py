@@ -2,11 +2,42 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
+from hil_bench.canopen_device.frame import Emit
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.ecu_point import EcuPoint
-from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.devices.faults.effects import Act, DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.devices.faults.wire_point import WirePoint
+
+
+class Board(Protocol):
+    """The board at which the bench's devices are connected; see `hil_bench.bench.switchboard`."""
+
+    @property
+    def emit(self) -> Emit:
+        """Takes a frame that no node sends."""
+
+    def lay(self, owner: object, ways: Mapping[Any, Any]) -> None:
+        """Let the frames of these devices go by ways."""
+
+
+class Places(Protocol):
+    """The places of a tick at which faults act; see `hil_bench.bench.bench.Bench`.
+
+    Attributes:
+        begins: called before frames are received.
+        holds: called before the plants move.
+        finishes: called before the nodes send.
+    """
+
+    begins: list[Act]
+    holds: list[Act]
+    finishes: list[Act]
+
+    @property
+    def switchboard(self) -> Board:
+        """The board of the nodes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,8 @@ class Pace(Protocol):
         """Take note that the tick is over."""
 
 
-class WireEnd(Protocol):
-    """Buses of copper, on which frames take time: `hil_bench.bench.wiring.Wiring`."""
+class Medium(Protocol):
+    """Buses on which frames take time, as `hil_bench.bench.bench.Medium`."""
 
     def takes(self, frame: Frame) -> bool:
         """Return True if a frame is put here; others wait for the next tick."""
@@ -54,7 +54,7 @@ class _BenchTime:
         start: bench time at which the buses begin [ns].
         pacer: holds each tick back until it is due; without one, ticks follow at once.
         on_frame: told every frame, both ways.
-        wire: those of its buses that are of copper.
+        medium: those of its buses on which frames take time.
 
     Attributes:
         now: bench time [ns].
@@ -69,12 +69,12 @@ class _BenchTime:
         start: int,
         pacer: Pace | None,
         on_frame: FrameHook | None,
-        wire: WireEnd | None = None,
+        medium: Medium | None = None,
     ) -> None:
         self.now = start
         self.to_bench: list[Frame] = []
         self.readers: list[Callable[[Frame, int | None], None]] = []
-        self._wire = wire
+        self._medium = medium
         self._tick = tick
         self._period = period
         self._next_tick = start + period
@@ -82,14 +82,14 @@ class _BenchTime:
         self._on_frame = on_frame
 
     def send(self, frame: Frame) -> None:
-        """Queue a frame for the next tick, or put it on the bus where that is of copper.
+        """Queue a frame for the next tick, or put it on the bus where it takes time there.
 
         Raises:
             can.CanOperationError: the transmission buffer is full.
         """
-        if self._wire is None or not self._wire.takes(frame):
+        if self._medium is None or not self._medium.takes(frame):
             self.to_bench.append(frame)
-        elif not self._wire.put(frame, self.now):
+        elif not self._medium.put(frame, self.now):
             raise can.CanOperationError("the transmission buffer is full")
         if self._on_frame is not None:
             self._on_frame(frame, self.now)
@@ -97,19 +97,19 @@ class _BenchTime:
     def pass_until(self, deadline: int, is_over: Callable[[], object]) -> bool:
         """Run ticks until `is_over` (True) or the deadline [ns] has come (False)."""
         while self._next_tick <= deadline:
-            if self._wire is not None and self._hear(self._wire, self._next_tick, is_over):
+            if self._medium is not None and self._hear(self._medium, self._next_tick, is_over):
                 return True
             self._run_tick()
             if is_over():
                 return True
-        if self._wire is not None and self._hear(self._wire, deadline, is_over):
+        if self._medium is not None and self._hear(self._medium, deadline, is_over):
             return True
         self.now = max(self.now, deadline)
         return False
 
-    def _hear(self, wire: WireEnd, until: int, is_over: Callable[[], object]) -> bool:
+    def _hear(self, medium: Medium, until: int, is_over: Callable[[], object]) -> bool:
         """Hand out what passes until then [ns], or until `is_over`; return whether it is."""
-        while (passed := wire.next_frame(until)) is not None:
+        while (passed := medium.next_frame(until)) is not None:
             frame, self.now = passed
             if self._on_frame is not None:
                 self._on_frame(frame, self.now)
@@ -257,8 +257,8 @@ class EmbeddedBus(EmbeddedPort):
         on_frame: told every frame, both ways, in the order of their bench times.
         can_filters: as for every python-can bus.
         description: the bus in words, for messages.
-        wire: those buses of the bench that are of copper: frames pass them in their time, to the
-            bit, and a wait may end between two ticks.
+        medium: those buses of the bench on which frames take time: they pass them in their time, to
+            the bit, and a wait may end between two ticks.
 
     Raises:
         ValueError: the period is not positive.
@@ -274,11 +274,11 @@ class EmbeddedBus(EmbeddedPort):
         on_frame: FrameHook | None = None,
         can_filters: can.typechecking.CanFilters | None = None,
         description: str = "embedded bench",
-        wire: WireEnd | None = None,
+        medium: Medium | None = None,
     ) -> None:
         if period_ns <= 0:
             raise ValueError(f"tick period {period_ns} ns: a positive number is right")
-        time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, wire)
+        time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, medium)
         super().__init__(time, can_filters)
         self.channel_info = description
 

@@ -7,6 +7,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.bench_events import MOST_LINES, BenchEvents
+from hil_bench.devices.faults.faults import Faults
 
 
 class Watched(BusSide):
@@ -54,7 +55,7 @@ def test_a_valve_that_loses_its_controller_says_state_and_error(bench):
 
 
 def test_faults_have_the_time_at_which_they_begin_and_end(bench):
-    bench.bench.faults.freeze("pressure_a", at=0.2105, duration=0.02)
+    bench.bench.part(Faults).freeze("pressure_a", at=0.2105, duration=0.02)
     bench.tick(count=160)
     # The first ticks at or after 210.5 and 230.5 ms of bench time, of which tick 1 is 1 ms.
     assert bench.said == [

@@ -9,6 +9,7 @@ from support.feed_loop import FeedLoop
 
 from hil_bench.cli import ctl, main
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 
 
@@ -33,7 +34,7 @@ def ask(loop, capsys):
 
 
 def active(loop):
-    return [(str(fault.kind), fault.target) for fault in loop.session.bench.faults.active]
+    return [(str(fault.kind), fault.target) for fault in loop.session.bench.part(Faults).active]
 
 
 def test_the_benches_are_listed(ask, monkeypatch, capsys):
@@ -52,7 +53,7 @@ def test_the_benches_are_listed(ask, monkeypatch, capsys):
 
 
 def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, capsys):
-    loop.session.bench.faults.freeze("position", duration=1.0)
+    loop.session.bench.part(Faults).freeze("position", duration=1.0)
     loop.look_again()
     status = ask("status")
     values = status["values"]
@@ -84,7 +85,7 @@ def test_the_status_of_work_that_is_over_has_its_findings():
 
 def test_a_fault_has_the_keys_of_the_configuration(ask, loop):
     number = ask("fault", "offset", "pressure_a", "offset_bar=20", "for_s=5")["number"]
-    (fault,) = loop.session.bench.faults.active
+    (fault,) = loop.session.bench.part(Faults).active
     assert (str(fault.kind), fault.target, fault.duration) == ("offset", "pressure_a", 5 * 10**9)
     sensor = loop.session.bench.sensors[0]
     assert sensor.measured - loop.session.bench.axes[0].plant.output.P_A == pytest.approx(20e5)

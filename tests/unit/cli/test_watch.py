@@ -9,6 +9,7 @@ from support.feed_loop import FeedLoop
 from hil_bench.cli import main, watch
 from hil_bench.cli.watch_values import bar
 from hil_bench.cli.watch_view import WatchView
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 
 
@@ -35,7 +36,7 @@ def state(**node):
 
 
 def test_one_picture_has_it_all(loop, capsys):
-    loop.session.bench.faults.freeze("pressure_a", duration=60.0)
+    loop.session.bench.part(Faults).freeze("pressure_a", duration=60.0)
     loop.look_again()
     assert main(["watch", "--once"]) == 0
     lines = capsys.readouterr().out.splitlines()

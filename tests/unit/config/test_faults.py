@@ -11,6 +11,7 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import FaultConfig, Origin, load_config
 from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.kinds import (
     ECU_KINDS,
     BrokenReading,
@@ -124,7 +125,7 @@ def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: b
     bench = build_bench(load_config(write(text)))
     bench.start(0)
     bench.tick([], 1_000_000)
-    assert [each.kind for each in bench.faults.active] == kinds
+    assert [each.kind for each in bench.part(Faults).active] == kinds
 
 
 def test_without_times_a_fault_is_there_for_ever(write: Write) -> None:
@@ -186,7 +187,7 @@ def test_bound_objects_may_have_faults(write: Write, faults: str) -> None:
     bench = build_bench(load_config(write_io(write, IO + faults)))
     bench.start(0)
     bench.tick([], 1_000_000)
-    assert len(bench.faults.active) == faults.count("[[faults]]")
+    assert len(bench.part(Faults).active) == faults.count("[[faults]]")
 
 
 def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> None:

@@ -11,7 +11,7 @@ from hil_bench.errors import ConfigError
 
 @pytest.fixture(scope="module")
 def faults():
-    return build_bench(load_config()).faults
+    return build_bench(load_config()).part(Faults)
 
 
 @pytest.mark.parametrize(

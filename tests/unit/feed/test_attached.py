@@ -7,6 +7,7 @@ import pytest
 from support.feed_loop import FeedLoop, Wire
 
 import hil_bench
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError
 from hil_bench.outside.feed.client import FeedClient, only_one
 from hil_bench.session import attached
@@ -31,7 +32,7 @@ def test_the_newest_values_come_by_name(loop):
 
 
 def test_a_value_that_is_none_is_nan(loop):
-    loop.session.bench.faults.break_wire("pressure_a")
+    loop.session.bench.part(Faults).break_wire("pressure_a")
     loop.tick(2)
     assert math.isnan(hil_bench.attach().latest()["pressure_a.measured"])
 
@@ -47,9 +48,9 @@ def test_rows_come_tick_by_tick():
 def test_a_fault_lasts_for_its_block(loop):
     bench = hil_bench.attach()
     with bench.faults.offset("pressure_a", amount=2e6):
-        (fault,) = loop.session.bench.faults.active
+        (fault,) = loop.session.bench.part(Faults).active
         assert (fault.kind, fault.target) == ("offset", "pressure_a")
-    assert loop.session.bench.faults.active == ()
+    assert loop.session.bench.part(Faults).active == ()
 
 
 def test_a_fault_that_has_ended_is_cleared_in_peace(loop):
@@ -58,7 +59,7 @@ def test_a_fault_that_has_ended_is_cleared_in_peace(loop):
         loop.tick(20)
     bench.faults.freeze("pressure_b")
     bench.faults.clear()
-    assert loop.session.bench.faults.active == ()
+    assert loop.session.bench.part(Faults).active == ()
 
 
 @pytest.mark.usefixtures("loop")

@@ -7,6 +7,7 @@ import pytest
 from support.feed_loop import FeedLoop, Wire
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.feed.client_link import MOST_OPEN
 from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.feed.server import MOST_CLIENTS
@@ -114,7 +115,7 @@ def test_a_fault_is_an_event_and_a_state(loop):
 
 
 def test_who_comes_after_a_fault_sees_its_state_and_not_its_event(loop):
-    loop.session.bench.faults.freeze("pressure_a")
+    loop.session.bench.part(Faults).freeze("pressure_a")
     loop.tick(2)
     wire = Wire(loop)
     wire.say(id=1, do="watch")
@@ -134,7 +135,7 @@ def test_a_bench_goes_on_until_somebody_stops_it(loop):
 
 
 def test_a_planned_fault_gets_a_number_too(loop):
-    loop.session.bench.faults.freeze("pressure_a")
+    loop.session.bench.part(Faults).freeze("pressure_a")
     wire = Wire(loop)
     wire.say(id=1, do="status")
     loop.look_again()
@@ -142,7 +143,7 @@ def test_a_planned_fault_gets_a_number_too(loop):
     (fault,) = answer["value"]["state"]["faults"]
     wire.say(id=2, do="clear_fault", number=fault["number"])
     loop.tick(2)
-    assert loop.session.bench.faults.active == ()
+    assert loop.session.bench.part(Faults).active == ()
 
 
 def test_a_wrong_line_gets_an_answer_and_the_next_one_too(loop):
@@ -249,7 +250,7 @@ def test_a_client_that_goes_takes_its_answer_with_it(loop):
     wire.say(id=1, do="begin_fault", kind="freeze", target="pressure_a")
     wire.close()
     loop.tick(3)
-    assert [fault.target for fault in loop.session.bench.faults.active] == ["pressure_a"]
+    assert [fault.target for fault in loop.session.bench.part(Faults).active] == ["pressure_a"]
     assert loop.server._open == {}
 
 

@@ -8,6 +8,7 @@ from support.modbus_side import POSITION, PRESSURE_A, ModbusSide
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.modbus_binding import ModbusBinding
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.register_map import Table
 
@@ -42,7 +43,7 @@ def test_each_tick_has_its_number_in_all_units(side):
 
 
 def test_a_fault_of_a_sensor_shows_here_too(side):
-    with side.bench.faults.break_wire("pressure_a"):
+    with side.bench.part(Faults).break_wire("pressure_a"):
         side.tick(count=2)
         assert side.read(PRESSURE_A, Table.DISCRETE_INPUTS, "valid") == 0
         assert math.isnan(side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure"))
@@ -102,7 +103,7 @@ def test_a_block_that_holds_a_setting_as_it_is_does_not_set_it_again(side):
     assert side.write(PRESSURE_A, Table.HOLDING_REGISTERS, 0, repeating_average, 200) == 0
     side.tick(count=2)
     before = side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure")
-    with side.bench.faults.offset("pressure_a", 10e5):
+    with side.bench.part(Faults).offset("pressure_a", 10e5):
         assert side.write(PRESSURE_A, Table.HOLDING_REGISTERS, 0, repeating_average, 200) == 0
         side.tick(count=2)
         assert side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure") == before

@@ -7,6 +7,7 @@ from hil_bench.abilities.eyes.error_words import error_text
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -26,7 +27,7 @@ def log(request, tmp_path):
         with bench.faults.bit_error("valve"):
             bench.run(0.004)
         bench.run(0.05)
-        wire = bench.bench.wiring.buses[0].wire
+        wire = bench.bench.part(Copper).wiring.buses[0].wire
         assert wire.failed >= 2
     return path, wire.failed
 

@@ -8,6 +8,7 @@ from support.modbus_side import CONTROL, ENABLE, ModbusSide
 from support.motors import LOSSLESS, VALVE, write_bench
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.modbus.register_map import Table
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import modbus
@@ -84,7 +85,7 @@ def test_a_preset_and_the_direction_by_registers(make_side):
 def test_a_broken_wire_is_no_valid_angle(make_side):
     side = make_side(90.0)
     assert side.read(ENCODER, Table.DISCRETE_INPUTS, "valid") == 1
-    with side.bench.faults.break_wire("encoder"):
+    with side.bench.part(Faults).break_wire("encoder"):
         side.tick(count=2)
         assert side.read(ENCODER, Table.DISCRETE_INPUTS, "valid") == 0
         assert shown(side, "alarms", "position") == [1, TURN_STEPS // 4]

@@ -7,6 +7,7 @@ from concurrent.futures import CancelledError
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.commands import BeginFault, ClearFault, SetObject, SetPlant
 from hil_bench.session.door import MOST_WAITING
@@ -39,7 +40,7 @@ class Ticking:
 
     @property
     def active(self):
-        return [(str(f.kind), f.target) for f in self.session.bench.faults.active]
+        return [(str(f.kind), f.target) for f in self.session.bench.part(Faults).active]
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def test_a_fault_begins_and_ends_with_the_next_tick(bench):
     assert pressures["pressure_a"].measured == pytest.approx(output.P_A + 2e6)
     bench.ask(ClearFault(number))
     assert bench.active == []
-    events = [(event.time, event.is_begin) for event in bench.session.bench.faults.events]
+    events = [(event.time, event.is_begin) for event in bench.session.bench.part(Faults).events]
     # Tick 1 began it; cleared at the start of tick 2, it was there until tick 1.
     assert events == [(TICK, True), (TICK, False)]
 

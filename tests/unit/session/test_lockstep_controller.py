@@ -8,6 +8,7 @@ from support.direct_lockstep import DirectLockStep
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_bench.session.lockstep_controller import QUIET, LockStepController
@@ -105,7 +106,7 @@ def test_an_answer_that_comes_late_is_nobodys(config):
 def test_a_node_that_falls_silent_is_missed_in_bench_time_and_others_are_asked(config):
     transport = DirectLockStep(config)
     producer = join(transport)
-    transport.bench.faults.silence("valve")
+    transport.bench.part(Faults).silence("valve")
     network = network_of(producer, config)
     before = network.now()
     with pytest.raises(DriverTimeoutError):
@@ -121,7 +122,7 @@ def test_a_bench_that_is_gone_is_told(config):
     transport = DirectLockStep(config)
     producer = join(transport)
     for node in ("valve", "pressure_a", "pressure_b", "position"):
-        transport.bench.faults.silence(node)
+        transport.bench.part(Faults).silence(node)
     with pytest.raises(can.CanOperationError, match="no answer from node 1 and 2 and 3 within 2 s"):
         producer.tick([], 0)
 

@@ -30,7 +30,7 @@ class Bench:
     def __init__(self):
         self.rounds = []
         self.now = 0
-        self.bench = SimpleNamespace(wiring=None)
+        self.bench = SimpleNamespace(medium=None)
 
     def tick(self, frames, now, send=None):
         self.now = now

@@ -41,7 +41,7 @@ class Copper:
 
     @property
     def is_direct(self) -> bool:
-        """Whether a user in the same thread puts frames at any time, not with a tick."""
+        """True if a user in the same thread puts frames at any time, not with a tick."""
         return self.wiring.is_direct
 
     @is_direct.setter

@@ -24,7 +24,7 @@ class Way(Protocol):
 
     @property
     def may_delay(self) -> bool:
-        """Whether it may hold frames back; only then its `deliver` and `release` are called."""
+        """True if it may hold frames back; only then its `deliver` and `release` are called."""
 
     def sender(self, emit: Emit) -> Emit:
         """Return a callable that sends the device's frames; `emit` is nearer to the bus."""

@@ -22,7 +22,7 @@ MOST_FAULTS = 256
 
 
 class Device(Protocol):
-    """What a command may read and set of a device, by name."""
+    """A device with values that a command may read and set, by name."""
 
     def __getitem__(self, name: str, /) -> Value | None:
         """Return a value; `ConfigError` where there is none of that name."""

@@ -16,6 +16,7 @@ HERE: Final = Path(__file__).parent
 PARTS: Final = frozenset(
     {
         "brief",
+        "linear_models",
         "manoeuvres",
         "master",
         "mutants",
@@ -23,7 +24,9 @@ PARTS: Final = frozenset(
         "mutation_tests",
         "occasion",
         "peers",
+        "plain_fit",
         "responders",
+        "stranger_prediction",
     }
 )
 """Modules of the programs, which do nothing by themselves."""

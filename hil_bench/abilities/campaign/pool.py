@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, RunSpec
 from hil_bench.abilities.campaign.running import failed_run, perform
+from hil_bench.abilities.campaign.snapshot import perform_branching
 from hil_bench.session.pool import Pool, TaskEnd
 
 Backend = Callable[[Iterable[RunSpec]], Iterator[RunResult]]
@@ -32,7 +33,7 @@ def local_backend(jobs: int) -> AbstractContextManager[Backend]:
 
 def run_pool(jobs: int) -> "Pool[RunSpec, RunResult]":
     """Return so many processes that do runs."""
-    return Pool(jobs, perform, _lost_run)
+    return Pool(jobs, perform_branching, _lost_run)
 
 
 def _lost_run(spec: RunSpec, end: TaskEnd, problem: str) -> RunResult:

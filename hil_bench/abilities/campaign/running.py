@@ -1,11 +1,13 @@
 """One run: a pure function of what its key is made of."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from hil_bench.abilities.campaign.identity import case_digest, controller_digest
 from hil_bench.abilities.campaign.plan import nested
 from hil_bench.abilities.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
+from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, Run, play, prepare
@@ -21,9 +23,19 @@ def perform(spec: RunSpec) -> RunResult:
 
     A `ConfigError` says that the files here are not those of the campaign.
     """
-    _check_case(spec.case)
+    check_case(spec.case)
+    return conclude(spec, lambda: play_spec(spec))
+
+
+def conclude(spec: RunSpec, do: Callable[[], Run]) -> RunResult:
+    """Do a run and return its result, also where it fails.
+
+    Args:
+        spec: the run.
+        do: plays it.
+    """
     try:
-        run = play_spec(spec)
+        run = do()
     except HilBenchError as error:
         return failed_run(spec, RunOutcome.CRASHED, str(error))
     except Exception as error:
@@ -42,11 +54,15 @@ def play_spec(spec: RunSpec, options: PlayOptions = PLAIN) -> Run:
         spec: the run.
         options: how to play.
     """
+    return play(prepare_spec(spec), options)
+
+
+def prepare_spec(spec: RunSpec) -> PreparedScenario:
+    """Return the scenario of a run, with its numbers in; `HilBenchError` says what does not fit."""
     tables = nested(spec.tolerances)
-    prepared = prepare(
+    return prepare(
         spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables, keeps_session=True
     )
-    return play(prepared, options)
 
 
 def verdicts_of(run: Run) -> tuple[Verdict, ...]:
@@ -67,7 +83,12 @@ def failed_run(spec: RunSpec, outcome: RunOutcome, problem: str) -> RunResult:
     return RunResult(spec.key, name, bench, firmware, spec.seed, spec.values, outcome, short)
 
 
-def _check_case(case: Case) -> None:
+def check_case(case: Case) -> None:
+    """Check that the files of a case are those of the campaign.
+
+    Raises:
+        ConfigError: they are not.
+    """
     scenario = case.scenario
     if (scenario.path, case.digest) in _CHECKED:
         return

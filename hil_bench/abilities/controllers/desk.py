@@ -1,15 +1,16 @@
 """Controllers on the buses of a session: what each hears, and when what it sends acts."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.seam import (
+    BranchingController,
     Controller,
     ControllerEnd,
     ControllerKind,
@@ -157,6 +158,12 @@ class Desk:
                 controller.reset()
             controller.close()
 
+    def branching(self) -> BranchingController | None:
+        """Return the controller where it runs and can branch."""
+        if self._controller is None or not self._config.kind.can_branch:
+            return None
+        return cast("BranchingController", self._controller)
+
     def tail(self) -> str:
         """The end of what it has printed."""
         return self._controller.tail() if self._controller is not None else ""
@@ -273,6 +280,24 @@ class Desks:
             desk.switch_off(at_once=True)
         if power is not Power.KILL and not desk.is_running:
             desk.is_due = True
+
+    def branch(self) -> Callable[[bool], None]:
+        """Make all ready for a copy of this process; see `BranchingController`."""
+        each = [controller.branch() for controller in self._branching()]
+
+        def go_on(is_copy: bool) -> None:
+            for settle in each:
+                settle(is_copy)
+
+        return go_on
+
+    @property
+    def pids(self) -> set[int]:
+        """The processes of controllers that can branch."""
+        return {controller.pid for controller in self._branching() if controller.pid}
+
+    def _branching(self) -> list[BranchingController]:
+        return [found for desk in self.desks if (found := desk.branching()) is not None]
 
     def leave_off(self) -> None:
         """Leave all off until they are started."""

@@ -73,6 +73,23 @@ class Controller(Protocol):
         """End it; a second call does nothing. No process and no file of it stays."""
 
 
+class BranchingController(Controller, Protocol):
+    """A controller of a kind that `can_branch`.
+
+    Attributes:
+        pid: of its process; 0 where it has none.
+    """
+
+    pid: int
+
+    def branch(self) -> Callable[[bool], None]:
+        """Make ready for a copy of this process by `os.fork`.
+
+        Returns:
+            A function that both call behind it, with True in the copy.
+        """
+
+
 class Surroundings(NamedTuple):
     """The surroundings in which a controller is built.
 
@@ -115,12 +132,16 @@ class ControllerKind(ABC):
         keys: of its table, beside ``kind`` and ``buses``.
         is_clock: whether its SYNC is its clock, so that it needs `Surroundings.serve`, and buses
             on which frames take no time.
+        can_branch: whether a run that it drives may be copied with its process: its controllers
+            are each a `BranchingController`, and take nothing of the parameters but what
+            ``{parameter}`` names in its table.
     """
 
     name: str
     summary: str
     keys: tuple[Key, ...] = ()
     is_clock: bool = False
+    can_branch: bool = False
 
     @abstractmethod
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:

@@ -90,6 +90,12 @@ class Director:
         self._answers: list[tuple[str, Future[Any]]] = []
         session.watch(ticks=self._settle)
 
+    def adopt(self, actions: Sequence[TimedAction]) -> None:
+        """Go on with the actions of another run, whose first ones are those that have begun."""
+        done = self.done
+        self._plan = self._plan._replace(actions=tuple(actions))
+        self._waiting = list(reversed(actions[done:]))
+
     @property
     def done(self) -> int:
         """The number of actions that have begun, the first ones of the plan."""

@@ -76,11 +76,13 @@ class RunnerDriver:
     Args:
         bench: on which.
         desks: its controllers; None for nobody.
-        parameters: of the scenario, in their own units.
+
+    Attributes:
+        desks: likewise.
     """
 
     def __init__(self, bench: VirtualBench, desks: Desks | None) -> None:
-        self._bench, self._desks = bench, desks
+        self._bench, self.desks = bench, desks
 
     def drive(self, director: Director, last_tick: int) -> str:
         """Let time pass until the run is over; return how a controller ended before that.
@@ -92,14 +94,14 @@ class RunnerDriver:
         session.tick((), 0)
         while not director.is_over and session.now < last_tick * tick_ns:
             session.tick((), session.now + tick_ns)
-        if self._desks is None:
+        if self.desks is None:
             return ""
         end = session.now + _MOST_BEHIND
-        while not self._desks.have_begun and session.now < end:
+        while not self.desks.have_begun and session.now < end:
             session.tick((), session.now + tick_ns)  # it says what keeps it
-        if not self._desks.have_begun and session.now >= end:
+        if not self.desks.have_begun and session.now >= end:
             raise ControllerError("the controller had not begun its work when the run was over")
-        return self._desks.ending
+        return self.desks.ending
 
 
 @contextmanager

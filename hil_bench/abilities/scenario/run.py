@@ -10,7 +10,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
-from hil_bench.abilities.scenario.driving import controller_of, driver_of, switch_problems
+from hil_bench.abilities.scenario.driving import (
+    RunnerDriver,
+    controller_of,
+    driver_of,
+    switch_problems,
+)
 from hil_bench.abilities.scenario.evidence import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
@@ -38,6 +43,13 @@ from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench
 
+Halt = Callable[[VirtualBench, Stage, RunnerDriver], None]
+"""Is given a run before its first tick, to have it halt somewhere."""
+
+
+def _go_on(_bench: VirtualBench, _stage: Stage, _driver: RunnerDriver) -> None:
+    pass
+
 
 def _alone(_bench: VirtualBench, _stage: Stage) -> AbstractContextManager[object]:
     return nullcontext()
@@ -51,6 +63,7 @@ class PlayOptions(NamedTuple):
         record: what to record in files.
         keeps_evidence: whether the run keeps what a report shows.
         reader: makes what reads the frames of the bench, as a part of the evidence.
+        halt: is given the run before its first tick.
         beside: open while the run goes on; given the bench, and the scenario on it.
     """
 
@@ -58,6 +71,7 @@ class PlayOptions(NamedTuple):
     record: RecordingWish = NO_RECORDING
     keeps_evidence: bool = False
     reader: Callable[[VirtualBench], FrameReader] | None = None
+    halt: Halt = _go_on
     beside: Callable[[VirtualBench, Stage], AbstractContextManager[object]] = _alone
 
 
@@ -164,6 +178,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
             bench.session,
             stops_at_failure=options.stops_at_failure,
         )
+        options.halt(bench, stage, driver)
         with options.beside(bench, stage):
             ending = driver.drive(stage.director, last_tick)
         witness = stage.witness

@@ -46,6 +46,15 @@ class Stage:
         if session.bench.medium is not None:
             session.bench.medium.is_direct = False  # the director sees frames before the bus does
 
+    def adopt(self, prepared: PreparedScenario) -> None:
+        """Go on as another run of the scenario, which was the same up to now.
+
+        Args:
+            prepared: that run; its expectations name the same signals, states and events.
+        """
+        self._prepared = prepared
+        self.director.adopt(prepared.actions)
+
     def end(self) -> None:
         """Let the run be over."""
         self.director.is_over = True

@@ -4,6 +4,8 @@ It is started with the descriptor of its link to the bench, ends with it, and he
 terminal.
 """
 
+import os
+import signal
 import socket
 import sys
 
@@ -30,8 +32,26 @@ def simulate(link: socket.socket) -> None:
         send_message(link, pack_answer(Answer(State.FAILED, AWAKE, [], str(error))))
         return
     send_message(link, pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
-    while message := receive_message(link):
-        send_message(link, pack_answer(_obey(machine, message)))
+    while True:
+        message = receive_message(link)
+        if not message:
+            return
+        if message[0] == Order.BRANCH:
+            link = _branch(link)
+        else:
+            send_message(link, pack_answer(_obey(machine, message)))
+
+
+def _branch(link: socket.socket) -> socket.socket:
+    """Copy this process; return the link of the one that goes on here."""
+    send_message(link, pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
+    _, descriptors, _, _ = socket.recv_fds(link, 1, 1)
+    other = socket.socket(fileno=descriptors[0])
+    if os.fork():
+        other.close()
+        return link
+    link.close()
+    return other
 
 
 def _obey(machine: Machine, message: bytes) -> Answer:
@@ -50,6 +70,7 @@ def _obey(machine: Machine, message: bytes) -> Answer:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks how copies end
     with socket.socket(fileno=int(sys.argv[1])) as parent:
         try:
             simulate(parent)

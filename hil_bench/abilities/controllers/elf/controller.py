@@ -5,7 +5,7 @@ import socket
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hil_bench.abilities.controllers.elf.exchange import (
     Answer,
@@ -46,7 +46,7 @@ class ElfController:
         self._link, theirs = socket.socketpair()
         words = [sys.executable, "-P", "-m", __package__, str(theirs.fileno())]
         with theirs:
-            self._process = subprocess.Popen(  # noqa: S603 - ourselves
+            self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603 - ourselves
                 words,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -80,6 +80,27 @@ class ElfController:
         """Switch power off and on again."""
         self._now, self._wake = None, 0
 
+    @property
+    def pid(self) -> int:
+        """The simulator's process."""
+        return self._process.pid if self._process is not None else 0
+
+    def branch(self) -> Callable[[bool], None]:
+        """Have the simulator copy itself; see `BranchingController`."""
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._ask(Order.BRANCH, 0, ())
+            socket.send_fds(self._link, [b"."], [theirs.fileno()])
+
+        def settle(is_copy: bool) -> None:
+            if not is_copy:
+                ours.close()
+                return
+            self._link.close()
+            self._link, self._process = ours, None  # that is the child of another
+
+        return settle
+
     def tail(self) -> str:
         """The end of what it has printed."""
         return "\n".join(self._lines)
@@ -87,7 +108,7 @@ class ElfController:
     def close(self) -> None:
         """End the process."""
         self._link.close()
-        if self._process.returncode is not None:
+        if self._process is None or self._process.returncode is not None:
             return
         try:
             self._process.communicate(timeout=_GRACE)
@@ -121,6 +142,8 @@ class ElfController:
 
     def _epitaph(self) -> str:
         """The end of the process, in words."""
+        if self._process is None:
+            return "it was a copy, and nobody has seen how"
         _, said = self._process.communicate()
         code = self._process.returncode
         if code < 0:

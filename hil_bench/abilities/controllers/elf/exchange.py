@@ -27,6 +27,7 @@ class Order(IntEnum):
 
     ADVANCE = 0
     POWER_CYCLE = 1
+    BRANCH = 2
 
 
 class State(IntEnum):

@@ -38,6 +38,7 @@ class ElfKind(ControllerKind):
 
     name = "elf"
     summary = "the program that is flashed, on a simulated STM32"
+    can_branch = True
     keys = (
         Key("program", text, example='"build/firmware.elf"'),
         Key("chip", text, example='"STM32F407"'),

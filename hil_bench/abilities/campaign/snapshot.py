@@ -1,0 +1,301 @@
+"""Snapshots: runs of a campaign that begin where they first differ from the runs before.
+
+A snapshot is a process that has played a run up to a tick and waits there. Each run that is the
+same up to then goes on in a copy of it, by `os.fork`: bench, plant and controller with all they
+hold, so the result has the same bytes as that of a run from the start.
+"""
+
+import multiprocessing
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Final, NamedTuple, NoReturn
+
+from hil_bench.abilities.campaign.records import RunResult, RunSpec
+from hil_bench.abilities.campaign.running import check_case, conclude, prepare_spec
+from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
+from hil_bench.abilities.controllers.section import ControllersConfig
+from hil_bench.abilities.scenario.driving import RunnerDriver, controller_of
+from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.reach import names_in
+from hil_bench.abilities.scenario.resolve import TimedAction
+from hil_bench.abilities.scenario.run import PlayOptions, play
+from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.errors import HilBenchError
+from hil_bench.session.virtual_bench import VirtualBench
+
+LEAST_SHARE: Final = 0.1
+"""Of a run, that a snapshot has to save."""
+
+_CHILDREN = Path("/proc/thread-self/children")
+
+
+class _Common(NamedTuple):
+    """The part that all runs so far have in common.
+
+    Attributes:
+        run: the first of them.
+        tick: the first one that is not common.
+    """
+
+    run: PreparedScenario
+    tick: int
+
+
+class Snapshots:
+    """The snapshot of a process that does one run after the other: at most one at a time.
+
+    A run without one to go on from is played from the start, as ever.
+    """
+
+    def __init__(self) -> None:
+        self._common: _Common | None = None
+        self._keeper: _Keeper | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """The process of the snapshot; None without one."""
+        return self._keeper.pid if self._keeper is not None else None
+
+    def perform(self, spec: RunSpec) -> RunResult:
+        """Perform a run and return its result; see `running.perform`."""
+        check_case(spec.case)
+        result = self._keeper.go_on(spec) if self._keeper is not None else None
+        if result is not None:
+            return result
+        try:
+            prepared = prepare_spec(spec)
+        except Exception as error:
+            reason = error
+            return conclude(spec, lambda: _fail(reason))
+        self._learn(prepared)
+        result = self._keeper.go_on(spec) if self._keeper is not None else None
+        if result is None:
+            self._give_up()
+            result = conclude(spec, lambda: play(prepared))
+        return result
+
+    def close(self) -> None:
+        """End the process of the snapshot."""
+        if self._keeper is not None:
+            self._keeper.close()
+            self._keeper = None
+
+    def _give_up(self) -> None:
+        """Take no further snapshot of runs like these, where one has not come about."""
+        if self._keeper is not None and self._common is not None:
+            self.close()
+            self._common = self._common._replace(tick=0)
+
+    def _learn(self, prepared: PreparedScenario) -> None:
+        """Take a run into account that does not go on from the snapshot; take another one."""
+        self.close()
+        common = self._common
+        if not can_branch(prepared):
+            return
+        if common is None or not is_alike(common.run, prepared):
+            self._common = _Common(prepared, prepared.last_tick)
+            return
+        tick = min(common.tick, first_difference(common.run.actions, prepared.actions))
+        self._common = common._replace(tick=tick)
+        if tick > LEAST_SHARE * prepared.last_tick:
+            self._keeper = _Keeper(common.run, tick)
+
+
+def can_branch(prepared: PreparedScenario) -> bool:
+    """Return True if the process of a run can be copied: all that drives is in it, or is copied."""
+    others = prepared.config.of(ControllersConfig)
+    if sys.platform != "linux" or not _CHILDREN.exists() or (others and others.controllers):
+        return False
+    chosen = _controller(prepared)
+    return chosen is None or chosen.kind.can_branch
+
+
+def is_alike(one: PreparedScenario, other: PreparedScenario) -> bool:
+    """Return True if two runs differ in nothing but their steps and limits, if at all."""
+    return (
+        one.config == other.config
+        and one.last_tick == other.last_tick
+        and one.scenario.path == other.scenario.path
+        and _names(one) == _names(other)
+        and _table(one) == _table(other)
+    )
+
+
+def first_difference(one: Sequence[TimedAction], other: Sequence[TimedAction]) -> int:
+    """Return the tick of the first step that two runs do not have in common."""
+    for mine, its in zip(one, other, strict=False):
+        if mine != its:
+            return min(mine.tick, its.tick)
+    rest = (*one[len(other) :], *other[len(one) :])
+    return rest[0].tick if rest else sys.maxsize
+
+
+class _Keeper:
+    """A snapshot, seen from the process that took it.
+
+    Args:
+        prepared: the run.
+        tick: before which it waits.
+
+    Attributes:
+        pid: of its process.
+    """
+
+    def __init__(self, prepared: PreparedScenario, tick: int) -> None:
+        self._connection, theirs = multiprocessing.Pipe()
+        self.pid = os.fork()
+        if self.pid == 0:
+            _keep(prepared, tick, theirs)
+        theirs.close()
+
+    def go_on(self, spec: RunSpec) -> RunResult | None:
+        """Return the result of a run that goes on from here; None where it cannot."""
+        try:
+            self._connection.send(spec)
+            result: RunResult | None = self._connection.recv()
+        except (EOFError, OSError):
+            return None
+        return result
+
+    def close(self) -> None:
+        """End it."""
+        self._connection.close()
+        os.waitpid(self.pid, 0)
+
+
+def _keep(prepared: PreparedScenario, tick: int, connection: Connection) -> None:
+    """Play a run up to a tick, and let others go on from there; never returns."""
+    code = 1
+    try:
+        _close_all_but(connection.fileno())
+        halt = _Halt(prepared, tick, connection)
+        options = PlayOptions(halt=halt.arrange)
+        try:
+            run = play(prepared, options)
+        except Exception as error:  # a run that ends so is a result, but one of a copy only
+            problem = error
+            if halt.spec is not None:
+                connection.send(conclude(halt.spec, lambda: _fail(problem)))
+        else:
+            if halt.spec is not None:
+                connection.send(conclude(halt.spec, lambda: run))
+        code = 0
+    except _Over:
+        code = 0
+    finally:
+        os._exit(code)  # whatever the process before it would have done at its end
+
+
+class _Over(BaseException):
+    """The snapshot is of no more use: what it has open is closed on the way out."""
+
+
+class _Halt:
+    """The moment of a snapshot.
+
+    Args:
+        prepared: the run.
+        tick: before which it halts.
+        connection: to whom it belongs.
+
+    Attributes:
+        spec: the run that goes on in this process; None before.
+    """
+
+    def __init__(self, prepared: PreparedScenario, tick: int, connection: Connection) -> None:
+        self._prepared, self._connection = prepared, connection
+        self._now = (tick - 1) * prepared.config.tick_ns
+        self.spec: RunSpec | None = None
+
+    def arrange(self, bench: VirtualBench, stage: Stage, driver: RunnerDriver) -> None:
+        """Have a run halt."""
+        desks = driver.desks
+        bench.session.watch(ticks=lambda now: self._look(now, stage, desks))
+
+    def _look(self, now: int, stage: Stage, desks: Desks | None) -> None:
+        if now != self._now or self.spec is not None:
+            return
+        pids = desks.pids if desks is not None else set()
+        if {int(pid) for pid in _CHILDREN.read_text(encoding="ascii").split()} != pids:
+            raise _Over  # something else has a process of its own
+        while self.spec is None:
+            try:
+                spec: RunSpec = self._connection.recv()
+            except EOFError:
+                raise _Over from None
+            self._serve(spec, stage, desks)
+
+    def _serve(self, spec: RunSpec, stage: Stage, desks: Desks | None) -> None:
+        """Let a run go on in a copy, where it can."""
+        prepared = self._prepare(spec)
+        if prepared is None:
+            self._connection.send(None)
+            return
+        settle = desks.branch() if desks is not None else _ignore
+        pid = os.fork()
+        settle(pid == 0)
+        if pid == 0:
+            self.spec = spec
+            stage.adopt(prepared)
+        elif os.waitpid(pid, 0)[1]:
+            self._connection.send(None)
+
+    def _prepare(self, spec: RunSpec) -> PreparedScenario | None:
+        with suppress(HilBenchError):
+            prepared = prepare_spec(spec)
+            tick = self._now // prepared.config.tick_ns + 1
+            mine = self._prepared
+            if (
+                is_alike(mine, prepared)
+                and first_difference(mine.actions, prepared.actions) >= tick
+            ):
+                return prepared
+        return None
+
+
+def _ignore(_is_copy: bool) -> None:
+    pass
+
+
+def _fail(error: Exception) -> NoReturn:
+    raise error
+
+
+def _names(prepared: PreparedScenario) -> set[str]:
+    return names_in(each.condition for each in prepared.requirements)
+
+
+def _controller(prepared: PreparedScenario) -> ControllerConfig | None:
+    return controller_of(prepared.scenario, prepared.config, prepared.parameters)
+
+
+def _table(prepared: PreparedScenario) -> object:
+    """Return all of a controller's table, parameters filled in."""
+    chosen = _controller(prepared)
+    if chosen is None:
+        return None
+    text = repr(sorted(chosen.settings.items()))
+    for each in prepared.scenario.parameters:
+        value = each.unit.from_si(prepared.parameters[each.name])
+        text = text.replace("{" + each.name + "}", repr(value))
+    return chosen.kind.name, chosen.buses, text
+
+
+def _close_all_but(kept: int) -> None:
+    """Close the descriptors of the process before, whose ends others wait for."""
+    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208 - numbers, not paths
+        if int(name) > sys.stderr.fileno() and int(name) != kept:
+            with suppress(OSError):
+                os.close(int(name))
+
+
+_OWN = Snapshots()
+
+
+def perform_branching(spec: RunSpec) -> RunResult:
+    """Perform a run, from a snapshot where there is one; for a process that does nothing else."""
+    return _OWN.perform(spec)

@@ -1,0 +1,126 @@
+"""Snapshots: runs that go on from a copy have the results of runs from the start."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
+
+from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
+from hil_bench.abilities.campaign.records import RunSpec
+from hil_bench.abilities.campaign.running import perform, prepare_spec
+from hil_bench.abilities.campaign.snapshot import Snapshots, can_branch, first_difference
+from hil_bench.abilities.scenario.load import load_scenario
+
+pytestmark = [
+    pytest.mark.skipif(not Path("/proc/thread-self/children").exists(), reason="needs Linux"),
+    pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
+]
+
+LOAD = """
+title = "The load changes twice"
+duration_s = 0.5
+{controller}
+[parameters]
+at_s = {{ value = 0.3, range = [0.2, 0.45] }}
+load_kN = {{ value = 10.0, range = [-20.0, 20.0] }}
+limit_bar = {{ value = 60.0, range = [1.0, 300.0] }}
+[[step]]
+at_s = 0.15
+set = {{ "axis1.load" = "5 kN" }}
+over_s = 0.2
+[[step]]
+at_s = "at_s"
+set = {{ "axis1.load" = "load_kN" }}
+[[expect]]
+id = "T-1"
+that = "always axis1.P_A < limit_bar"
+[[expect]]
+id = "T-2"
+that = "always abs(axis1.position) < 100 mm"
+"""
+
+
+def specs(path: Path, *points: dict[str, float]) -> list[RunSpec]:
+    scenario = load_scenario(path)
+    case, space = own_case(scenario), space_of(scenario)
+    return [make_spec(case, point, space, None, 60.0) for point in points]
+
+
+def point(at_s: float, load_kn: float, limit_bar: float = 60.0) -> dict[str, float]:
+    return {"at_s": at_s, "load_kN": load_kn, "limit_bar": limit_bar}
+
+
+POINTS = (
+    point(0.3, 10.0),
+    point(0.3, -10.0),
+    point(0.4, 10.0, 1.0),
+    point(0.25, 10.0),  # before the snapshot
+    point(0.26, 15.0, 300.0),
+    point(0.26, 15.0, 200.0),
+)
+
+
+@pytest.fixture
+def load(tmp_path: Path) -> Path:
+    path = tmp_path / "load.scenario.toml"
+    path.write_text(LOAD.format(controller=""))
+    return path
+
+
+def test_a_copy_ends_as_a_run_from_the_start(load: Path) -> None:
+    runs = specs(load, *POINTS)
+    snapshots, pids = Snapshots(), []
+    try:
+        for run in runs:
+            assert snapshots.perform(run) == perform(run)
+            pids.append(snapshots.pid)
+    finally:
+        snapshots.close()
+    # The second one takes it; one that differs earlier takes another, which lasts.
+    assert pids[0] is None
+    assert pids[1] == pids[2] != pids[3]
+    assert pids[3] == pids[4] == pids[5]
+    assert len({perform(run).verdicts for run in runs}) >= 5
+
+
+def test_a_killed_snapshot_costs_no_run(load: Path) -> None:
+    runs = specs(load, *POINTS[:3])
+    snapshots = Snapshots()
+    try:
+        for run in runs[:2]:
+            snapshots.perform(run)
+        assert snapshots.pid is not None
+        os.kill(snapshots.pid, signal.SIGKILL)
+        assert snapshots.perform(runs[2]) == perform(runs[2])
+    finally:
+        snapshots.close()
+
+
+def test_steps_are_common_up_to_the_first_that_differs(load: Path) -> None:
+    first, second, third = (prepare_spec(run).actions for run in specs(load, *POINTS[:3]))
+    # Ticks of 1 ms: the load changes at 0.3 s, another one or later.
+    assert first_difference(first, second) == 300
+    assert first_difference(second, third) == 300
+    assert first_difference(first, first) > 500
+    assert first_difference(first, first[:-1]) == 300
+
+
+@pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
+def test_a_chip_is_copied_with_its_bench(tmp_path: Path) -> None:
+    pytest.importorskip("unicorn")
+    build_example(tmp_path, "stm32f4.elf")
+    path = tmp_path / "chip.scenario.toml"
+    table = '[controller]\nkind = "elf"\nprogram = "stm32f4.elf"\nchip = "STM32F407"\n'
+    (tmp_path / "bench.toml").write_text("[bench]\ntick_us = 500\n")
+    path.write_text('bench = "bench.toml"\n' + LOAD.format(controller=table))
+    runs = specs(path, *POINTS[:3])
+    assert can_branch(prepare_spec(runs[0]))
+    snapshots = Snapshots()
+    try:
+        found = [snapshots.perform(run) for run in runs]
+        assert snapshots.pid is not None
+    finally:
+        snapshots.close()
+    assert found == [perform(run) for run in runs]

@@ -51,7 +51,10 @@ _RECORDING = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,60}\.mf4")
 PAGE_ACTIONS: Actions = {
     **{name: ACTIONS[name] for name in (*_BY_BENCH, "set_plant")},
     "fault": {"kind": TEXT, "target": TEXT, "keys": TABLE._replace(is_needed=False)},
-    "want": {"frames": SWITCH},
+    "want": {
+        "frames": SWITCH._replace(is_needed=False),
+        "marks": SWITCH._replace(is_needed=False),
+    },
     "choose": {"bench": TEXT},
     "objects": {"node": TEXT},
     "pdos": {},
@@ -111,7 +114,8 @@ class Desk:
         return await bench.request("begin_fault", **fault_fields(table, bench.hello))
 
     async def _want(self, viewer: Viewer, fields: dict[str, Any]) -> None:
-        viewer.wants_frames = fields["frames"]
+        viewer.wants_frames = fields.get("frames", viewer.wants_frames)
+        viewer.wants_marks = fields.get("marks", viewer.wants_marks)
         self._hub.review()
 
     async def _choose(self, _viewer: Viewer, fields: dict[str, Any]) -> None:

@@ -7,11 +7,13 @@ bench is asked for no rows and no frames.
 import asyncio
 import contextlib
 import itertools
+import json
 from collections import deque
 from typing import Any
 
 from hil_bench.abilities.panel.bench_link import BenchLink, open_link
 from hil_bench.abilities.panel.fault_table import fault_choices
+from hil_bench.abilities.panel.frame_news import FrameNews
 from hil_bench.abilities.panel.viewer import Viewer
 from hil_bench.errors import BusError, ConfigError, HilBenchError
 from hil_bench.outside.feed.client import only_one
@@ -56,6 +58,7 @@ class Hub:
         self._events: deque[bytes] = deque(maxlen=_MOST_EVENTS)
         self._rows: list[bytes] = []
         self._frames: list[bytes] = []
+        self._news = FrameNews()
         self._watched: tuple[bool, bool] | None = None
         self._change = asyncio.Event()
 
@@ -139,7 +142,7 @@ class Hub:
             self._say(None, str(error), names)
             return
         async with link:
-            self.link, self._watched = link, None
+            self.link, self._watched, self._news = link, None, FrameNews()
             self.visited += 1
             self._say(link.name, "", names)
             self._to_all(self._greeting())
@@ -165,7 +168,8 @@ class Hub:
         """Ask the bench for what browsers want, whenever that changes."""
         while True:
             self._change.clear()  # before the look, so that none in between is missed
-            wanted = bool(self.viewers), any(viewer.wants_frames for viewer in self.viewers)
+            shows = any(viewer.wants_frames or viewer.wants_marks for viewer in self.viewers)
+            wanted = bool(self.viewers), shows
             if wanted != self._watched:
                 rows = 0.0 if wanted[0] else None
                 try:
@@ -197,7 +201,10 @@ class Hub:
         if kind == "rows":
             self._rows.append(line)
         elif kind == "frames":
-            self._frames.append(line)
+            if any(viewer.wants_frames for viewer in self.viewers):
+                self._frames.append(line)
+            if any(viewer.wants_marks for viewer in self.viewers):
+                self._mark(line)
         else:
             if kind == "state":
                 self._state = line
@@ -206,6 +213,22 @@ class Hub:
             elif kind in {"event", "command"}:
                 self._events.append(line)
             self._to_all(line, may_be_lost=kind == "health")
+
+    def _mark(self, line: bytes) -> None:
+        """Show the frames that are news to the browsers that mark them.
+
+        Raises:
+            BusError: the bench's message is not what frames are.
+        """
+        try:
+            frames = self._news.take(json.loads(line)["frames"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            raise BusError("the bench's message of frames is not one") from None
+        if frames:
+            line = encode({"type": "frame_marks", "frames": frames})
+            for viewer in self.viewers:
+                if viewer.wants_marks:
+                    viewer.offer(line)
 
     def _to_all(self, lines: bytes, *, may_be_lost: bool = False) -> None:
         for viewer in self.viewers:

@@ -23,12 +23,14 @@ class Viewer:
 
     Attributes:
         wants_frames: whether it shows frames.
+        wants_marks: whether it marks the frames that are news.
         lost: messages that it has lost since the last time it was told.
         over: set when it is given up.
     """
 
     def __init__(self, send: Send) -> None:
         self.wants_frames = False
+        self.wants_marks = False
         self.lost = 0
         self.over = asyncio.Event()
         self._send = send

@@ -4,15 +4,20 @@ import { colour, el } from "./dom.js";
 import { shown, valueText } from "./units.js";
 
 const COLOURS = 8;
+const NEAR = 8; // of a click to a marker [px]
+const DIGIT = 8; // width of a digit of an axis [px]
 
 export class Plots {
-  constructor(model, { height = 200, onzoom = null } = {}) {
+  constructor(model, { height = 200, onzoom = null, markers = () => [], onmarker = null } = {}) {
     this.model = model;
     this.height = height;
     this.onzoom = onzoom;
+    this.markers = markers; // returns { time, colour } of each
+    this.onmarker = onmarker;
     this.cursors = {};
     this.begin = 0;
     this.end = 1;
+    this.gutter = 60;
     this.panes = [];
     this.names = [];
     this.root = el("div", { class: "plots" });
@@ -23,6 +28,7 @@ export class Plots {
   choose(names) {
     this.names = names.filter((name) => this.model.store.number(name) >= 0);
     for (const pane of this.panes) pane.plot.destroy();
+    this.gutter = 60;
     const groups = new Map();
     for (const name of this.names) {
       const unit = this.model.unit(name);
@@ -62,19 +68,28 @@ export class Plots {
           spanGaps: false,
         }))],
         axes: [
-          { ...axis, show: isLast, size: 36, values: (_, splits) => splits.map((each) => `${Number(each.toFixed(4))} s`) },
-          { ...axis, size: 60, values: (_, splits) => splits.map((each) => String(Number(each.toFixed(6)))) },
+          // The grid is in all plots, the numbers are below the last one.
+          { ...axis, size: isLast ? 36 : 6, values: (_, splits) => splits.map((each) => (isLast ? `${Number(each.toFixed(4))} s` : "")) },
+          { ...axis, size: (_, values) => this.room(values), values: (_, splits) => splits.map((each) => String(Number(each.toFixed(6)))) },
         ],
         hooks: {
-          drawClear: [(u) => this.shade(u)],
-          draw: [(u) => this.drawLimits(u), (u) => this.drawMarks(u)],
+          drawClear: [(u) => this.shade(u), (u) => this.drawBands(u)],
+          draw: [(u) => this.drawLimits(u), (u) => this.drawMarkers(u), (u) => this.drawMarks(u)],
           setSelect: [(u) => this.zoom(u)],
         },
       },
       [[], ...channels.map(() => [])],
       holder,
     );
-    return { root, plot, legend, unit, factor, numbers: channels.map((name) => this.model.store.number(name)) };
+    plot.over.addEventListener("click", (event) => this.pick(plot, event));
+    return { root, plot, legend, unit, factor, symbol, numbers: channels.map((name) => this.model.store.number(name)) };
+  }
+
+  // Return the width of the value axes: that of the longest number so far, for all plots alike.
+  room(values) {
+    const longest = Math.max(0, ...(values ?? []).map((each) => each?.length ?? 0));
+    this.gutter = Math.max(this.gutter, 18 + DIGIT * longest);
+    return this.gutter;
   }
 
   zoom(plot) {
@@ -84,6 +99,14 @@ export class Plots {
     const end = plot.posToVal(left + width, "x");
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     this.onzoom(begin, end);
+  }
+
+  pick(plot, event) {
+    if (!this.onmarker) return;
+    const left = event.clientX - plot.over.getBoundingClientRect().left;
+    const apart = ({ time }) => Math.abs(plot.valToPos(time, "x") - left);
+    const nearest = this.markers().toSorted((a, b) => apart(a) - apart(b))[0];
+    if (nearest && apart(nearest) < NEAR) this.onmarker(nearest);
   }
 
   // Show a window of time; `at` is the time whose values the legend shows.
@@ -109,16 +132,62 @@ export class Plots {
     }
   }
 
+  // Return the faults that are in the window: begin, end, words.
+  faults() {
+    return this.model.spans
+      .map(({ kind, target, begin, end }) => ({ begin, end: end ?? this.model.time, text: `${kind} ${target}` }))
+      .filter(({ begin, end }) => end >= this.begin && begin <= this.end);
+  }
+
+  // Return the bands that requirements have on the channels of a pane, in the unit that is shown.
+  bands(pane) {
+    const names = new Set(pane.legend.map(({ name }) => name));
+    return (this.model.state.work?.margins ?? []).flatMap(({ id, margin, verdict, bands }) =>
+      bands.filter(({ channel }) => names.has(channel)).map(({ channel, low, high }) => ({
+        id, channel,
+        isBad: verdict === "failed" || (margin !== null && margin < 0),
+        low: low === null ? null : low / pane.factor,
+        high: high === null ? null : high / pane.factor,
+      })));
+  }
+
   shade(plot) {
     const { ctx, bbox } = plot;
     ctx.save();
     ctx.fillStyle = colour("shade");
-    for (const { begin, end } of this.model.spans) {
-      const last = end ?? this.model.time;
-      if (last < this.begin || begin > this.end) continue;
+    for (const { begin, end } of this.faults()) {
       const left = plot.valToPos(Math.max(begin, this.begin), "x", true);
-      const right = plot.valToPos(Math.min(last, this.end), "x", true);
+      const right = plot.valToPos(Math.min(end, this.end), "x", true);
       ctx.fillRect(left, bbox.top, Math.max(2, right - left), bbox.height);
+    }
+    ctx.restore();
+  }
+
+  // Shade what requirements allow, and draw its edges with the name of the requirement.
+  drawBands(plot) {
+    const pane = this.panes.find((each) => each.plot === plot);
+    if (!pane) return;
+    const { ctx, bbox } = plot;
+    const bottom = bbox.top + bbox.height;
+    const within = (value) => Math.min(bottom, Math.max(bbox.top, plot.valToPos(value, "y", true)));
+    ctx.save();
+    ctx.textAlign = "left";
+    ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    for (const { id, low, high, isBad } of this.bands(pane)) {
+      const [top, base] = [high === null ? bbox.top : within(high), low === null ? bottom : within(low)];
+      ctx.fillStyle = ctx.strokeStyle = colour(isBad ? "danger" : "good");
+      ctx.globalAlpha = 0.1;
+      ctx.fillRect(bbox.left, top, bbox.width, base - top);
+      ctx.globalAlpha = 1;
+      ctx.setLineDash([8 * devicePixelRatio, 6 * devicePixelRatio]);
+      for (const [edge, isThere] of [[top, high !== null], [base, low !== null]]) {
+        if (!isThere || edge <= bbox.top || edge >= bottom) continue;
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, edge);
+        ctx.lineTo(bbox.left + bbox.width, edge);
+        ctx.stroke();
+        ctx.fillText(id, bbox.left + 6 * devicePixelRatio, edge - 4 * devicePixelRatio);
+      }
     }
     ctx.restore();
   }
@@ -132,9 +201,8 @@ export class Plots {
     ctx.strokeStyle = colour("danger");
     ctx.lineWidth = 2 * devicePixelRatio;
     ctx.setLineDash([8 * devicePixelRatio, 6 * devicePixelRatio]);
-    const levels = new Set((pane?.legend ?? []).flatMap(({ name }) => limits[name] ?? []));
-    for (const level of levels) {
-      const y = plot.valToPos(level / pane.factor, "y", true);
+    for (const level of this.levels(pane, limits)) {
+      const y = plot.valToPos(level, "y", true);
       if (y < bbox.top || y > bbox.top + bbox.height) continue;
       ctx.beginPath();
       ctx.moveTo(bbox.left, y);
@@ -144,14 +212,41 @@ export class Plots {
     ctx.restore();
   }
 
+  levels(pane, limits = this.model.state.work?.limits ?? {}) {
+    return new Set((pane?.legend ?? []).flatMap(({ name }) => limits[name] ?? []).map((level) => level / pane.factor));
+  }
+
+  // Draw a triangle at the top for each frame that is marked.
+  drawMarkers(plot) {
+    const { ctx, bbox } = plot;
+    const half = 5 * devicePixelRatio;
+    ctx.save();
+    for (const { time, colour: name } of this.markers()) {
+      if (time < this.begin || time > this.end) continue;
+      const x = plot.valToPos(time, "x", true);
+      ctx.fillStyle = colour(name);
+      ctx.beginPath();
+      ctx.moveTo(x - half, bbox.top);
+      ctx.lineTo(x + half, bbox.top);
+      ctx.lineTo(x, bbox.top + 2 * half);
+      ctx.fill();
+    }
+    ctx.restore();
+  }
+
+  // Return the vertical lines of the window: marks and cursors.
+  lines() {
+    const lines = this.model.marks.map(({ time, fields }) => ({ time, text: fields.text, colour: "quiet" }));
+    for (const [text, time] of Object.entries(this.cursors)) lines.push({ time, text, colour: "accent" });
+    return lines.filter(({ time }) => time !== null && time >= this.begin && time <= this.end);
+  }
+
   drawMarks(plot) {
-    const lines = this.model.marks.map(({ time, fields }) => [time, fields.text, "quiet"]);
-    for (const [name, time] of Object.entries(this.cursors)) lines.push([time, name, "accent"]);
     const { ctx, bbox } = plot;
     ctx.save();
+    ctx.textAlign = "left";
     ctx.font = `${13 * devicePixelRatio}px system-ui, sans-serif`;
-    for (const [time, text, name] of lines) {
-      if (time === null || time < this.begin || time > this.end) continue;
+    for (const { time, text, colour: name } of this.lines()) {
       const x = Math.round(plot.valToPos(time, "x", true));
       ctx.fillStyle = colour(name);
       ctx.fillRect(x, bbox.top, devicePixelRatio, bbox.height);
@@ -168,6 +263,6 @@ function spread(low, high, least) {
 }
 
 // Set-points, and what a twin says, beside what is measured.
-function isDashed(name) {
+export function isDashed(name) {
   return name.includes("setpoint") || name.endsWith("_twin");
 }

@@ -1,23 +1,36 @@
 // The scope: channels against time, live or paused, with zoom, trigger, cursors and export.
 
 import { button, download, el, labelled, select, setText } from "./dom.js";
+import { FrameMarks } from "./frame_marks.js";
+import { csvFile, drawPicture, pngFile, svgFile } from "./picture.js";
 import { Plots } from "./plots.js";
+import { Trigger } from "./trigger.js";
 import { shown, valueText } from "./units.js";
 
 const SPANS = [0.5, 1, 2, 5, 10, 30, 60, 120];
+const MOST_LISTED = 300; // channels in the list at a time
 const FIRST = ["position", "P_A", "P_B", "spool_setpoint", "spool_position"];
 
 export class ScopeView {
   constructor(root, model) {
     this.model = model;
     this.isLive = true;
+    this.behind = 0; // how far a window that goes on is behind the newest row [s]
     this.span = 10;
     this.begin_s = 0;
     this.end_s = 10;
-    this.plots = new Plots(model, { height: 210, onzoom: (begin, end) => this.look(begin, end) });
+    this.marks = new FrameMarks(model, { onopen: (mark) => this.openMark(mark) });
+    this.plots = new Plots(model, {
+      height: 210,
+      onzoom: (begin, end) => this.look(begin, end),
+      markers: () => (this.wantsMarks.checked ? this.marks.marks : []),
+      onmarker: (mark) => this.openMark(mark),
+    });
     this.plots.root.id = "scope-plots";
     this.search = el("input", { type: "search", placeholder: "search channels", "aria-label": "search channels", oninput: () => this.filter() });
     this.list = el("div", { class: "channel-list" });
+    this.more = el("p", { class: "quiet" });
+    this.wantsMarks = el("input", { type: "checkbox", checked: true, onchange: () => this.wantMarks() });
     this.pauseButton = button("Pause", () => this.toggle(), { title: "space", "aria-pressed": "false" });
     this.spans = select(SPANS.map((each) => [each, `${each} s`]), { "aria-label": "time shown", onchange: () => this.setSpan(Number(this.spans.value)) });
     this.spans.value = "10";
@@ -34,22 +47,25 @@ export class ScopeView {
         button("◀", () => this.pan(-0.25), { "aria-label": "earlier", title: "arrow left" }),
         button("▶", () => this.pan(0.25), { "aria-label": "later", title: "arrow right" }),
         labelled("show", this.spans), this.scroll,
-        button("PNG", () => this.savePicture(), { title: "save the picture" }),
-        button("CSV", () => this.saveTable(), { title: "save the rows that are shown, in SI units" }),
-        button("MF4", () => this.saveMeasurement(), { title: "save the rows that are shown, as measured data" }),
+        button("PNG", () => this.savePicture("png"), { title: "save the picture with title, legend, units and cursors" }),
+        button("SVG", () => this.savePicture("svg"), { title: "save the same picture as a drawing" }),
+        button("CSV", () => this.saveTable(), { title: "save the rows that are shown, in the units that are shown" }),
+        button("MF4", () => this.saveMeasurement(), { title: "save the rows that are shown as measured data, in SI units" }),
         this.recordButton, this.said),
       el("div", { class: "scope" },
         el("aside", { class: "stack" },
-          el("h2", {}, "Channels"), this.search, this.list,
+          el("h2", {}, "Channels"), this.search, this.list, this.more,
+          labelled("mark EMCY, NMT and changes of state", this.wantsMarks),
           el("h2", {}, "Cursors"),
           el("div", { class: "row" }, labelled("A", this.cursorA), button("set A", () => this.setCursor("A"), { title: "key a: at the pointer" })),
           el("div", { class: "row" }, labelled("B", this.cursorB), button("set B", () => this.setCursor("B"), { title: "key b: at the pointer" })),
           this.difference,
           el("details", {}, el("summary", {}, "Trigger"), this.trigger.root)),
         el("div", {},
+          this.plots.root,
           el("table", { class: "cursor-table", hidden: true },
-            el("thead", {}, el("tr", {}, ...["channel", "at A", "at B", "B - A", "unit"].map((text) => el("th", { scope: "col" }, text)))), this.table),
-          this.plots.root)),
+            el("thead", {}, el("tr", {}, ...["channel", "at A", "at B", "B \u2212 A", "unit"].map((text) => el("th", { scope: "col" }, text)))), this.table),
+          this.marks.root)),
     );
     this.plots.root.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.plots.root.addEventListener("dblclick", () => this.goLive());
@@ -66,38 +82,82 @@ export class ScopeView {
   }
 
   begin(hello) {
+    this.listChannels(hello);
+    this.marks.begin(hello);
+    this.plots.cursors = {};
+    this.goLive();
+    if (this.isShown) this.wantMarks();
+  }
+
+  // Show all in other units; the window and the cursors stay.
+  changeUnits(hello) {
+    if (hello) this.listChannels(hello);
+  }
+
+  listChannels(hello) {
     const names = hello.channels.map(([name]) => name);
     const kept = (this.plots.names ?? []).filter((name) => names.includes(name));
     const first = names.filter((name) => FIRST.includes(name.split(".").slice(1).join(".")) || name.endsWith(".measured"));
-    this.boxes = new Map(hello.channels.map(([name, unit]) => {
-      const box = el("input", { type: "checkbox", value: name, onchange: () => this.rechoose() });
-      box.checked = kept.length ? kept.includes(name) : first.slice(0, 8).includes(name);
-      const row = el("label", { class: "channel" }, box, el("span", {}, name), el("span", { class: "quiet" }, shown(unit).symbol));
-      return [name, { box, row }];
-    }));
-    this.list.replaceChildren(...[...this.boxes.values()].map(({ row }) => row));
+    this.chosen = new Set(kept.length ? kept : (first.length ? first : names).slice(0, 8));
+    this.trigger.begin(hello);
     this.filter();
     this.rechoose();
-    this.trigger.begin(hello);
-    this.plots.cursors = {};
-    this.goLive();
   }
 
   rechoose() {
-    this.plots.choose([...this.boxes].filter(([, { box }]) => box.checked).map(([name]) => name));
+    const names = (this.model.hello?.channels ?? []).map(([name]) => name);
+    this.plots.choose(names.filter((name) => this.chosen.has(name)));
     this.refresh();
   }
 
+  // List the channels that fit the search: those that are shown first where there are too many.
   filter() {
     const words = this.search.value.toLowerCase().split(/\s+/);
-    for (const [name, { row }] of this.boxes ?? []) {
-      row.hidden = !words.every((word) => name.toLowerCase().includes(word));
-    }
+    const found = (this.model.hello?.channels ?? []).filter(([name]) => words.every((word) => name.toLowerCase().includes(word)));
+    const isMany = found.length > MOST_LISTED;
+    const listed = isMany ? [...found.filter(([name]) => this.chosen.has(name)), ...found.filter(([name]) => !this.chosen.has(name))] : found;
+    this.list.replaceChildren(...listed.slice(0, MOST_LISTED).map(([name, unit]) => this.channelRow(name, unit)));
+    this.more.hidden = !isMany;
+    setText(this.more, isMany ? `${found.length - MOST_LISTED} more channels; search for them` : "");
+  }
+
+  channelRow(name, unit) {
+    const box = el("input", { type: "checkbox", value: name, onchange: () => {
+      if (box.checked) this.chosen.add(name);
+      else this.chosen.delete(name);
+      this.rechoose();
+    } });
+    box.checked = this.chosen.has(name);
+    return el("label", { class: "channel" }, box, el("span", {}, name), el("span", { class: "quiet" }, shown(unit).symbol));
   }
 
   show() {
+    this.isShown = true;
     this.plots.resize();
     this.refresh();
+    this.wantMarks();
+  }
+
+  hide() {
+    this.isShown = false;
+    this.wantMarks();
+  }
+
+  // Ask for the frames that are marked only while somebody sees them.
+  wantMarks() {
+    const wants = this.isShown && this.wantsMarks.checked;
+    this.model.request("want", { marks: wants }).catch(() => {});
+    this.refresh();
+  }
+
+  // Show what a mark says, with cursor A at its time.
+  openMark(mark) {
+    const half = (this.end_s - this.begin_s) / 2;
+    const isInside = mark.time >= this.begin_s && mark.time <= this.end_s;
+    if (isInside) this.look(this.begin_s, this.end_s);
+    else this.look(mark.time - half, mark.time + half);
+    this.moveCursor("A", mark.time);
+    this.marks.open(mark);
   }
 
   refresh() {
@@ -106,6 +166,7 @@ export class ScopeView {
 
   goLive() {
     this.isLive = true;
+    this.behind = 0;
     this.showPause();
   }
 
@@ -116,6 +177,7 @@ export class ScopeView {
 
   showPause() {
     setText(this.pauseButton, this.isLive ? "Pause" : "Live");
+    setText(this.said, this.isLive && this.behind ? `${this.behind.toFixed(1)} s behind, and goes on` : "");
     this.pauseButton.setAttribute("aria-pressed", String(!this.isLive));
     this.refresh();
   }
@@ -136,9 +198,20 @@ export class ScopeView {
     this.look(time - 0.2 * this.span, time + 0.8 * this.span);
   }
 
+  // Move the window; one that goes on goes on from there, so many seconds behind.
   pan(share) {
     const step = share * (this.end_s - this.begin_s);
-    this.look(this.begin_s + step, this.end_s + step);
+    if (!this.isLive) {
+      this.look(this.begin_s + step, this.end_s + step);
+      return;
+    }
+    this.fallBehind(this.behind - step);
+  }
+
+  fallBehind(time) {
+    const { first, last } = this.model.store;
+    this.behind = Math.min(Math.max(0, time), Math.max(0, last - first - this.span));
+    this.showPause();
   }
 
   scrollTo(share) {
@@ -149,7 +222,8 @@ export class ScopeView {
     }
     const span = this.end_s - this.begin_s;
     const end = first + Math.min(span, last - first) + share * Math.max(0, last - first - span);
-    this.look(end - span, end);
+    if (this.isLive) this.fallBehind(last - end);
+    else this.look(end - span, end);
   }
 
   wheel(event) {
@@ -201,23 +275,24 @@ export class ScopeView {
     this.trigger.look(this.isLive);
     this.showRecording();
     if (this.isLive) {
-      this.begin_s = Math.max(0, store.last - this.span);
+      this.begin_s = Math.max(0, store.last - this.behind - this.span);
       this.end_s = this.begin_s + this.span;
     }
     if (!this.isLive && this.isDrawn) return;
-    this.plots.show(this.begin_s, this.end_s, this.isLive ? store.last : (this.pointer ?? this.end_s));
+    this.plots.show(this.begin_s, this.end_s, this.isLive ? Math.min(store.last, this.end_s) : (this.pointer ?? this.end_s));
     this.isDrawn = !this.isLive && this.pointer == null;
     const room = store.last - store.first - (this.end_s - this.begin_s);
     if (document.activeElement !== this.scroll) {
-      this.scroll.value = this.isLive || room <= 0 ? 1000 : (1000 * (this.begin_s - store.first)) / room;
+      this.scroll.value = (this.isLive && !this.behind) || room <= 0 ? 1000 : (1000 * (this.begin_s - store.first)) / room;
     }
     this.drawCursors();
+    this.marks.draw(this.begin_s, this.end_s, this.plots.faults(), this.model.marks.filter(({ time }) => time >= this.begin_s && time <= this.end_s).map(({ time, fields }) => ({ time, text: fields.text })));
   }
 
   drawCursors() {
     const { A: a = null, B: b = null } = this.plots.cursors;
     this.table.closest("table").hidden = a === null && b === null;
-    setText(this.difference, a !== null && b !== null ? `B - A = ${((b - a) * 1e3).toFixed(2)} ms` : "");
+    setText(this.difference, a !== null && b !== null ? `B \u2212 A = ${((b - a) * 1e3).toFixed(2)} ms` : "");
     if (a === null && b === null) return;
     const rows = this.plots.names.map((name) => {
       const unit = this.model.unit(name);
@@ -228,18 +303,21 @@ export class ScopeView {
     this.table.replaceChildren(...rows);
   }
 
-  savePicture() {
-    const canvases = this.plots.panes.map(({ plot }) => plot.ctx.canvas);
-    const whole = el("canvas", { width: Math.max(...canvases.map((each) => each.width)), height: canvases.reduce((sum, each) => sum + each.height, 0) });
-    const context = whole.getContext("2d");
-    context.fillStyle = getComputedStyle(document.body).backgroundColor;
-    context.fillRect(0, 0, whole.width, whole.height);
-    let top = 0;
-    for (const canvas of canvases) {
-      context.drawImage(canvas, 0, top);
-      top += canvas.height;
+  async savePicture(form) {
+    const { name, bench, program } = this.model.hello ?? {};
+    const { A: a = null, B: b = null } = this.plots.cursors;
+    const cursors = [["A", a], ["B", b]].filter(([, time]) => time !== null).map(([cursor, time]) => `${cursor} at ${time.toFixed(4)} s`);
+    if (a !== null && b !== null) cursors.push(`B \u2212 A = ${((b - a) * 1e3).toFixed(2)} ms`);
+    const picture = drawPicture(this.plots, {
+      title: `${name}: ${bench ?? ""}`,
+      foot: [cursors.join(" · "), `${program ?? "hil-bench"}, saved ${new Date().toISOString().slice(0, 19).replace("T", " ")} UTC`].filter(Boolean),
+    });
+    try {
+      download(`scope.${form}`, form === "svg" ? svgFile(picture) : await pngFile(picture));
+      setText(this.said, "");
+    } catch (error) {
+      setText(this.said, `scope.${form}: cannot be drawn: ${error.message}`);
     }
-    whole.toBlob((blob) => download("scope.png", blob));
   }
 
   // Return the channels that are shown with their units, and the rows between the edges.
@@ -289,67 +367,6 @@ export class ScopeView {
   }
 
   saveTable() {
-    const { store } = this.model;
-    const { channels, columns, from, to } = this.shownRows();
-    const quoted = (text) => (/[",\r\n]|^[=+@-]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const lines = [["time [s]", ...channels.map(([name, unit]) => `${name} [${unit}]`)].map(quoted).join(",")];
-    for (let row = from; row < to; row += 1) {
-      const values = columns.map((column) => column[row]);
-      lines.push([store.times[row].toFixed(6), ...values.map((value) => (Number.isNaN(value) ? "" : value))].join(","));
-    }
-    download("scope.csv", new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }));
-  }
-}
-
-const EVENTS = [["fault", "a fault begins"], ["emcy", "an EMCY comes"], ["state", "a node changes its state"], ["mark", "a mark is set"]];
-const CONDITIONS = [["rises", "rises above"], ["falls", "falls below"], ["above", "is above"], ["below", "is below"]];
-
-// Stops the scope when a channel crosses a level or is beyond it, or when something happens.
-class Trigger {
-  constructor(model, fire) {
-    this.model = model;
-    this.fire = fire;
-    this.seen = 0;
-    this.channel = select([], { "aria-label": "channel of the trigger" });
-    this.condition = select(CONDITIONS, { "aria-label": "condition of the trigger" });
-    this.level = el("input", { type: "number", step: "any", value: 0, "aria-label": "level, in the unit shown" });
-    this.armed = el("input", { type: "checkbox", onchange: () => this.arm() });
-    this.root = el("div", { class: "stack" }, this.channel, this.condition, this.level, labelled("armed", this.armed));
-  }
-
-  begin(hello) {
-    const names = [...EVENTS.map(([what, text]) => [`:${what}`, text]), ...hello.channels.map(([name, unit]) => [name, `${name} [${shown(unit).symbol}]`])];
-    this.channel.replaceChildren(...names.map(([value, text]) => el("option", { value }, text)));
-    this.armed.checked = false;
-  }
-
-  arm() {
-    this.seen = this.model.store.last;
-  }
-
-  look(isLive) {
-    const isEvent = this.channel.value.startsWith(":");
-    this.condition.disabled = this.level.disabled = isEvent;
-    if (!this.armed.checked || !isLive) return;
-    const what = this.channel.value.slice(1);
-    const time = isEvent ? this.model.events.find((each) => each.what === what && each.time > this.seen)?.time : this.crossing();
-    if (!isEvent) this.seen = this.model.store.last;
-    if (time === undefined) return;
-    this.armed.checked = false;
-    this.fire(time);
-  }
-
-  crossing() {
-    const { store } = this.model;
-    const number = store.number(this.channel.value);
-    const level = Number(this.level.value) * shown(this.model.unit(this.channel.value)).factor;
-    const sign = ["rises", "above"].includes(this.condition.value) ? 1 : -1;
-    const isEdge = ["rises", "falls"].includes(this.condition.value);
-    const column = store.columns[number];
-    for (let row = Math.max(1, store.find(this.seen)); row < store.count; row += 1) {
-      const isBeyond = sign * (column[row] - level) > 0;
-      if (isBeyond && !(isEdge && sign * (column[row - 1] - level) > 0)) return store.times[row];
-    }
-    return undefined;
+    download("scope.csv", csvFile({ ...this.shownRows(), times: this.model.store.times }));
   }
 }

@@ -1,6 +1,7 @@
 // The last two minutes of all channels, in fixed memory, and what a pixel column needs of them.
 
 const ROWS = 120_000;
+const MOST_VALUES = 1 << 26; // of all channels: of thousands, less time is kept
 
 export class Store {
   constructor() {
@@ -9,14 +10,16 @@ export class Store {
 
   begin(channels) {
     this.channels = channels.map(([name, unit]) => ({ name, unit }));
-    this.times = new Float64Array(2 * ROWS);
-    this.columns = channels.map(() => new Float32Array(2 * ROWS));
+    this.numbers = new Map(this.channels.map(({ name }, number) => [name, number]));
+    this.rows = Math.max(100, Math.min(ROWS, Math.floor(MOST_VALUES / (2 * Math.max(1, channels.length)))));
+    this.times = new Float64Array(2 * this.rows);
+    this.columns = channels.map(() => new Float32Array(2 * this.rows));
     this.count = 0;
     this.shift = 0; // rows that were dropped, so that row numbers stay valid
   }
 
   get first() {
-    return this.count ? this.times[Math.max(0, this.count - ROWS)] : 0;
+    return this.count ? this.times[Math.max(0, this.count - this.rows)] : 0;
   }
 
   get last() {
@@ -24,11 +27,11 @@ export class Store {
   }
 
   number(name) {
-    return this.channels.findIndex((channel) => channel.name === name);
+    return this.numbers.get(name) ?? -1;
   }
 
   push(row) {
-    if (this.count === 2 * ROWS) this.drop();
+    if (this.count === 2 * this.rows) this.drop();
     if (this.count && row[0] <= this.times[this.count - 1]) return;
     this.times[this.count] = row[0];
     for (let i = 0; i < this.columns.length; i += 1) {
@@ -38,10 +41,10 @@ export class Store {
   }
 
   drop() {
-    this.times.copyWithin(0, ROWS);
-    for (const column of this.columns) column.copyWithin(0, ROWS);
-    this.count -= ROWS;
-    this.shift += ROWS;
+    this.times.copyWithin(0, this.rows);
+    for (const column of this.columns) column.copyWithin(0, this.rows);
+    this.count -= this.rows;
+    this.shift += this.rows;
   }
 
   // Return the number of the first row at or after a time.

@@ -24,6 +24,7 @@ from hil_bench.outside.transports.socketcand_protocol import (
     format_frame,
     is_remote_request,
     parse_send,
+    stamp_of,
 )
 from hil_bench.outside.transports.transport import TransportCounters
 
@@ -169,10 +170,10 @@ class HostedBus:
         others = [other for other in self._clients if other.is_on_bus and other is not source]
         if not frames or not others:
             return
-        now = self._clock()
+        stamp = stamp_of(self._clock())
         texts = [b""] * len(self._channels)
         for frame in frames:
-            texts[frame.bus] += format_frame(frame, now)
+            texts[frame.bus] += format_frame(frame, stamp)
         for other in others:
             other.tell(texts[other.bus])
             if other.is_closed:

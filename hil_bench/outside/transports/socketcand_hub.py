@@ -41,6 +41,7 @@ from hil_bench.outside.transports.socketcand_protocol import (
     format_frame,
     is_remote_request,
     parse_send,
+    stamp_of,
 )
 
 DEFAULT_PORT = 29536
@@ -350,7 +351,7 @@ def _frame_of(command: bytes) -> _Told | None:
     if frame is None:
         return None
     bits = frame_bits(len(frame.data), is_extended=frame.is_extended)
-    return _Told(format_frame(frame, time.time_ns()), bits)
+    return _Told(format_frame(frame, stamp_of(time.time_ns())), bits)
 
 
 def _address(peer: object) -> str:

@@ -47,10 +47,12 @@ def parse_send(command: bytes) -> Frame | None:
     if match is None:
         return None
     can_id, length, text = match.groups()
-    payload = text.split()
-    if len(payload) != int(length):
+    try:
+        data = bytes.fromhex(text.decode())
+    except ValueError:  # a byte of one digit
+        data = bytes([int(byte, 16) for byte in text.split()])
+    if len(data) != int(length):
         return None
-    data = bytes([int(byte, 16) for byte in payload])
     return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
 
 
@@ -80,13 +82,14 @@ def parse_frame(text: bytes) -> Frame | None:
     return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
 
 
-def format_frame(frame: Frame, now: int) -> bytes:
-    """Return a hub's message of a frame to its clients, stamped with the time `now` [ns]."""
-    digits = b"%08X" if frame.is_extended else b"%03X"
+def stamp_of(now: int) -> bytes:
+    """Return a time [ns] as a hub writes it."""
     seconds, nanoseconds = divmod(now, _NS_PER_S)
-    return b"< frame %b %d.%06d %b >" % (
-        digits % frame.can_id,
-        seconds,
-        nanoseconds // 1_000,
-        frame.data.hex().upper().encode(),
-    )
+    return b"%d.%06d" % (seconds, nanoseconds // 1_000)
+
+
+def format_frame(frame: Frame, stamp: bytes) -> bytes:
+    """Return a hub's message of a frame to its clients, with the stamp of a time."""
+    can_id, data, _, is_extended, _ = frame
+    text = b"< frame %08X %b %b >" if is_extended else b"< frame %03X %b %b >"
+    return text % (can_id, stamp, data.hex().upper().encode())

@@ -87,3 +87,31 @@ def test_an_exit_code_ends_the_run_with_the_last_lines(tmp_path):
 def test_on_copper_it_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"\[bus\.wire\]: a controller whose SYNC is its clock"):
         make_bench(tmp_path, ["1", "0"], "[bus]\n[bus.wire]\n")
+
+
+COUNTING = (
+    PROGRAM.partition("for number")[0]
+    + """
+asked = " 8 40 00 10 00 00 00 00 00 >"
+for number in range(10):
+    say(f"< send 080 0 >< send 601{asked}< send 602{asked}< send 604{asked}")
+    text, pieces = b"", 0
+    while b"frame 584" not in text:
+        text += bus.recv(65536)
+        pieces += 1
+    say(f"< send 321 2 {pieces:02X} {text.count(b'<'):02X} >")
+"""
+)
+
+
+def test_what_it_asks_in_one_piece_is_answered_in_one_piece(tmp_path):
+    """Each piece wakes the program, and it has no use for half of an answer."""
+    (tmp_path / "counting.py").write_text(COUNTING)
+    command = [sys.executable, str(tmp_path / "counting.py")]
+    tables = {"controllers": {"main": {"kind": "process", "command": command}}}
+    with VirtualBench(load_config(tables=tables)) as bench:
+        bench.run(0.011)
+        counts = [tuple(data) for _, _, data in frames_of(bench, 0x321)]
+    assert len(counts) == 10
+    assert [pieces for pieces, _ in counts[1:]] == [1] * 9  # with the first come the boot-ups
+    assert all(frames >= 3 for _, frames in counts)  # with heartbeats of the nodes among them

@@ -1,4 +1,8 @@
-"""A program on the bench's hub: it lives from SYNC to SYNC, and the bench waits for the next."""
+"""A program on the bench's hub: it lives from SYNC to SYNC, and the bench waits for the next.
+
+What the bench answers goes out when nothing of the program is left to answer, in one piece: each
+piece wakes the program, and a program that asks again with its SYNC has no use for half an answer.
+"""
 
 import signal
 import time
@@ -35,6 +39,7 @@ class ProcessController:
         channels = [f"can{number}" for number in range(len(surroundings.buses))]
         self._bus = HostedBus(channels=channels)
         self._arrived: deque[Frame] = deque()
+        self._answers: list[Frame] = []
         self._silence = Silence()
         self._period = surroundings.config.ticks_per_sync * surroundings.tick_ns
         self._due = 0
@@ -54,7 +59,7 @@ class ProcessController:
             ControllerError: it has ended with another one, or sends no SYNC.
         """
         program = self._program or self._start()
-        self._bus.send([frame for _, frame in received])
+        self._answers += [frame for _, frame in received]
         if until < self._due:
             return ()
         while True:
@@ -80,6 +85,7 @@ class ProcessController:
             self._program.process.wait()
             self._program = None
         self._arrived.clear()
+        self._answers.clear()
         self._bus.receive(1 << 20)
 
     def tail(self) -> str:
@@ -109,8 +115,9 @@ class ProcessController:
     def _next(self) -> Frame | None:
         """The next frame from the program; None where none came within `PATIENCE`."""
         if not self._arrived:
+            self._bus.send(self._answers)  # and what the bus did not take before
+            self._answers.clear()
             if not self._bus.wait(PATIENCE):
-                self._bus.send(())  # what the bus did not take before: it may be waited for
                 return None
             self._arrived.extend(self._bus.receive(FRAMES_AT_ONCE))
         return self._arrived.popleft() if self._arrived else None
@@ -122,7 +129,7 @@ class ProcessController:
 
     def _serve(self, frame: Frame) -> None:
         """Have the bench answer a frame while its time stands still."""
-        self._bus.send([frame for _, frame in self._surroundings.serve((frame,))])
+        self._answers += [frame for _, frame in self._surroundings.serve((frame,))]
 
     def _serve_the_leaving(self, program: Program) -> None:
         """Answer a program until it has ended, at most `GRACE` of the machine's time."""

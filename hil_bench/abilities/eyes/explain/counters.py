@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, seconds
+from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.canopen_device.pdo_protection import SEAL_BYTES
@@ -12,24 +12,6 @@ from hil_bench.canopen_device.pdo_protection import SEAL_BYTES
 _MODULUS: Final = 256
 _BACK: Final = 128
 """Step of a counter from which it went back rather than on."""
-
-
-@dataclass(slots=True)
-class _Standstill:
-    """Frames whose counter is that of the frame before them."""
-
-    counter: int
-    sights: list[Sight]
-
-
-@dataclass(slots=True)
-class _Jump:
-    """A counter that went on by more than one, or back."""
-
-    before: int
-    after: int
-    lost: int
-    sight: Sight
 
 
 @dataclass(slots=True)
@@ -43,8 +25,16 @@ class _Count:
     sealed: int = 0
     unsealed: int = 0
     is_standing: bool = False
-    standstills: list[_Standstill] = field(default_factory=list)
-    jumps: list[_Jump] = field(default_factory=list)
+    standstills: int = 0
+    stood_at: int = 0
+    """Counter of the first frame that was repeated ..."""
+    stood: int = 0
+    """... and how often it was."""
+    repeated: Evidence = field(default_factory=Evidence)
+    first_jump: tuple[int, int, int] | None = None
+    """Counters before and behind the first jump, and the frames that were lost there."""
+    jumps: Evidence = field(default_factory=Evidence)
+    lost: int = 0
 
 
 class Counters:
@@ -81,13 +71,17 @@ class Counters:
         if last is None or step - 1 <= spoilt:
             return False
         lost = step - 1 - spoilt if step < _BACK else 0
-        count.jumps.append(_Jump(last, counter, lost, sight))
+        count.first_jump = count.first_jump or (last, counter, lost)
+        count.jumps.append(sight)
+        count.lost += lost
         return lost > 0
 
     def _repeat(self, count: _Count, counter: int, sight: Sight) -> None:
         if not count.is_standing:
-            count.standstills.append(_Standstill(counter, []))
-        count.standstills[-1].sights.append(sight)
+            count.standstills += 1
+        if count.standstills == 1:
+            count.stood_at, count.stood = counter, count.stood + 1
+        count.repeated.append(sight)
         count.is_standing = True
         count.spoilt += 1
 
@@ -112,28 +106,22 @@ class Counters:
 
 
 def _standstill_finding(count: _Count) -> Finding:
-    (node, pdo), first = count.owner, count.standstills[0]
-    times = len(first.sights)
-    text = f"{node.name} {pdo.name}: counter stands at {first.counter} from "
-    text += f"{seconds(first.sights[0].now)} on, {times} frames repeated"
-    if times == 1:
-        text = f"{node.name} {pdo.name}: frame with counter {first.counter} repeated at "
-        text += seconds(first.sights[0].now)
-    if others := len(count.standstills) - 1:
-        repeated = sum(len(each.sights) for each in count.standstills)
-        text += f"; {others} times more, {repeated} frames repeated in all"
-    sights = tuple(sight for each in count.standstills for sight in each.sights)
-    return Finding(Cause.PDO_REPEATED, node.name, sights[0].now, text, sights)
+    (node, pdo), since = count.owner, seconds(count.repeated[0].now)
+    text = f"{node.name} {pdo.name}: counter stands at {count.stood_at} from {since} on, "
+    text += f"{count.stood} frames repeated"
+    if count.stood == 1:
+        text = f"{node.name} {pdo.name}: frame with counter {count.stood_at} repeated at {since}"
+    if others := count.standstills - 1:
+        text += f"; {others} times more, {count.repeated.total} frames repeated in all"
+    return finding(Cause.PDO_REPEATED, node.name, count.repeated, text)
 
 
 def _jump_finding(count: _Count) -> Finding:
-    (node, pdo), first = count.owner, count.jumps[0]
-    way = "" if first.lost else "back "
-    text = f"{node.name} {pdo.name}: counter goes {way}from {first.before} to {first.after}"
-    text += f" at {seconds(first.sight.now)}"
-    text += f", {first.lost} sent and not seen" if first.lost else ", overtaken or started anew"
-    if others := len(count.jumps) - 1:
-        lost = sum(each.lost for each in count.jumps)
-        text += f"; {others} times more, {lost} not seen in all"
-    sights = tuple(each.sight for each in count.jumps)
-    return Finding(Cause.PDO_LOST, node.name, first.sight.now, text, sights)
+    (node, pdo), (before, after, lost) = count.owner, count.first_jump or (0, 0, 0)
+    way = "" if lost else "back "
+    text = f"{node.name} {pdo.name}: counter goes {way}from {before} to {after}"
+    text += f" at {seconds(count.jumps[0].now)}"
+    text += f", {lost} sent and not seen" if lost else ", overtaken or started anew"
+    if others := count.jumps.total - 1:
+        text += f"; {others} times more, {count.lost} not seen in all"
+    return finding(Cause.PDO_LOST, node.name, count.jumps, text)

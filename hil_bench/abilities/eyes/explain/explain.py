@@ -1,13 +1,14 @@
-"""Reads a log from its first to its last frame and says what is wrong."""
+"""Reads the frames of a bus from the first to the last and says what is wrong."""
 
 from collections.abc import Iterable
-from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.bus import EXPLAINED, Emergencies, ErrorFrames, Load, Syncs
+from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
+from hil_bench.abilities.eyes.explain.clock import Clock
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch
 from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
+from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import (
     Addresses,
     Cycles,
@@ -15,30 +16,34 @@ from hil_bench.abilities.eyes.explain.j1939 import (
     Requests,
     TroubleCodes,
 )
+from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
 from hil_bench.abilities.eyes.explain.presence import Presence
 from hil_bench.abilities.eyes.explain.process_data import ProcessData
+from hil_bench.abilities.eyes.explain.silence import Silence
+from hil_bench.abilities.eyes.explain.syncs import Syncs
 from hil_bench.abilities.eyes.explain.transfers import Transfers
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.devices.j1939.identifier import NULL
-from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 
-_OF_SDO = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER})
 _AT_ONCE = 5_000_000
 """Time within which the PDOs of several nodes stay out together [ns]."""
 
-_ORDER = {cause: number for number, cause in enumerate(Cause)}
+_OF_SDO = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER})
 
 
 class Explanation(NamedTuple):
     """The explanation of a log.
 
     Attributes:
-        findings: what is wrong, causes before what they lead to.
+        findings: the causes, each with what it leads to.
         frames: how many there were.
         duration: from the first to the last [s].
         nodes: names of those that were heard or spoken to.
         load: share of the bus's time that was taken [-].
+        notes: what is odd with the log itself.
     """
 
     findings: tuple[Finding, ...]
@@ -46,6 +51,100 @@ class Explanation(NamedTuple):
     duration: float
     nodes: tuple[str, ...]
     load: float
+    notes: tuple[str, ...] = ()
+
+
+class Explainer:
+    """Takes the frames of a bus one after the other, and says at any time what is wrong so far.
+
+    What it keeps does not grow with the number of frames.
+
+    Args:
+        known: the nodes that ought to be there.
+        bitrate: of the bus [bit/s].
+        ecus: the J1939 devices that ought to be there.
+    """
+
+    def __init__(
+        self, known: Iterable[KnownNode], bitrate: int, ecus: Iterable[KnownEcu] = ()
+    ) -> None:
+        nodes = list(known)
+        self._bitrate = bitrate
+        self._decoder = Decoder(nodes, ecus)
+        self._load, self._silence, self._clock = Load(bitrate), Silence(), Clock()
+        self._presence = Presence(self._decoder, nodes)
+        self._watches: tuple[Watch, ...] = (
+            self._presence,
+            Heartbeats(self._decoder),
+            Transfers(self._decoder),
+            ProcessData(self._decoder),
+            PdoSettings(self._decoder),
+            ErrorFrames(),
+            Syncs(self._decoder),
+            Emergencies(),
+            Addresses(),
+            LongTransfers(),
+            Requests(),
+            Cycles(),
+            TroubleCodes(),
+        )
+        self._hearers = {
+            service: tuple(watch.hear for watch in self._watches if service in watch.hears)
+            for service in Service
+        }
+        self._senders: dict[str, None] = {}
+        self._now = 0
+        self._frames = 0
+
+    def take(self, logged: LoggedFrame) -> None:
+        """Take a frame."""
+        self._frames += 1
+        timed = self._clock.time_of(logged.now)
+        if timed is None:
+            return
+        now, leap = timed
+        frame = logged.frame
+        self._now = now
+        self._load.count(now, frame)
+        silent = leap or self._silence.take(frame, now)
+        if silent:
+            for watch in self._watches:
+                watch.pause(silent)
+        for sight in self._decoder.take(logged._replace(now=now)):
+            self._hear(sight)
+
+    def _hear(self, sight: Sight) -> None:
+        if sight.message is not None and sight.message.source != NULL:
+            self._senders[sight.node] = None
+        for hear in self._hearers[sight.service]:
+            hear(sight)
+
+    def finish(self) -> Explanation:
+        """End the log: what was under way is interrupted; return what is wrong."""
+        for sight in self._decoder.finish():
+            self._hear(sight)
+        return self.explanation()
+
+    def explanation(self, end: int | None = None) -> Explanation:
+        """Return what is wrong so far.
+
+        Args:
+            end: the present [ns]; None for the last frame.
+        """
+        now = self._now if end is None else max(end, self._now)
+        found = [finding for watch in self._watches for finding in watch.findings(now)]
+        found += [*self._load.findings(now), *self._silence.findings(now)]
+        scanned = self._presence.scanned
+        found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
+        duration = now * 1e-9
+        return Explanation(
+            _together(fewest(found)),
+            self._frames,
+            duration,
+            (*(node.name for _, node in sorted(self._decoder.nodes.items())), *self._senders),
+            self._load.total / (self._bitrate * duration) if duration else 0.0,
+            tuple(self._clock.notes()),
+        )
 
 
 def explain(
@@ -62,94 +161,26 @@ def explain(
         bitrate: of the bus [bit/s].
         ecus: the J1939 devices that ought to be there.
     """
-    nodes = list(known)
-    decoder = Decoder(nodes, ecus)
-    load, presence = Load(bitrate), Presence(decoder, nodes)
-    watches: tuple[Watch, ...] = (
-        presence,
-        Heartbeats(decoder),
-        Transfers(decoder),
-        ProcessData(decoder),
-        ErrorFrames(),
-        Syncs(),
-        Emergencies(),
-        Addresses(),
-        LongTransfers(),
-        Requests(),
-        Cycles(),
-        TroubleCodes(),
-    )
-    senders: dict[str, None] = {}
-    now = count = 0
-    for logged in from_first(frames):
-        now, count = logged.now, count + 1
-        frame = logged.frame
-        load.count(now, len(frame.data), is_extended=frame.is_extended)
-        for sight in decoder.take(logged):
-            if sight.message is not None and sight.message.source != NULL:
-                senders[sight.node] = None
-            for watch in watches:
-                watch.hear(sight)
-    for sight in decoder.finish():
-        for watch in watches:
-            watch.hear(sight)
-    found = [finding for watch in watches for finding in watch.findings(now)]
-    found += load.findings(now)
-    duration = now * 1e-9
-    return Explanation(
-        tuple(
-            sorted(
-                _together(_without_echoes(found, presence.scanned)),
-                key=lambda each: (_ORDER[each.cause], each.begin),
-            )
-        ),
-        count,
-        duration,
-        (*(node.name for _, node in sorted(decoder.nodes.items())), *senders),
-        load.total / (bitrate * duration) if duration else 0.0,
-    )
+    explainer = Explainer(known, bitrate, ecus)
+    for logged in frames:
+        explainer.take(logged)
+    return explainer.finish()
 
 
-def _together(findings: list[Finding]) -> list[Finding]:
+def _together(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Tell once what the PDOs of several nodes do at one time: whoever they wait for was late."""
-    alone: list[Finding] = []
     groups: list[list[Finding]] = []
-    for finding in sorted(findings, key=lambda each: each.begin):
-        if finding.cause is not Cause.PDO_MISSING:
-            alone.append(finding)
-        elif groups and finding.begin - groups[-1][0].begin < _AT_ONCE:
+    for finding in findings:
+        before = groups[-1][0] if groups else finding
+        is_pdo = finding.cause is before.cause is Cause.PDO_MISSING
+        if is_pdo and finding is not before and finding.begin - before.begin < _AT_ONCE:
             groups[-1].append(finding)
         else:
             groups.append([finding])
-    return alone + [_joined(group) for group in groups]
+    return tuple(_joined(group) for group in groups)
 
 
 def _joined(group: list[Finding]) -> Finding:
     first = group[0]
     others = ", ".join(dict.fromkeys(each.node for each in group[1:] if each.node != first.node))
     return first._replace(text=f"{first.text}; at the same time {others}") if others else first
-
-
-def _without_echoes(findings: list[Finding], scanned: AbstractSet[str]) -> list[Finding]:
-    """Leave out what only repeats a cause: of a node that is not there, its missing answers."""
-    causes = {finding.cause for finding in findings}
-    gone = {
-        finding.node
-        for finding in findings
-        if finding.cause in {Cause.NO_BOOT_UP, Cause.HEARTBEAT_LOST}
-    }
-    echoes = {Cause.SDO_NO_ANSWER, Cause.PDO_MISSING}
-    slow = {finding.node for finding in findings if finding.cause is Cause.SDO_LATE}
-    return [
-        finding
-        for finding in findings
-        if not (finding.cause in echoes and finding.node in gone)
-        and not (finding.cause in _OF_SDO and finding.node in scanned)
-        and not (finding.cause is Cause.SDO_ABORT and finding.node in slow)
-        and not (finding.cause is Cause.EMCY and _reason(finding) in causes)
-    ]
-
-
-def _reason(finding: Finding) -> Cause | None:
-    code = finding.sights[0].emcy_code
-    return None if code is None else EXPLAINED.get(code)

@@ -1,68 +1,221 @@
 """A finding in a log, and the interface of a watch that finds it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import NamedTuple, Protocol
 
-from hil_bench.abilities.eyes.sight import Sight
+from hil_bench.abilities.eyes.sight import Service, Sight
 
 EVIDENCE = 3
 """Frames that a finding shows."""
 
 
-class Cause(Enum):
-    """The possible causes, in the order in which an expert looks, each with its clause.
+class Evidence(list[Sight]):
+    """The first frames that show something, and how many there were.
 
-    What may lead to others comes before them: a node that is not there loses heartbeats, answers
-    and PDOs, so its absence is what matters.
+    A log may show it a million times, so no more than `EVIDENCE` are kept.
+
+    Attributes:
+        total: of all frames.
+        latest: the last one; None before the first.
     """
 
-    OTHER_BUS = "none of the known nodes is here", "CiA 301, 7.2.8.3.3"
-    NO_BOOT_UP = "no boot-up", "CiA 301, 7.2.8.3.3"
-    NODE_ID_CLASH = "two devices have one node-ID", "CiA 301, 7.2.4 and 7.2.8.3.3"
-    IDENTIFIER_CLASH = "two nodes send one identifier", "CiA 301, 7.5.2.37"
-    ADDRESS_CLASH = "two J1939 devices want one address", "SAE J1939-81"
-    ERROR_FRAMES = "error frames", "ISO 11898-1"
-    RESTART = "restarts by itself", "CiA 301, 7.2.8.3.3"
-    OTHER_DEVICE = "is not what its EDS says", "CiA 301, 7.4.1 and 7.5.2.21"
-    MAPPING = "mapping does not go with the EDS", "CiA 301, 7.5.2.36 and 7.5.2.38"
-    NOT_STARTED = "is not started", "CiA 301, 7.2.8.3.1"
-    START_REFUSED = "does not follow an NMT command", "CiA 301, 7.2.8.3.1 and 7.3.2.2"
-    HEARTBEAT_LOST = "heartbeat lost", "CiA 301, 7.2.8.3.2.2"
-    J1939_SILENT = "a J1939 device falls silent", "SAE J1939-71"
-    SDO_LATE = "SDO answer comes too late", "CiA 301, 7.2.4.3.17"
-    SDO_ABORT = "SDO transfer aborted", "CiA 301, 7.2.4.3.17"
-    SDO_NO_ANSWER = "SDO request not answered", "CiA 301, 7.2.4"
-    J1939_TRANSFER = "a long J1939 message does not arrive", "SAE J1939-21"
-    J1939_REQUEST = "J1939 request refused or not answered", "SAE J1939-21"
-    PDO_LENGTH = "length of a PDO differs from its mapping", "CiA 301, 7.2.7.1 (8210h, 8220h)"
-    PDO_CHECKSUM = "checksum of a protected PDO is wrong", "SAE J1850, CRC-8"
-    PDO_REPEATED = "counter of a protected PDO stands", "docs/devices.md"
-    PDO_LOST = "counter of a protected PDO jumps", "docs/devices.md"
-    PDO_MISSING = "a PDO stays out", "CiA 301, 7.5.2.37"
-    J1939_MISSING = "a J1939 message stays out", "SAE J1939-71 and -73"
-    ABSENT_PRODUCER = "waits for a producer that is not there", "CiA 301, 7.5.2.19 and 7.5.2.35"
-    RPDO_TIMEOUT = "RPDO time-out", "CiA 301, 7.5.2.35"
-    SYNC_MISSING = "SYNC missing", "CiA 301, 7.2.5"
-    SYNC_JITTER = "SYNC jitters", "CiA 301, 7.2.5"
-    EMCY = "EMCY", "CiA 301, 7.2.7.1"
-    TROUBLE_CODE = "trouble code", "SAE J1939-73"
-    BUS_LOAD = "bus load", "ISO 11898-1"
+    def __init__(self, sights: Iterable[Sight] = ()) -> None:
+        super().__init__()
+        self.total = 0
+        self.latest: Sight | None = None
+        for sight in sights:
+            self.append(sight)
 
-    def __init__(self, title: str, clause: str) -> None:
+    def append(self, sight: Sight) -> None:
+        """Count a frame, and keep it where it is one of the first."""
+        self.total += 1
+        self.latest = sight
+        if self.total <= EVIDENCE:
+            super().append(sight)
+
+
+class Cause(Enum):
+    """The possible causes, in the order in which an expert looks, each with its clause and advice.
+
+    `hypotheses` says which of them lead to which.
+    """
+
+    OTHER_BUS = (
+        "none of the known nodes is here",
+        "CiA 301, 7.2.8.3.3",
+        "take the bench.toml or the EDS files of this bus",
+    )
+    BUS_SILENT = (
+        "the whole bus falls silent",
+        "ISO 11898-1",
+        "look at cable, termination and supply of all, or at the adapter that recorded",
+    )
+    NO_BOOT_UP = (
+        "no boot-up",
+        "CiA 301, 7.2.8.3.3",
+        "look at its supply, its bit rate, its plug and its node-ID",
+    )
+    NODE_ID_CLASH = (
+        "two devices have one node-ID",
+        "CiA 301, 7.2.4 and 7.2.8.3.3",
+        "give one of them another node-ID, by its switches or by LSS",
+    )
+    IDENTIFIER_CLASH = (
+        "two nodes send one identifier",
+        "CiA 301, 7.5.2.37",
+        "give one of the PDOs another COB-ID",
+    )
+    ADDRESS_CLASH = (
+        "two J1939 devices want one address",
+        "SAE J1939-81",
+        "give one of them another preferred address",
+    )
+    ERROR_FRAMES = (
+        "error frames",
+        "ISO 11898-1",
+        "look at bit rates, termination, cable length and screen",
+    )
+    BUS_LOAD = (
+        "bus load",
+        "ISO 11898-1",
+        "find who floods it; lengthen event and inhibit times, or raise the bit rate",
+    )
+    RESTART = (
+        "restarts by itself",
+        "CiA 301, 7.2.8.3.3",
+        "look at its supply and its watchdog",
+    )
+    OTHER_DEVICE = (
+        "is not what its EDS says",
+        "CiA 301, 7.4.1 and 7.5.2.21",
+        "take the EDS of this device and revision",
+    )
+    MAPPING = (
+        "mapping does not go with the device",
+        "CiA 301, 7.5.2.36 and 7.5.2.38",
+        "compare the mapping objects of both sides",
+    )
+    PDO_TIMERS = (
+        "inhibit time of a PDO is above its event timer",
+        "CiA 301, 7.5.2.37",
+        "set the inhibit time below the event timer",
+    )
+    SYNC_PERIOD = (
+        "SYNC has another period than 0x1006 says",
+        "CiA 301, 7.2.5 and 7.5.2.6",
+        "write one period to the producer and to 0x1006 of all",
+    )
+    SDO_LATE = (
+        "SDO answer comes too late",
+        "CiA 301, 7.2.4.3.17",
+        "lengthen the client's time-out, or ask less often",
+    )
+    SDO_ABORT = (
+        "SDO transfer aborted",
+        "CiA 301, 7.2.4.3.17",
+        "correct the request, or the EDS that it was made by",
+    )
+    SDO_NO_ANSWER = (
+        "SDO request not answered",
+        "CiA 301, 7.2.4",
+        "look whether the node has this SDO server, and at its identifiers",
+    )
+    NOT_STARTED = (
+        "is not started",
+        "CiA 301, 7.2.8.3.1",
+        "have the master send NMT start",
+    )
+    START_REFUSED = (
+        "does not follow an NMT command",
+        "CiA 301, 7.2.8.3.1 and 7.3.2.2",
+        "read its error register and history (0x1001, 0x1003)",
+    )
+    HEARTBEAT_LOST = (
+        "heartbeat lost",
+        "CiA 301, 7.2.8.3.2.2",
+        "look at its supply, its plug, and whether it goes bus-off",
+    )
+    J1939_SILENT = (
+        "a J1939 device falls silent",
+        "SAE J1939-71",
+        "look at its supply, its plug, and whether it goes bus-off",
+    )
+    EMCY = ("EMCY", "CiA 301, 7.2.7.1", "look the code up in the manual of the device")
+    STATE_LEFT = (
+        "leaves OPERATIONAL by itself",
+        "CiA 301, 7.3.2.2 and 7.5.2.33",
+        "read its error register and history (0x1001, 0x1003), and its error behaviour (0x1029)",
+    )
+    J1939_TRANSFER = (
+        "a long J1939 message does not arrive",
+        "SAE J1939-21",
+        "look which packet is missing, and at the load",
+    )
+    J1939_REQUEST = (
+        "J1939 request refused or not answered",
+        "SAE J1939-21",
+        "look whether the device has this parameter group",
+    )
+    PDO_LENGTH = (
+        "length of a PDO differs from its mapping",
+        "CiA 301, 7.2.7.1 (8210h, 8220h)",
+        "compare the mappings of sender and receiver",
+    )
+    PDO_CHECKSUM = (
+        "checksum of a protected PDO is wrong",
+        "SAE J1850, CRC-8",
+        "look whether both sides protect the same bytes",
+    )
+    PDO_REPEATED = (
+        "counter of a protected PDO stands",
+        "docs/devices.md",
+        "the application of the sender stands; look why",
+    )
+    PDO_LOST = (
+        "counter of a protected PDO jumps",
+        "docs/devices.md",
+        "look at the load, and at buffers that overrun",
+    )
+    ABSENT_PRODUCER = (
+        "waits for a producer that is not there",
+        "CiA 301, 7.5.2.5, 7.5.2.19 and 7.5.2.35",
+        "start the producer, or take the consumer's entry out",
+    )
+    SYNC_MISSING = ("SYNC missing", "CiA 301, 7.2.5", "look at the SYNC producer and its 0x1005")
+    SYNC_JITTER = (
+        "SYNC jitters",
+        "CiA 301, 7.2.5",
+        "give the producer's task a higher priority, or the SYNC a lower identifier",
+    )
+    RPDO_TIMEOUT = ("RPDO time-out", "CiA 301, 7.5.2.35", "look at the cycle of the sender")
+    PDO_MISSING = ("a PDO stays out", "CiA 301, 7.5.2.37", "look at the sender's application")
+    J1939_MISSING = (
+        "a J1939 message stays out",
+        "SAE J1939-71 and -73",
+        "look at the sender's application",
+    )
+    TROUBLE_CODE = ("trouble code", "SAE J1939-73", "look the code up in the manual of the device")
+
+    def __init__(self, title: str, clause: str, advice: str) -> None:
         self.title = title
         self.clause = clause
+        self.advice = advice
 
 
 class Finding(NamedTuple):
     """Something that is wrong.
 
     Attributes:
-        cause: what.
+        cause: the kind.
         node: with which node; empty for the bus.
         begin: since when [ns].
         text: in a sentence.
-        sights: frames that show it.
+        sights: the first frames that show it.
+        total: of all such frames; 0 for as many as `sights`.
+        others: node-IDs that it is also about: the producer that is awaited.
+        span: how late it may be seen after what it comes from [ns].
+        consequences: what it explains.
     """
 
     cause: Cause
@@ -70,16 +223,35 @@ class Finding(NamedTuple):
     begin: int
     text: str
     sights: tuple[Sight, ...] = ()
+    total: int = 0
+    others: tuple[str, ...] = ()
+    span: int = 0
+    consequences: tuple["Finding", ...] = ()
+
+    @property
+    def unshown(self) -> int:
+        """Frames that show it beyond `sights`."""
+        return max(self.total - len(self.sights), 0)
 
 
 class Watch(Protocol):
     """Looks for one kind of trouble."""
 
+    hears: frozenset[Service]
+    """The services of which it wants to hear."""
+
     def hear(self, sight: Sight) -> None:
         """Take what was on the bus, in order."""
 
+    def pause(self, length: int) -> None:
+        """Take note that nothing at all was heard for a time: nobody was late in it.
+
+        Args:
+            length: of the pause [ns].
+        """
+
     def findings(self, end: int) -> Iterator[Finding]:
-        """Yield what is wrong, once the log has ended.
+        """Yield what is wrong so far; the watch stays as it is.
 
         Args:
             end: of the log [ns].
@@ -87,6 +259,14 @@ class Watch(Protocol):
         Yields:
             The findings.
         """
+
+
+def finding(
+    cause: Cause, node: str, evidence: Evidence, text: str, begin: int | None = None
+) -> Finding:
+    """Return a finding with its evidence; it begins with the first frame, or when `begin` says."""
+    since = evidence[0].now if begin is None else begin
+    return Finding(cause, node, since, text, tuple(evidence), evidence.total)
 
 
 def seconds(time: int) -> str:

@@ -15,15 +15,28 @@ LATE = 2.5
 
 _FEWEST = 4
 _NOTICE = 5_000_000_000
+_KEPT = 64
 _HEARTBEAT_EMCY = 0x8130
 _NS_PER_MS = 1_000_000
 
 
 @dataclass(slots=True)
 class _Pulse:
+    """The heartbeat of one node.
+
+    Attributes:
+        last: the last one; None where the next begins anew.
+        due_from: when the next one's time began [ns].
+        intervals: the last ones [ns].
+        gap: the first time that it stayed out: the beats before and behind, and its period [ns].
+        gaps: how often it stayed out.
+    """
+
     last: Sight | None = None
+    due_from: int = 0
     intervals: deque[int] = field(default_factory=lambda: deque(maxlen=15))
-    gaps: list[tuple[Sight, Sight | None, float]] = field(default_factory=list)
+    gap: tuple[Sight, Sight | None, float] | None = None
+    gaps: int = 0
 
 
 class Heartbeats:
@@ -33,10 +46,12 @@ class Heartbeats:
         decoder: that gives the sights.
     """
 
+    hears = frozenset({Service.NMT, Service.EMCY, Service.SDO, Service.HEARTBEAT})
+
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
         self._pulses: dict[tuple[int, int], _Pulse] = {}
-        self._emergencies: list[Sight] = []
+        self._emergencies: deque[Sight] = deque(maxlen=_KEPT)
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -61,10 +76,16 @@ class Heartbeats:
         """
         for key, pulse in self._pulses.items():
             period = self._period(key, pulse)
-            if pulse.last is not None and period and end - pulse.last.now > LATE * period:
-                pulse.gaps.append((pulse.last, None, period))
-            if pulse.gaps:
-                yield self._tell(pulse)
+            gap, gaps = pulse.gap, pulse.gaps
+            if pulse.last is not None and period and end - pulse.due_from > LATE * period:
+                gap, gaps = gap or (pulse.last, None, period), gaps + 1
+            if gap is not None:
+                yield self._tell(gap, gaps)
+
+    def pause(self, length: int) -> None:
+        """Count from the end of a pause."""
+        for pulse in self._pulses.values():
+            pulse.due_from += length
 
     def _hear_command(self, sight: Sight) -> None:
         request = NmtRequest.parse(sight.frame.data)
@@ -87,12 +108,13 @@ class Heartbeats:
             return
         pulse = self._pulses.setdefault(key, _Pulse())
         if pulse.last is not None:
-            interval, period = sight.now - pulse.last.now, self._period(key, pulse)
+            interval, period = sight.now - pulse.due_from, self._period(key, pulse)
             if period and interval > LATE * period:
-                pulse.gaps.append((pulse.last, sight, period))
+                pulse.gap = pulse.gap or (pulse.last, sight, period)
+                pulse.gaps += 1
             else:
                 pulse.intervals.append(interval)
-        pulse.last = sight
+        pulse.last, pulse.due_from = sight, sight.now
 
     def _period(self, key: tuple[int, int], pulse: _Pulse) -> float:
         """Return the period of a heartbeat [ns]; 0 where it has none that is known."""
@@ -103,16 +125,16 @@ class Heartbeats:
                 return own
         return median(pulse.intervals) if len(pulse.intervals) >= _FEWEST else 0.0
 
-    def _tell(self, pulse: _Pulse) -> Finding:
-        last, next_one, period = pulse.gaps[0]
+    def _tell(self, gap: tuple[Sight, Sight | None, float], gaps: int) -> Finding:
+        last, next_one, period = gap
         every = milliseconds(period)
         text = f"{last.node}: no heartbeat after {seconds(last.now)} (every {every} before)"
         if next_one is None:
             text += ", and none until the end"
         else:
             text += f", for {milliseconds(next_one.now - last.now)}"
-        if len(pulse.gaps) > 1:
-            text += f"; {len(pulse.gaps) - 1} times more"
+        if gaps > 1:
+            text += f"; {gaps - 1} times more"
         noticed = [
             emcy
             for emcy in self._emergencies
@@ -121,4 +143,5 @@ class Heartbeats:
         if noticed:
             text += f"; {noticed[0].node} reports it at {seconds(noticed[0].now)}"
         sights = [last, *noticed[:1], *([next_one] if next_one else [])]
-        return Finding(Cause.HEARTBEAT_LOST, last.node, last.now, text, tuple(sights))
+        shown = tuple(sights)
+        return Finding(Cause.HEARTBEAT_LOST, last.node, last.now, text, shown, span=round(period))

@@ -6,9 +6,16 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
 
-from hil_bench.abilities.eyes.explain.finding import EVIDENCE, Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.explain.finding import (
+    Cause,
+    Evidence,
+    Finding,
+    finding,
+    milliseconds,
+    seconds,
+)
 from hil_bench.abilities.eyes.j1939 import group_name, trouble_codes
-from hil_bench.abilities.eyes.sight import J1939Message, Sight
+from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
 from hil_bench.devices.j1939.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
@@ -40,14 +47,23 @@ Who = tuple[int, int]
 """Bus and address."""
 
 
-class Addresses:
+class _OfJ1939:
+    """A watch of J1939 messages, to which pauses of the bus mean nothing."""
+
+    hears = frozenset({Service.J1939})
+
+    def pause(self, length: int) -> None:
+        """Nothing of it depends on the time."""
+
+
+class Addresses(_OfJ1939):
     """Watches who claims which address, and who has none."""
 
     def __init__(self) -> None:
         self._owners: dict[Who, tuple[bytes, Sight]] = {}
         self._without: dict[tuple[int, bytes], Sight] = {}
         self._contended: dict[tuple[int, bytes], tuple[Sight, Sight]] = {}
-        self._violations: dict[Who, list[Sight]] = {}
+        self._violations: dict[Who, Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -60,7 +76,7 @@ class Addresses:
         elif message.group == DM1:
             for spn, fmi in trouble_codes(message.data):
                 if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
-                    self._violations.setdefault((bus, message.source), []).append(sight)
+                    self._violations.setdefault((bus, message.source), Evidence()).append(sight)
 
     def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
         if address == NULL:  # without a contender it merely signs off
@@ -101,21 +117,21 @@ class Addresses:
             first = said[0]
             text = f"{first.node} says that another device sends from its address {address}"
             text += f", SPN {_VIOLATION_SPN + address} FMI {_VIOLATION_FMI} at {seconds(first.now)}"
-            yield Finding(Cause.ADDRESS_CLASH, first.node, first.now, text, tuple(said))
+            yield finding(Cause.ADDRESS_CLASH, first.node, said, text)
 
 
-class LongTransfers:
+class LongTransfers(_OfJ1939):
     """Keeps the long messages that did not arrive."""
 
     def __init__(self) -> None:
-        self._failed: dict[tuple[str, int, int], list[Sight]] = {}
+        self._failed: dict[tuple[str, int, int], Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
         if message is not None and sight.problem and len(self._failed) < _MOST:
             key = sight.node, message.group, message.destination
-            self._failed.setdefault(key, []).append(sight)
+            self._failed.setdefault(key, Evidence()).append(sight)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
         """Yield them, a sender and a group at a time.
@@ -129,11 +145,11 @@ class LongTransfers:
         for (node, group, _), sights in self._failed.items():
             first = sights[0]
             text = f"{node}: {_group(group)}: {first.problem}, first at {seconds(first.now)}"
-            text += f"; {len(sights)} such" if len(sights) > 1 else ""
-            yield Finding(Cause.J1939_TRANSFER, node, first.now, text, tuple(sights))
+            text += f"; {sights.total} such" if sights.total > 1 else ""
+            yield finding(Cause.J1939_TRANSFER, node, sights, text)
 
 
-class Requests:
+class Requests(_OfJ1939):
     """Watches requests that are sent to one device."""
 
     def __init__(self) -> None:
@@ -186,6 +202,7 @@ class _Cycle:
 
     Attributes:
         last: the last one.
+        due_from: when the next one's time began [ns].
         intervals: the last ones [ns].
         gap: the first time that it stayed out: the messages before and behind.
         gaps: how often it stayed out.
@@ -193,6 +210,7 @@ class _Cycle:
     """
 
     last: Sight
+    due_from: int
     intervals: deque[int] = field(default_factory=lambda: deque(maxlen=32))
     gap: tuple[Sight, Sight] | None = None
     gaps: int = 0
@@ -208,12 +226,20 @@ class _Cycle:
         return middle if off <= _REGULAR * middle else 0.0
 
 
-class Cycles:
+class Cycles(_OfJ1939):
     """Watches messages that come with a period, and DM1 while a code is active."""
 
     def __init__(self) -> None:
         self._cycles: dict[tuple[int, int, int], _Cycle] = {}
         self._heard: dict[Who, Sight] = {}
+        self._paused: dict[Who, int] = {}
+
+    def pause(self, length: int) -> None:
+        """Count from the end of a pause."""
+        for cycle in self._cycles.values():
+            cycle.due_from += length
+        for who in self._heard:
+            self._paused[who] = self._paused.get(who, 0) + length
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -222,6 +248,7 @@ class Cycles:
             return
         bus = sight.frame.bus
         self._heard[bus, message.source] = sight
+        self._paused.pop((bus, message.source), None)
         if message.data is None or message.destination != GLOBAL:
             return
         if message.group == ADDRESS_CLAIMED:
@@ -232,18 +259,18 @@ class Cycles:
         cycle = self._cycles.get(key)
         if cycle is None:
             if len(self._cycles) < _MOST:
-                self._cycles[key] = _Cycle(sight)
+                self._cycles[key] = _Cycle(sight, sight.now)
             return
         if cycle.is_new:
-            cycle.last, cycle.is_new = sight, False
+            cycle.last, cycle.due_from, cycle.is_new = sight, sight.now, False
             return
-        interval, period = sight.now - cycle.last.now, _period(cycle)
+        interval, period = sight.now - cycle.due_from, _period(cycle)
         if period and interval > _LATE * period:
             cycle.gap = cycle.gap or (cycle.last, sight)
             cycle.gaps += 1
         elif message.group != DM1 or _has_codes(cycle.last.message):
             cycle.intervals.append(interval)
-        cycle.last = sight
+        cycle.last, cycle.due_from = sight, sight.now
 
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield the devices and the messages that stay out.
@@ -258,7 +285,9 @@ class Cycles:
         for who, cycles in self._by_sender().items():
             periods = [period for each in cycles if (period := _period(each))]
             last = self._heard[who]
-            if periods and end - last.now > max(_LATE * max(periods), _DM1_PERIOD):
+            if periods and end - last.now - self._paused.get(who, 0) > max(
+                _LATE * max(periods), _DM1_PERIOD
+            ):
                 silent.add(who)
                 text = f"{last.node} sends nothing after {seconds(last.now)}"
                 text += f" ({_group(_group_of(cycles[0]))} every {milliseconds(periods[0])} before)"
@@ -268,7 +297,7 @@ class Cycles:
             if not period or (bus, source) in silent:
                 continue
             before, after = cycle.gap or (cycle.last, None)
-            lasts = (end if after is None else after.now) - before.now
+            lasts = end - cycle.due_from if after is None else after.now - before.now
             if lasts <= _LATE * period:
                 continue
             text = f"{before.node}: no {_group(group)} after {seconds(before.now)}"
@@ -286,11 +315,11 @@ class Cycles:
         return found
 
 
-class TroubleCodes:
+class TroubleCodes(_OfJ1939):
     """Keeps what devices report by DM1."""
 
     def __init__(self) -> None:
-        self._found: dict[tuple[str, int, int], list[Sight]] = {}
+        self._found: dict[tuple[str, int, int], Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -301,7 +330,7 @@ class TroubleCodes:
             if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
                 continue
             if len(self._found) < _MOST:
-                self._found.setdefault((sight.node, spn, fmi), []).append(sight)
+                self._found.setdefault((sight.node, spn, fmi), Evidence()).append(sight)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
         """Yield each code.
@@ -315,8 +344,7 @@ class TroubleCodes:
         for (node, spn, fmi), sights in self._found.items():
             first = sights[0]
             text = f"{node} reports SPN {spn} FMI {fmi}, from {seconds(first.now)} on"
-            shown = tuple(sights[:EVIDENCE])
-            yield Finding(Cause.TROUBLE_CODE, node, first.now, text, shown)
+            yield finding(Cause.TROUBLE_CODE, node, sights, text)
 
 
 def _period(cycle: _Cycle) -> float:

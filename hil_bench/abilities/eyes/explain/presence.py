@@ -1,10 +1,18 @@
 """Presence of nodes: boot-up, node-ID clashes, restarts, states."""
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.explain.finding import (
+    Cause,
+    Evidence,
+    Finding,
+    finding,
+    milliseconds,
+    seconds,
+)
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.identifiers import function_of
@@ -18,6 +26,10 @@ _PATIENCE = 1_000_000_000
 """Time that a node may take to follow an NMT command [ns]."""
 
 _SHORT = 0.5
+_OPEN = 16
+_FLIPS = 3
+"""Changes of state without a command, after a boot-up, that one device does not make."""
+
 _FEWEST = 4
 _SCAN = 8
 """Unknown node-IDs without an answer from which on somebody looks who is there ..."""
@@ -31,20 +43,26 @@ class _Life:
 
     node: KnownNode
     is_heard: bool = False
-    requests: list[Sight] = field(default_factory=list)
+    requests: Evidence = field(default_factory=Evidence)
     is_slave: bool = False  # somebody else asks or commands it alone
-    given_up: list[Sight] = field(default_factory=list)
-    late: list[tuple[Sight, Sight]] = field(default_factory=list)
-    boots: list[Sight] = field(default_factory=list)
-    restarts: list[Sight] = field(default_factory=list)
-    twins: list[Sight] = field(default_factory=list)
+    given_up: deque[Sight] = field(default_factory=lambda: deque(maxlen=_OPEN))
+    late: tuple[Sight, Sight] | None = None
+    late_answers: int = 0
+    boots: Evidence = field(default_factory=Evidence)
+    restarts: Evidence = field(default_factory=Evidence)
+    twins: Evidence = field(default_factory=Evidence)
     is_reset: bool = False
     commanded: tuple[NmtState, int] | None = None
     is_broadcast: bool = False  # the command
-    refusals: list[Sight] = field(default_factory=list)
+    refusals: Evidence = field(default_factory=Evidence)
     is_started: bool = False
-    heartbeats: list[Sight] = field(default_factory=list)
-    short: list[Sight] = field(default_factory=list)
+    state: int | None = None  # of the last heartbeat
+    last_beat: int | None = None
+    beats: int = 0
+    is_commanded: bool = False  # since it has entered its state
+    left: Evidence = field(default_factory=Evidence)
+    flips: Evidence = field(default_factory=Evidence)
+    short: Evidence = field(default_factory=Evidence)
     has_answered: bool = False
 
 
@@ -59,6 +77,8 @@ class Presence:
         scanned: names of those that somebody merely looked for, once `findings` is through.
     """
 
+    hears = frozenset({Service.NMT, Service.EMCY, Service.PDO, Service.SDO, Service.HEARTBEAT})
+
     def __init__(self, decoder: Decoder, known: list[KnownNode]) -> None:
         self._decoder = decoder
         self._known = {(node.bus, node.node_id) for node in known}
@@ -72,7 +92,7 @@ class Presence:
         if sight.service is Service.NMT:
             self._hear_command(sight)
             return
-        if sight.node_id is None or sight.service in {Service.SYNC, Service.OTHER}:
+        if sight.node_id is None:
             return
         life = self._life(sight.frame.bus, sight.node_id)
         if not self._is_from(sight):
@@ -93,6 +113,13 @@ class Presence:
             self._hear_answer(life, sight)
         elif sight.service is Service.PDO:
             life.is_started = True
+
+    def pause(self, length: int) -> None:
+        """Give all the more time to follow a command."""
+        for life in self._lives.values():
+            if life.commanded is not None:
+                wanted, when = life.commanded
+                life.commanded = wanted, when + length
 
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield who is missing, double, or not in its state.
@@ -115,7 +142,7 @@ class Presence:
         strange = [key for key in missing if key not in self._known]
         is_scan = len(strange) >= _SCAN
         for key, life in missing.items():
-            if is_scan and key in strange and len(life.requests) <= _LOOKS:
+            if is_scan and key in strange and life.requests.total <= _LOOKS:
                 self.scanned.add(life.node.name)
             else:
                 yield _absence(life)
@@ -152,6 +179,7 @@ class Presence:
                 life.is_reset = request.command in RESTORED
                 life.commanded = ENTERED[request.command], sight.now
                 life.is_broadcast = request.node_id == 0
+                life.is_commanded = True
                 life.is_started |= not life.is_reset
                 if request.node_id:
                     life.requests.append(sight)
@@ -169,17 +197,35 @@ class Presence:
                 life.refusals.append(sight)
             elif state == wanted:  # where it goes from here is not by this command
                 life.commanded = None
-                life.refusals.clear()
+                life.refusals = Evidence()
         period = life.node.number(0x1017) * 1_000_000
-        if period and life.heartbeats and sight.now - life.heartbeats[-1].now < period * _SHORT:
+        if period and life.last_beat is not None and sight.now - life.last_beat < period * _SHORT:
             life.short.append(sight)
-        life.heartbeats.append(sight)
+        life.last_beat, life.beats = sight.now, life.beats + 1
+        self._hear_change(life, sight, state)
+
+    def _hear_change(self, life: _Life, sight: Sight, state: int) -> None:
+        """Note where a node goes to another state, and nobody has commanded it."""
+        before, life.state = life.state, state
+        was_commanded = life.is_commanded
+        if life.commanded is None:
+            life.is_commanded = False
+        if before is None or state == before:
+            return
+        if was_commanded:
+            life.flips = Evidence()
+            return
+        life.flips.append(sight)
+        if before == NmtState.OPERATIONAL:
+            life.left.append(sight)
 
     def _hear_boot(self, life: _Life, sight: Sight) -> None:
-        if not life.is_reset and (life.boots or life.heartbeats):
-            is_twin = bool(life.boots) and sight.now - life.boots[-1].now < _TWINS
+        if not life.is_reset and (life.boots or life.beats):
+            last = life.boots.latest
+            is_twin = last is not None and sight.now - last.now < _TWINS
             (life.twins if is_twin else life.restarts).append(sight)
         life.is_reset, life.commanded, life.is_started = False, None, False
+        life.state, life.is_commanded = None, False
         life.boots.append(sight)
 
     def _hear_answer(self, life: _Life, sight: Sight) -> None:
@@ -189,7 +235,8 @@ class Presence:
             is_by_node = transfer.is_done or not transfer.is_aborted_by_client
             life.has_answered = transfer.has_ended and is_by_node
         elif life.given_up and len(sight.frame.data) == 8:
-            life.late.append((life.given_up.pop(0), sight))
+            life.late = life.late or (life.given_up.popleft(), sight)
+            life.late_answers += 1
         elif life.has_answered and len(sight.frame.data) == 8:
             life.twins.append(sight)  # a second answer to one request
 
@@ -204,32 +251,37 @@ class Presence:
 
     def _judge(self, life: _Life, end: int) -> Iterator[Finding]:
         name = life.node.name
-        short = life.short if len(life.short) >= max(_FEWEST, len(life.heartbeats) // 4) else []
-        if twins := [*life.twins, *short]:
+        is_short = life.short.total >= max(_FEWEST, life.beats // 4)
+        twins = [life.twins, *([life.short] if is_short else [])]
+        if life.flips.total >= _FLIPS and life.restarts:
+            twins += [life.restarts, life.flips]
+        if any(twins):
             text = (
                 f"{name}: more boot-up messages, answers or heartbeats than one device sends: "
                 f"node-ID {life.node.node_id} is given twice"
             )
-            yield Finding(Cause.NODE_ID_CLASH, name, twins[0].now, text, tuple(twins))
+            shown = Evidence(sight for each in twins for sight in each)
+            yield finding(Cause.NODE_ID_CLASH, name, shown, text)
         elif life.restarts:
-            count = len(life.restarts)
+            count = life.restarts.total
             when = seconds(life.restarts[0].now)
             text = f"{name} restarts by itself at {when}" + (
                 f", and {count - 1} times more" if count > 1 else ""
             )
             text += ": its supply, or its watchdog; it then waits to be configured and started"
-            yield Finding(Cause.RESTART, name, life.restarts[0].now, text, tuple(life.restarts))
+            yield finding(Cause.RESTART, name, life.restarts, text)
         elif life.late:
-            yield _slowness(life)
+            yield _slowness(life, life.late)
         elif life.refusals and (life.is_slave or not life.is_broadcast or self._is_known(life)):
             # What a broadcast asks for, its own producer need not do.
             wanted = life.commanded[0].name if life.commanded else ""
             text = f"{name} was commanded to {wanted}, and says {life.refusals[0].words}"
-            yield Finding(
-                Cause.START_REFUSED, name, life.refusals[0].now, text, tuple(life.refusals)
-            )
-        elif self._is_left(life, end):
-            since = life.boots[-1]
+            yield finding(Cause.START_REFUSED, name, life.refusals, text)
+        elif life.left and (life.is_slave or self._is_known(life)):
+            text = f"{name} says {life.left[0].words} from {seconds(life.left[0].now)} on, and "
+            text += "nobody has commanded it"
+            yield finding(Cause.STATE_LEFT, name, life.left, text)
+        elif self._is_left(life, end) and (since := life.boots.latest) is not None:
             waited = milliseconds(end - since.now)
             text = f"{name} gets no NMT start in {waited} after its boot-up: its PDOs stay off"
             yield Finding(Cause.NOT_STARTED, name, since.now, text, (since,))
@@ -240,7 +292,8 @@ class Presence:
     def _is_left(self, life: _Life, end: int) -> bool:
         """Return True if a node was left out while others were started or commanded."""
         is_used = self._has_started or self._has_commands
-        is_late = bool(life.boots) and end - life.boots[-1].now > _PATIENCE
+        last = life.boots.latest
+        is_late = last is not None and end - last.now > _PATIENCE
         return is_used and is_late and not life.is_started and life.commanded is None
 
 
@@ -249,13 +302,13 @@ def _absence(life: _Life) -> Finding:
     text = f"{name} sends nothing, no boot-up message either"
     if asked:
         text += f", though it is spoken to from {seconds(asked[0].now)} on"
-    return Finding(Cause.NO_BOOT_UP, name, asked[0].now if asked else 0, text, tuple(asked))
+    return finding(Cause.NO_BOOT_UP, name, asked, text, asked[0].now if asked else 0)
 
 
-def _slowness(life: _Life) -> Finding:
-    name, (given_up, answer) = life.node.name, life.late[0]
+def _slowness(life: _Life, late: tuple[Sight, Sight]) -> Finding:
+    name, (given_up, answer) = life.node.name, late
     after = milliseconds(answer.now - given_up.now)
     text = f"{name} answers {after} after its client has given up, at {seconds(answer.now)}"
-    text += f", and {len(life.late) - 1} times more" if len(life.late) > 1 else ""
+    text += f", and {life.late_answers - 1} times more" if life.late_answers > 1 else ""
     text += ": it is slow, or the client's time-out short"
-    return Finding(Cause.SDO_LATE, name, given_up.now, text, life.late[0])
+    return Finding(Cause.SDO_LATE, name, given_up.now, text, late, life.late_answers)

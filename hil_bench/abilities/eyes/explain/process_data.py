@@ -1,11 +1,19 @@
 """PDOs: lengths, mappings, identifiers, those that stay out, and those that nobody sends."""
 
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.counters import Counters
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.explain.finding import (
+    Cause,
+    Evidence,
+    Finding,
+    finding,
+    milliseconds,
+    seconds,
+)
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.identifiers import function_of
@@ -19,6 +27,13 @@ _LATE = 3
 """Event times, or SYNCs it waits for, after which a TPDO counts as missing."""
 
 _RPDO_SLACK = 1.05
+_NS_PER_100_US = 100_000
+_KEPT = 16
+_SETTLED = 30
+"""Intervals alike after which a PDO has a period that nobody has set ..."""
+_MANY = 10
+"""... and such periods after which it has fallen silent."""
+
 _PATIENCE = 1_000_000_000
 """Time that a controller may take to its first set-point [ns]."""
 
@@ -27,19 +42,25 @@ _LENGTH_EMCYS = frozenset({0x8210, 0x8220})
 _CYCLIC = range(1, 241)
 _HEARTBEAT_CONSUMERS = range(1, 128)
 
+_Gap = tuple[int, int, Sight | None]
 _Key = tuple[int, str]
 """Address of a PDO and name of its node."""
 
 
 @dataclass(slots=True)
 class _Course:
-    """When a PDO came."""
+    """When a PDO came, and the first time that it stayed out: since when, until when."""
 
     owner: PdoOwner
     last: int
     sight: Sight | None = None
     syncs: int = 0
-    gaps: list[tuple[int, int, Sight | None]] = field(default_factory=list)
+    gap: _Gap | None = None
+    gaps: int = 0
+    settled: int = 0
+    """Intervals alike: the PDO comes with a period ..."""
+    usual: int = 0
+    """... of this [ns]."""
 
 
 class ProcessData:
@@ -49,29 +70,41 @@ class ProcessData:
         decoder: that gives the sights.
     """
 
+    hears = frozenset({Service.NMT, Service.EMCY, Service.PDO, Service.SYNC, Service.HEARTBEAT})
+
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
         self._counters = Counters()
-        self._lengths: dict[_Key, list[Sight]] = {}
-        self._unknown: dict[_Key, list[Sight]] = {}
+        self._lengths: dict[_Key, Evidence] = {}
+        self._unknown: dict[_Key, Evidence] = {}
         self._courses: dict[_Key, _Course] = {}
         self._running: dict[tuple[int, int], int] = {}
-        self._emergencies: dict[str, list[Sight]] = {}
+        self._emergencies: dict[str, deque[Sight]] = {}
         self._seen: dict[int, Sight] = {}
+        self._now = 0
         self._pulses: set[tuple[int, int]] = set()
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        self._follow_states(sight)
+        self._now = sight.now
         match sight.service:
             case Service.PDO if not sight.frame.is_remote:
                 self._hear_pdo(sight)
             case Service.SYNC:
                 self._hear_sync(sight)
             case Service.EMCY:
-                self._emergencies.setdefault(sight.node, []).append(sight)
+                self._emergencies.setdefault(sight.node, deque(maxlen=_KEPT)).append(sight)
+            case Service.NMT:
+                self._follow_states(list(self._decoder.nodes))
             case Service.HEARTBEAT if sight.node_id is not None:
                 self._pulses.add((sight.frame.bus, sight.node_id))
+                self._follow_states([(sight.frame.bus, sight.node_id)])
+
+    def pause(self, length: int) -> None:
+        """Count from the end of a pause."""
+        for course in self._courses.values():
+            if course.last >= 0:
+                course.last += length
 
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield what is wrong with the PDOs.
@@ -82,29 +115,31 @@ class ProcessData:
         Yields:
             The findings.
         """
-        for (address, _), course in self._courses.items():
-            if course.owner in self._decoder.pdos.get(address, []):
-                self._note_gap(course, end, None)
         yield from self._length_findings()
         yield from self._mapping_findings()
         yield from self._clash_findings()
         yield from self._counters.findings()
-        for course in self._courses.values():
-            if course.gaps:
-                yield self._gap_finding(course)
+        for (address, _), course in self._courses.items():
+            gap, gaps = course.gap, course.gaps
+            is_left = course.owner in self._decoder.pdos.get(address, [])
+            if is_left and (last := self._gap(course, end, None)) is not None:
+                gap, gaps = gap or last, gaps + 1
+            if gap is not None:
+                yield self._gap_finding(course.owner, gap, gaps)
+            elif is_left and self._fell_silent(course, end):
+                yield _silence(course)
         yield from self._absences(end)
 
-    def _follow_states(self, sight: Sight) -> None:
-        """Begin to expect PDOs of a node that becomes OPERATIONAL, end it with that state."""
-        if sight.service not in {Service.NMT, Service.HEARTBEAT}:
-            return
-        for key, node in self._decoder.nodes.items():
+    def _follow_states(self, keys: list[tuple[int, int]]) -> None:
+        """Begin to expect PDOs of nodes that become OPERATIONAL, end it with that state."""
+        for key in keys:
+            node = self._decoder.nodes[key]
             is_running = node.state is NmtState.OPERATIONAL
             if is_running and key not in self._running:
-                self._running[key] = sight.now
+                self._running[key] = self._now
                 for owner in self._owners_of(node):
                     if owner.pdo.direction is Direction.TPDO:
-                        self._courses[owner.address, node.name] = _Course(owner, sight.now)
+                        self._courses[owner.address, node.name] = _Course(owner, self._now)
             elif not is_running and self._running.pop(key, None) is not None:
                 self._counters.forget(node)
                 for place, course in list(self._courses.items()):
@@ -114,7 +149,7 @@ class ProcessData:
     def _end(self, place: _Key) -> None:
         """Expect a PDO no longer, and keep what was wrong with it."""
         course = self._courses[place]
-        if not course.gaps:
+        if course.gap is None:
             del self._courses[place]
         else:
             course.last = -1
@@ -133,19 +168,22 @@ class ProcessData:
         owners = self._decoder.pdos.get(address, [])
         if not owners:
             if sight.problem:
-                self._unknown.setdefault((address, sight.node), []).append(sight)
+                self._unknown.setdefault((address, sight.node), Evidence()).append(sight)
             return
         for owner in owners:
             if owner.pdo.problem(sight.frame.data):
-                self._lengths.setdefault((address, owner.node.name), []).append(sight)
+                self._lengths.setdefault((address, owner.node.name), Evidence()).append(sight)
             self._take(owner, address, sight)
 
     def _take(self, owner: PdoOwner, address: int, sight: Sight) -> None:
         course = self._courses.get((address, owner.node.name))
         is_lost = self._counters.take(owner, sight)
         if course is not None and course.last >= 0:
-            if course.owner.pdo is owner.pdo and not is_lost:  # or configured anew meanwhile
-                self._note_gap(course, sight.now, sight)
+            is_same = course.owner.pdo is owner.pdo  # or configured anew meanwhile
+            gap = self._gap(course, sight.now, sight) if is_same and not is_lost else None
+            if gap is not None:
+                course.gap, course.gaps = course.gap or gap, course.gaps + 1
+            _settle(course, sight.now - course.last)
         elif course is None or owner.node.state is NmtState.OPERATIONAL:
             course = course or _Course(owner, sight.now)
             self._courses[address, owner.node.name] = course
@@ -156,11 +194,11 @@ class ProcessData:
             if course.owner.node.bus == sight.frame.bus:
                 course.syncs += 1
 
-    def _note_gap(self, course: _Course, now: int, sight: Sight | None) -> None:
-        """Note where a PDO came too late, or not at all."""
+    def _gap(self, course: _Course, now: int, sight: Sight | None) -> _Gap | None:
+        """Return where a PDO came too late, or not at all; None where it did not."""
         owner, last = course.owner, course.last
         if last < 0 or owner.node.state is not NmtState.OPERATIONAL:
-            return
+            return None
         pdo, gap = owner.pdo, now - last
         event_time = pdo.event_time_ms * _NS_PER_MS
         if pdo.direction is Direction.RPDO:
@@ -169,9 +207,22 @@ class ProcessData:
             is_late = course.syncs > _LATE * pdo.transmission_type
         else:
             is_event = pdo.transmission_type in EVENT_DRIVEN
-            is_late = is_event and event_time > 0 and gap > _LATE * event_time
-        if is_late:
-            course.gaps.append((last, now, sight))
+            due = max(event_time, pdo.inhibit_time_100us * _NS_PER_100_US)
+            is_late = is_event and event_time > 0 and gap > _LATE * due
+        return (last, now, sight) if is_late else None
+
+    def _fell_silent(self, course: _Course, end: int) -> bool:
+        """Return True if a TPDO that nothing makes come had a period all the same, and stopped."""
+        node, pdo = course.owner
+        return (
+            pdo.direction is Direction.TPDO
+            and pdo.transmission_type in EVENT_DRIVEN
+            and not pdo.event_time_ms
+            and course.last >= 0
+            and node.state is NmtState.OPERATIONAL
+            and course.settled >= _SETTLED
+            and end - course.last > max(_MANY * course.usual, _PATIENCE)
+        )
 
     def _length_findings(self) -> Iterator[Finding]:
         for (_, node), sights in self._lengths.items():
@@ -182,18 +233,18 @@ class ProcessData:
             )
             reported = self._reported(node, _LENGTH_EMCYS)
             text = f"{node} {owner.pdo.name}: {owner.pdo.problem(sights[0].frame.data)}"
-            text += f", {len(sights)} times" if len(sights) > 1 else ""
+            text += f", {sights.total} times" if sights.total > 1 else ""
             text += f"; {node} reports it by EMCY" if reported else ""
             shown = (*sights[:2], *reported[:1])
             is_sealed = owner.pdo.is_sealed(sights[0].frame.data)
             cause = Cause.PDO_CHECKSUM if is_sealed else Cause.PDO_LENGTH
-            yield Finding(cause, node, sights[0].now, text, shown)
+            yield Finding(cause, node, sights[0].now, text, shown, sights.total)
 
     def _mapping_findings(self) -> Iterator[Finding]:
         for (_, node), sights in self._unknown.items():
             text = f"{node} {sights[0].name}: identifier 0x{sights[0].frame.can_id:03X} is on the "
             text += "bus, and by its EDS and its configuration the PDO does not exist"
-            yield Finding(Cause.MAPPING, node, sights[0].now, text, tuple(sights))
+            yield finding(Cause.MAPPING, node, sights, text)
         for course in self._courses.values():
             owner, pdo = course.owner
             if not owner.has_eds or course.sight is None:
@@ -219,8 +270,8 @@ class ProcessData:
                 node = senders[-1].node.name
                 yield Finding(Cause.IDENTIFIER_CLASH, node, sight.now, text, (sight,))
 
-    def _gap_finding(self, course: _Course) -> Finding:
-        (node, pdo), (begin, end, sight) = course.owner, course.gaps[0]
+    def _gap_finding(self, owner: PdoOwner, gap: _Gap, gaps: int) -> Finding:
+        (node, pdo), (begin, end, sight) = owner, gap
         is_rpdo = pdo.direction is Direction.RPDO
         what = (
             f"{node.name} {pdo.name}: none for {milliseconds(end - begin)} after {seconds(begin)}"
@@ -230,14 +281,31 @@ class ProcessData:
         else:
             meaning = "time-out" if is_rpdo else "event timer"
             what += f"; its {meaning} is {pdo.event_time_ms} ms"
-        what += f"; {len(course.gaps) - 1} times more" if len(course.gaps) > 1 else ""
+        what += f"; {gaps - 1} times more" if gaps > 1 else ""
         reported = self._reported(node.name, frozenset({_RPDO_EMCY})) if is_rpdo else []
         what += (
             f"; {node.name} reports it by EMCY at {seconds(reported[0].now)}" if reported else ""
         )
         shown = tuple(each for each in (*reported[:1], sight) if each is not None)
         cause = Cause.RPDO_TIMEOUT if is_rpdo else Cause.PDO_MISSING
-        return Finding(cause, node.name, begin, what, shown)
+        others = self._senders(owner) if is_rpdo else ()
+        return Finding(cause, node.name, begin, what, shown, gaps, others)
+
+    def _senders(self, owner: PdoOwner) -> tuple[str, ...]:
+        """Return the names of the nodes that send an RPDO."""
+        whose = function_of(owner.pdo.can_id).node_id
+        names = [
+            other.node.name
+            for other in self._decoder.pdos.get(owner.address, [])
+            if other.pdo.direction is Direction.TPDO
+        ]
+        if whose and whose != owner.node.node_id:
+            names.append(self._name(owner.node.bus, whose))
+        return tuple(names)
+
+    def _name(self, bus: int, node_id: int) -> str:
+        node = self._decoder.nodes.get((bus, node_id))
+        return f"node {node_id}" if node is None else node.name
 
     def _absences(self, end: int) -> Iterator[Finding]:
         for key, begin in self._running.items():
@@ -247,12 +315,16 @@ class ProcessData:
                     whose = function_of(owner.pdo.can_id)
                     sender = f", of node {whose.node_id}" if whose.node_id else ""
                     text = f"{node.name} {owner.pdo.name}: nobody sends 0x{owner.pdo.can_id:03X}"
-                    yield Finding(Cause.ABSENT_PRODUCER, node.name, begin, text + sender)
+                    others = self._senders(owner)
+                    yield Finding(
+                        Cause.ABSENT_PRODUCER, node.name, begin, text + sender, others=others
+                    )
             for producer, time in _consumed(node):
                 if (node.bus, producer) not in self._pulses:
                     text = f"{node.name} waits for the heartbeat of node {producer} (0x1016, "
                     text += f"{time} ms), which never comes, so it watches nobody"
-                    yield Finding(Cause.ABSENT_PRODUCER, node.name, begin, text)
+                    others = (self._name(node.bus, producer),)
+                    yield Finding(Cause.ABSENT_PRODUCER, node.name, begin, text, others=others)
 
     def _waits(self, owner: PdoOwner, duration: int) -> bool:
         """Return True if an RPDO that was given a sender or a time-out has no sender.
@@ -268,7 +340,24 @@ class ProcessData:
         return is_due or whose.node_id != owner.node.node_id
 
     def _reported(self, node: str, codes: frozenset[int]) -> list[Sight]:
-        return [sight for sight in self._emergencies.get(node, []) if sight.emcy_code in codes]
+        return [sight for sight in self._emergencies.get(node, ()) if sight.emcy_code in codes]
+
+
+def _settle(course: _Course, interval: int) -> None:
+    """Follow whether a PDO comes with a period."""
+    if 0.5 * course.usual <= interval <= 1.6 * course.usual:
+        course.settled += 1
+        course.usual += (interval - course.usual) // 8
+    else:
+        course.settled, course.usual = 0, interval
+
+
+def _silence(course: _Course) -> Finding:
+    (node, pdo), last = course.owner, course.last
+    text = f"{node.name} {pdo.name}: none after {seconds(last)}, though it came every "
+    text += f"{milliseconds(course.usual)} before; its event timer is 0, so nothing makes it come"
+    shown = () if course.sight is None else (course.sight,)
+    return Finding(Cause.PDO_MISSING, node.name, last, text, shown)
 
 
 def _address(sight: Sight) -> int:

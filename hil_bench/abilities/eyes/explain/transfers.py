@@ -3,12 +3,16 @@
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, seconds
+from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
 from hil_bench.abilities.eyes.frame_sights import transfer_title
-from hil_bench.abilities.eyes.sight import Sight
+from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 
 _IDENTITY = frozenset({(0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3)})
+_MOST = 4096
+_NOT_THERE = frozenset({0x0602_0000, 0x0609_0011})
+"""Abort codes of an object or a sub-index that the device does not have."""
+
 _CUT_OFF = 500_000_000
 """A request within this time before the end of the log may still be answered [ns]."""
 
@@ -22,10 +26,12 @@ class Transfers:
         decoder: that gives the sights.
     """
 
+    hears = frozenset({Service.SDO})
+
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
-        self._aborted: dict[_Group, list[Sight]] = {}
-        self._silent: dict[str, list[Sight]] = {}
+        self._aborted: dict[_Group, Evidence] = {}
+        self._silent: dict[str, Evidence] = {}
         self._differing: dict[tuple[str, int, int], tuple[Sight, str]] = {}
 
     def hear(self, sight: Sight) -> None:
@@ -34,13 +40,19 @@ class Transfers:
         if transfer is None:
             return
         if transfer.abort is not None:
+            if self._is_look(sight, transfer):
+                return
             group = sight.node, transfer.index, transfer.subindex, transfer.abort
-            self._aborted.setdefault(group, []).append(sight)
+            if group in self._aborted or len(self._aborted) < _MOST:
+                self._aborted.setdefault(group, Evidence()).append(sight)
         elif not transfer.is_done:
-            self._silent.setdefault(sight.node, []).append(sight)
+            self._silent.setdefault(sight.node, Evidence()).append(sight)
         elif difference := self._difference(sight, transfer):
             place = sight.node, transfer.index, transfer.subindex
             self._differing.setdefault(place, (sight, difference))
+
+    def pause(self, length: int) -> None:
+        """A transfer that a pause interrupts is one that failed, and told so."""
 
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield what failed, an object at a time.
@@ -56,18 +68,26 @@ class Transfers:
             yield Finding(Cause.OTHER_DEVICE, node, sight.now, text, (sight,))
         for (node, *_), sights in self._aborted.items():
             first = sights[0]
-            again = f", {len(sights)} times" if len(sights) > 1 else ""
+            again = f", {sights.total} times" if sights.total > 1 else ""
             title = self._title(first)
             text = f"{node}: {title} {first.problem}{again}, first at {seconds(first.now)}"
-            yield Finding(Cause.SDO_ABORT, node, first.now, text, tuple(sights))
+            yield finding(Cause.SDO_ABORT, node, sights, text)
         for node, sights in self._silent.items():
             late = [s for s in sights if s.transfer and end - s.transfer.end > _CUT_OFF]
             if late:
                 transfer = late[0].transfer
                 begin = transfer.begin if transfer else late[0].now
                 text = f"{node}: {late[0].words} is {late[0].problem}, at {seconds(begin)}"
-                text += f"; so are {len(late) - 1} more" if len(late) > 1 else ""
-                yield Finding(Cause.SDO_NO_ANSWER, node, begin, text, tuple(late))
+                text += f"; so are {sights.total - 1} more" if sights.total > 1 else ""
+                yield finding(Cause.SDO_NO_ANSWER, node, sights, text, begin)
+
+    def _is_look(self, sight: Sight, transfer: Transfer) -> bool:
+        """Return True if somebody has merely looked whether a device has an object."""
+        node = self._decoder.nodes.get((sight.frame.bus, sight.node_id or 0))
+        is_absent = transfer.way is Way.UPLOAD and transfer.abort in _NOT_THERE
+        if not is_absent or node is None:
+            return False
+        return not node.has_eds or node.objects.find(transfer.index, transfer.subindex) is None
 
     def _title(self, sight: Sight) -> str:
         node = self._decoder.nodes[sight.frame.bus, sight.node_id or 0]

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.explain.explain import Explanation, explain
-from hil_bench.abilities.eyes.explain.finding import EVIDENCE, Finding
+from hil_bench.abilities.eyes.explain.finding import Finding
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_log_arguments,
     known_ecus,
@@ -26,6 +26,10 @@ examples:
 
 exit code 1 where something is wrong, 0 where nothing was found
 """
+
+
+_CONSEQUENCES = 5
+"""Consequences of a cause that are shown."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -73,11 +77,18 @@ def _lines(found: Explanation, bitrate: int) -> Iterator[str]:
         yield ""
         yield f"{number}. {finding.cause.title}  ({finding.cause.clause})"
         yield f"   {finding.text}"
-        for sight in finding.sights[:EVIDENCE]:
+        for sight in finding.sights:
             line = f"{sight.now * 1e-9:14.6f}  {sight.frame.can_id:03X}  {sight.name}  {sight.text}"
             yield line.rstrip()
-        if len(finding.sights) > EVIDENCE:
-            yield f"{'':14}  and {len(finding.sights) - EVIDENCE} more"
+        if finding.unshown:
+            yield f"{'':14}  and {finding.unshown} more"
+        for effect in finding.consequences[:_CONSEQUENCES]:
+            yield f"   so  {effect.cause.title}: {effect.text}"
+        if (more := len(finding.consequences) - _CONSEQUENCES) > 0:
+            yield f"   so  {more} more"
+        yield f"   do  {finding.cause.advice}"
+    for note in found.notes:
+        yield f"the log: {note}"
     if not found.findings:
         yield "nothing wrong found"
 
@@ -88,6 +99,7 @@ def _content(found: Explanation) -> dict[str, object]:
         "duration": found.duration,
         "nodes": found.nodes,
         "load": found.load,
+        "notes": found.notes,
         "findings": [_finding(each) for each in found.findings],
     }
 
@@ -100,6 +112,9 @@ def _finding(finding: Finding) -> dict[str, object]:
         "node": finding.node,
         "time": finding.begin * 1e-9,
         "text": finding.text,
+        "advice": finding.cause.advice,
+        "count": finding.total or len(finding.sights),
+        "consequences": [_finding(each) for each in finding.consequences],
         "frames": [
             {"time": s.now * 1e-9, "id": s.frame.can_id, "data": s.frame.data.hex(), "text": s.text}
             for s in finding.sights

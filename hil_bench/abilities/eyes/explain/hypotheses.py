@@ -1,0 +1,167 @@
+"""The fewest causes that explain all that is wrong.
+
+Each finding is an observation, and may be the cause of others. `_LEADS` says which cause leads to
+which, how they are bound to each other and from when on. What has a cause among the findings is
+told with it; what is left are the causes. Nothing leads to what leads to it, so each log has one
+smallest set of them.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final, NamedTuple
+
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding
+
+_SLACK: Final = 1_500_000_000
+"""Time before a cause is seen in which its consequences may be seen already [ns]."""
+
+_Bond = Callable[[Finding, Finding], bool]
+
+
+def _same_node(cause: Finding, effect: Finding) -> bool:
+    return cause.node == effect.node
+
+
+def _anywhere(cause: Finding, effect: Finding) -> bool:
+    del cause, effect
+    return True
+
+
+def _awaited(cause: Finding, effect: Finding) -> bool:
+    return cause.node == effect.node or cause.node in effect.others
+
+
+class _Lead(NamedTuple):
+    """Where a cause leads to.
+
+    Attributes:
+        effects: the findings that it explains ...
+        bond: ... of these nodes, ...
+        is_timed: ... and whether only those that are seen after it, or shortly before.
+    """
+
+    effects: frozenset[Cause]
+    bond: _Bond
+    is_timed: bool = True
+
+
+_OF_SDO: Final = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER, Cause.SDO_LATE})
+_OF_STATE: Final = frozenset({Cause.NOT_STARTED, Cause.START_REFUSED, Cause.STATE_LEFT})
+_OF_PDO: Final = frozenset({Cause.PDO_MISSING, Cause.RPDO_TIMEOUT, Cause.ABSENT_PRODUCER})
+_OF_SYNC: Final = frozenset({Cause.SYNC_MISSING, Cause.SYNC_JITTER})
+_OF_J1939: Final = frozenset(
+    {Cause.J1939_SILENT, Cause.J1939_MISSING, Cause.J1939_TRANSFER, Cause.J1939_REQUEST}
+)
+_OF_TRAFFIC: Final = _OF_SDO | _OF_PDO | _OF_SYNC | _OF_J1939 | {Cause.HEARTBEAT_LOST}
+_OF_NODE: Final = _OF_SDO | _OF_STATE | _OF_PDO | {Cause.HEARTBEAT_LOST, Cause.EMCY}
+
+_LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
+    Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, is_timed=False),),
+    Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere),),
+    Cause.ERROR_FRAMES: (
+        _Lead(_OF_TRAFFIC | {Cause.BUS_SILENT, Cause.PDO_LOST, Cause.PDO_REPEATED}, _anywhere),
+    ),
+    Cause.BUS_LOAD: (_Lead(_OF_TRAFFIC | {Cause.PDO_LOST}, _anywhere),),
+    Cause.NO_BOOT_UP: (
+        _Lead(_OF_NODE, _awaited, is_timed=False),
+        _Lead(frozenset({Cause.SYNC_MISSING}), _awaited, is_timed=False),
+    ),
+    Cause.NODE_ID_CLASH: (
+        _Lead(
+            _OF_NODE
+            | {Cause.RESTART, Cause.OTHER_DEVICE, Cause.PDO_LENGTH, Cause.MAPPING}
+            | {Cause.PDO_REPEATED, Cause.PDO_LOST},
+            _same_node,
+            is_timed=False,
+        ),
+    ),
+    Cause.IDENTIFIER_CLASH: (
+        _Lead(
+            _OF_PDO | {Cause.PDO_LENGTH, Cause.PDO_LOST, Cause.PDO_REPEATED},
+            _awaited,
+            is_timed=False,
+        ),
+    ),
+    Cause.ADDRESS_CLASH: (_Lead(_OF_J1939, _same_node),),
+    Cause.RESTART: (_Lead(_OF_NODE, _awaited), _Lead(frozenset({Cause.SYNC_MISSING}), _awaited)),
+    Cause.OTHER_DEVICE: (
+        _Lead(_OF_SDO | _OF_PDO | {Cause.PDO_LENGTH, Cause.MAPPING}, _same_node, is_timed=False),
+    ),
+    Cause.MAPPING: (_Lead(frozenset({Cause.PDO_LENGTH, Cause.EMCY}), _same_node),),
+    Cause.PDO_TIMERS: (_Lead(frozenset({Cause.PDO_MISSING}), _same_node, is_timed=False),),
+    Cause.SYNC_PERIOD: (_Lead(frozenset({Cause.EMCY, *_OF_SYNC}), _anywhere),),
+    Cause.SDO_LATE: (
+        _Lead(frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER}), _same_node, is_timed=False),
+        _Lead(_OF_STATE, _same_node),
+    ),
+    Cause.SDO_ABORT: (_Lead(_OF_STATE, _same_node),),
+    Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE, _same_node),),
+    Cause.NOT_STARTED: (_Lead(_OF_PDO, _awaited),),
+    Cause.START_REFUSED: (_Lead(_OF_PDO, _awaited),),
+    Cause.STATE_LEFT: (_Lead(_OF_PDO, _awaited),),
+    Cause.HEARTBEAT_LOST: (
+        _Lead(_OF_SDO | _OF_PDO | {Cause.STATE_LEFT}, _awaited),
+        _Lead(frozenset({Cause.SYNC_MISSING}), _awaited),
+    ),
+    Cause.EMCY: (_Lead(frozenset({Cause.STATE_LEFT, Cause.PDO_MISSING}), _same_node),),
+    Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
+    Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
+    Cause.SYNC_MISSING: (_Lead(_OF_PDO, _anywhere),),
+    Cause.SYNC_JITTER: (_Lead(frozenset({Cause.PDO_MISSING}), _anywhere),),
+}
+
+_REPORTED: Final = {
+    0x8130: frozenset({Cause.HEARTBEAT_LOST, Cause.NO_BOOT_UP, Cause.RESTART, Cause.BUS_SILENT}),
+    0x8210: frozenset({Cause.PDO_LENGTH, Cause.MAPPING}),
+    0x8220: frozenset({Cause.PDO_LENGTH, Cause.MAPPING}),
+    0x8250: frozenset({Cause.RPDO_TIMEOUT, Cause.HEARTBEAT_LOST, Cause.BUS_SILENT}),
+}
+"""EMCY codes, and the findings that are their reason on whatever node."""
+
+_ORDER: Final = {cause: number for number, cause in enumerate(Cause)}
+
+
+def fewest(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the causes that explain all findings, each with its consequences.
+
+    Args:
+        found: all that is wrong.
+
+    Returns:
+        In the order in which an expert looks.
+    """
+    findings = sorted(found, key=lambda each: (_ORDER[each.cause], each.begin))
+    explained: dict[int, list[Finding]] = {}
+    causes: list[Finding] = []
+    roots: dict[int, Finding] = {}
+    for effect in findings:
+        by = [cause for cause in findings if cause is not effect and _leads(cause, effect)]
+        if by:
+            explained.setdefault(id(by[0]), []).append(effect)
+            roots[id(effect)] = by[0]
+        else:
+            causes.append(effect)
+    return tuple(each._replace(consequences=tuple(_all_of(each, explained))) for each in causes)
+
+
+def _all_of(cause: Finding, explained: dict[int, list[Finding]]) -> list[Finding]:
+    """Return all that a cause explains, and what that explains in turn."""
+    found: list[Finding] = []
+    for effect in explained.get(id(cause), ()):
+        found += [effect, *_all_of(effect, explained)]
+    return found
+
+
+def _leads(cause: Finding, effect: Finding) -> bool:
+    if effect.cause is Cause.EMCY and cause.cause in _REPORTED.get(_code(effect), ()):
+        return True
+    return any(
+        effect.cause in lead.effects
+        and lead.bond(cause, effect)
+        and (not lead.is_timed or effect.begin >= cause.begin - max(_SLACK, effect.span))
+        for lead in _LEADS.get(cause.cause, ())
+    )
+
+
+def _code(finding: Finding) -> int:
+    code = finding.sights[0].emcy_code if finding.sights else None
+    return 0 if code is None else code

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import hil_bench
 from hil_bench.bench.assembly import number_buses
-from hil_bench.bench.configuration import AxisConfig, BenchConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.ecus import ecus_of
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError
@@ -24,7 +24,6 @@ from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.recording.inline_recorder import RecordingSink
-from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.session.feed import Feed, Health
 from hil_bench.session.live_recording import LiveRecording
 from hil_bench.session.recording import RecordingWish, open_sink
@@ -170,7 +169,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "devices": dict(_devices(config)),
         "ecus": dict(_ecus(config, session)),
         "fault_targets": session.bench.part(Faults).targets,
-        "machines": {axis.name: _machine(axis) for axis in config.axes},
+        "machines": dict(_machines(config)),
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]
             for axis in session.bench.axes
@@ -182,6 +181,7 @@ def _devices(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the name of each node, and what it is."""
     buses = number_buses(config)
     for node in config.nodes:
+        page = node.kind.page(node)
         yield (
             node.name,
             {
@@ -190,6 +190,8 @@ def _devices(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
                 "kind": node.kind.name,
                 "axis": node.axis,
                 "eds": str(node.eds.resolve()),
+                "measures": node.kind.measured(node),
+                "page": page and page._asdict(),
             },
         )
 
@@ -217,18 +219,16 @@ def _ecus(config: BenchConfig, session: Session) -> Iterator[tuple[str, dict[str
         )
 
 
-def _machine(axis: AxisConfig) -> dict[str, Any]:
-    """Return the data that a drawing of a plant needs."""
-    content: dict[str, Any] = {"kind": axis.kind.name}
-    if isinstance(axis, CylinderConfig):
-        parameters = axis.parameters
-        content |= {
-            "half_stroke_m": parameters.h,
-            "supply_pressure_pa": parameters.P_S,
-            "area_a_m2": parameters.A_A,
-            "area_b_m2": parameters.A_B,
-        }
-    return content
+def _machines(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of each axis, and what the page needs to draw it."""
+    supplies = {axis: supply.name for supply in config.supplies for axis in supply.axes}
+    for axis in config.axes:
+        content: dict[str, Any] = {"kind": axis.kind.name, "supply": supplies.get(axis.name, "")}
+        page = axis.kind.page(axis)
+        if page is not None:
+            content |= {"svg": page.svg, "plots": page.plots}
+            content["circuit"] = page.circuit and page.circuit._asdict()
+        yield axis.name, content
 
 
 @contextlib.contextmanager

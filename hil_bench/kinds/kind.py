@@ -15,6 +15,7 @@ from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.scripts import ScriptConfig
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.page import Page
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +118,10 @@ class DeviceKind(ABC, Generic[ConfigT]):
     def full_scales(self, config: ConfigT) -> Mapping[str, float]:
         """Return the command of 100 % [SI] of each axis that it commands."""
         return MappingProxyType({})
+
+    def page(self, config: ConfigT) -> Page | None:
+        """Return the look of a node on the web page; None for its states and objects alone."""
+        return None
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
         """Return the signals of a node that accept a sensor's faults, with their SI units."""

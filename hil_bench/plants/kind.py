@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.plants.page import Page
 from hil_bench.plants.plant import Plant, PlantGroup
 from hil_bench.plants.quantity import Influence, Quantity
 from hil_bench.units import ONE, Unit
@@ -184,6 +185,10 @@ class PlantKind(ABC, Generic[AxisT]):
     def find_doubts(self, axis: AxisT, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield motions of an axis that the bench's tick or step does not resolve."""
         yield from ()
+
+    def page(self, axis: AxisT) -> Page | None:
+        """Return the look of an axis on the web page; None for a table and plots of all."""
+        return None
 
     @property
     def start_with(self) -> str:

@@ -84,7 +84,7 @@ def shoot(page, course, folder):
 
 def click(page, course):
     """Break the wire; the command acts in a tick, so time has to pass for it."""
-    page.get_by_role("button", name="broken: position").click()
+    page.get_by_role("button", name="Break wire: position").click()
     while not course.bench.faults.active:
         course.advance(0.001)
         page.wait_for_timeout(5)

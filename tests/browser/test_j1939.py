@@ -46,7 +46,7 @@ def test_a_lever_is_moved_and_broken_from_the_page(page, bench):
 
     page.locator("#tab-faults").click()
     faults = page.locator("#view-faults")
-    faults.get_by_role("button", name="indicate", exact=True).click()
+    faults.get_by_role("button", name="Show error indicator", exact=True).click()
     faults.get_by_role("button", name="Begin the fault").click()
     expect(faults).to_contain_text("indicate joystick.x has begun")
     page.locator("#tab-devices").click()

@@ -41,9 +41,9 @@ def test_it_starts_and_the_machine_moves(page, bench, keep):
     # A load of 40 kN pushes the piston in: far more than the 0.05 mm that one sees.
     expect(text).not_to_have_text(re.compile(r"^-?0\.0\d mm"))
     assert number_of(text.text_content()) < -0.05
-    expect(page.locator(".drawing")).to_contain_text("valve INIT")
+    expect(page.locator(".valve-state")).to_have_text("INIT")
     # Table I; on this bench nobody sees the pressure of the supply.
-    expect(page.locator(".drawing")).to_contain_text("supply set to 100.0 bar")
+    expect(page.locator(".drawing")).to_contain_text("set to 100.0 bar")
     keep(page, "machine")
 
 
@@ -79,8 +79,9 @@ def test_channels_are_found_by_their_names(page):
 
 def test_a_sensor_is_broken_by_a_click_and_mended(page, bench, keep):
     wait_for_rows(page)
-    page.get_by_role("button", name="broken: position").click()
-    expect(page.locator(".drawing")).to_contain_text("sensor: no value")
+    page.get_by_role("button", name="Break wire: position").click()
+    sensor = page.locator(".sensors tr", has_text="position")
+    expect(sensor).to_contain_text("no value")
     expect(page.locator(".active-faults")).to_contain_text("break_wire position")
     (fault,) = bench.session.bench.part(Faults).active
     assert (fault.kind, fault.target) == ("break_wire", "position")
@@ -89,25 +90,25 @@ def test_a_sensor_is_broken_by_a_click_and_mended(page, bench, keep):
     expect(devices).to_contain_text(re.compile(r"last EMCY 0x[0-9A-F]{4}"))
     keep(page, "devices")
     view(page, "machine").get_by_role("button", name="clear break_wire position").click()
-    expect(page.locator(".drawing")).to_contain_text("sensor: 0.00 mm")
+    expect(sensor).to_contain_text("0.00 mm")
     expect(page.locator(".active-faults")).to_have_text("none")
 
 
 def test_a_fault_of_any_kind_takes_its_keys(page, bench, keep):
     faults = view(page, "faults")
-    faults.get_by_role("button", name="offset").click()
+    faults.get_by_role("button", name="Offset").click()
     faults.get_by_label("target").select_option("position")
-    faults.get_by_label("offset_mm").fill("3")
+    faults.get_by_label("offset [mm]").fill("3")
     faults.get_by_role("button", name="Begin the fault").click()
     expect(faults.locator("tbody")).to_contain_text("offset position")
     keep(page, "faults")
-    faults.get_by_role("button", name="drop supply").click()
-    faults.get_by_label("pressure_bar").fill("-9999999")
+    faults.get_by_role("button", name="Drop supply pressure").click()
+    faults.get_by_label("pressure [bar]", exact=True).fill("-9999999")
     faults.get_by_role("button", name="Begin the fault").click()
     expect(faults.get_by_role("alert")).to_contain_text("pressure_bar")
-    faults.get_by_label("axis1.load [N]").fill("5000")
-    faults.get_by_label("axis1.load [N]").press("Enter")
-    expect(faults).to_contain_text("axis1.load is 5000 N")
+    faults.get_by_label("axis1: load [kN]").fill("5")
+    faults.get_by_label("axis1: load [kN]").press("Enter")
+    expect(faults).to_contain_text("axis1.load is 5 kN")
     faults.get_by_role("button", name="Clear all faults").click()
     expect(faults.locator("tbody")).to_have_text("no fault")
     assert bench.session.bench.part(Faults).active == ()
@@ -145,9 +146,9 @@ def test_what_is_clicked_becomes_a_test(page, tmp_path, keep):
     record = view(page, "record")
     record.get_by_role("button", name="Start recording").click()
     faults = view(page, "faults")
-    faults.get_by_role("button", name="offset").click()
+    faults.get_by_role("button", name="Offset").click()
     faults.get_by_label("target").select_option("pressure_a")
-    faults.get_by_label("offset_bar").fill("80")
+    faults.get_by_label("offset [bar]").fill("80")
     faults.get_by_role("button", name="Begin the fault").click()
     expect(faults).to_contain_text("offset pressure_a has begun")
     faults.get_by_label("text of the mark").fill("<b>here</b>")
@@ -234,7 +235,7 @@ def test_everything_is_reached_by_keyboard(page):
     page.keyboard.press("ArrowLeft")
     expect(page.locator("#view-bus")).to_be_visible()
     page.keyboard.press("1")
-    page.get_by_role("button", name="frozen: position").focus()
+    page.get_by_role("button", name="Freeze: position").focus()
     page.keyboard.press("Enter")
     expect(page.locator(".active-faults")).to_contain_text("freeze position")
 

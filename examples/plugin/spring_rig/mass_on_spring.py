@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from hil_bench.config.settings import Key, Problems, Settings, convert
 from hil_bench.config.values import number
 from hil_bench.plants.kind import AxisConfig, PlantKind
+from hil_bench.plants.page import Page
 from hil_bench.plants.quantity import Quantity, Shown
 from hil_bench.units import (
     KILOGRAM,
@@ -21,6 +22,18 @@ QUANTITIES = (
     Quantity("force_setpoint", "N", None),
     Quantity("force", "N", 2, shown=Shown("F {:+8.1f} N", 1.0)),
 )
+
+# How it looks on the page: {t} is the travel to each side [m].
+PICTURE = """\
+<svg viewBox="0 0 440 120">
+  <path class="ground" d="M 20 30 V 90 M 20 90 H 430"/>
+  <path class="thin" d="M 0 60 h 4 l 2 -14 l 4 28 l 4 -28 l 4 28 l 4 -28 l 2 14 h 4"
+        transform="translate(20 0)" data-stretch="position -{t} {t} 1 13"/>
+  <g data-x="position -{t} {t} 48 384"><rect class="mass" x="0" y="36" width="40" height="54"/></g>
+  <text x="20" y="20" class="huge" data-text="position"/>
+  <text x="430" y="20" class="right" data-text="force" data-label="force"/>
+</svg>
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +145,10 @@ class MassOnSpringKind(PlantKind[SpringConfig]):
     ) -> MassOnSpring:
         """Return the mass, at rest where no speed is given to start with."""
         return MassOnSpring(axis, dt, start or {})
+
+    def page(self, axis: SpringConfig) -> Page:
+        """Return its picture, and the quantities that are plotted first."""
+        return Page(PICTURE.format(t=axis.travel), ("position", "force_setpoint", "force"))
 
     def full_scale(self, settings: Settings) -> float:
         """Return the largest force [N]."""

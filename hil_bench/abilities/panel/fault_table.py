@@ -48,6 +48,16 @@ _GROUPS: Mapping[FaultKind, tuple[str, ...]] = {
 }
 
 
+_WORDS: Mapping[str, str] = {
+    "for_s": "duration",
+    "growth_s": "time to grow",
+    "can_id": "CAN identifier",
+    "leak_l_min_bar": "leakage",
+    "path": "leaks at",
+}
+"""What a page calls a key whose name is not enough."""
+
+
 def fault_choices(hello: Mapping[str, Any]) -> dict[str, dict[str, list[dict[str, object]]]]:
     """Return the keys of each kind of fault that a bench can have, by kind and target.
 
@@ -69,6 +79,8 @@ def _content(key: Key) -> dict[str, object]:
     default = key.default if key.default is not None else key.example
     return {
         "name": key.name,
+        "words": _WORDS.get(key.name)
+        or key.name.removesuffix(key.unit.suffix).replace("_", " ").strip(),
         "unit": key.unit.symbol,
         "default": None if key.name == "for_s" else default,
         "is_needed": bool(key.example),

@@ -13,12 +13,14 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
     find_leftovers,
 )
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
+from hil_bench.plants.hydraulic_cylinder.picture import cylinder_page
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
+from hil_bench.plants.page import Page
 from hil_bench.plants.plant import Plant, PlantGroup
 from hil_bench.plants.quantity import Quantity
 
@@ -74,6 +76,10 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         )
 
         return group_cylinders(plants)
+
+    def page(self, axis: CylinderConfig) -> Page:
+        """Return the picture of an axis, to scale."""
+        return cylinder_page(axis)
 
     def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""

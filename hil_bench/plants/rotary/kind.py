@@ -8,11 +8,13 @@ from typing import Final
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
+from hil_bench.plants.page import Page
 from hil_bench.plants.quantity import Quantity
 from hil_bench.plants.rotary.configuration import RotaryConfig, configure
 from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
 from hil_bench.plants.rotary.motor import HydraulicMotor
+from hil_bench.plants.rotary.picture import motor_page
 from hil_bench.plants.rotary.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.rotary.quantities import QUANTITIES
 from hil_bench.plants.rotary.summary import find_unresolved, summarise
@@ -59,6 +61,10 @@ class Rotary(ValveControlled[RotaryConfig]):
     ) -> HydraulicMotor:
         """Return the motor of an axis."""
         return HydraulicMotor(axis, dt, start or {})
+
+    def page(self, axis: RotaryConfig) -> Page:
+        """Return the picture of an axis, to scale."""
+        return motor_page(axis)
 
     def find_doubts(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""

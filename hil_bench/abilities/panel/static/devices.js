@@ -2,14 +2,15 @@
 // on J1939.
 
 import { emcyText, hex } from "./decode.js";
-import { button, chips, el, labelled, setText } from "./dom.js";
+import { button, chips, el, labelled, setText, svg } from "./dom.js";
 import { EcuCard } from "./ecus.js";
+import { Binding, readPicture } from "./bound.js";
 
 const NMT_STATES = ["INITIALISING", "PRE-OPERATIONAL", "OPERATIONAL", "STOPPED"];
 const VALVE_STATES = ["INIT", "DISABLED", "HOLD", "ACTIVE", "FAULT_REACTION", "FAULT_HOLD", "FAULT_DISABLED", "FAULT_INIT"];
 const BITS = {
-  "0x6040.00": ["control word", ["D enable", "H hold", "M active", "R reset"]],
-  "0x6041.00": ["status word", ["D disabled", "H hold", "M active", "R ready"]],
+  "0x6040.00": ["control word", ["D initialise", "H hold", "M active", "R reset"]],
+  "0x6041.00": ["status word", ["D initialised", "H hold or active", "M active", "R ready"]],
 };
 const PERIOD = 250; // between two looks at the words [ms]
 
@@ -43,16 +44,28 @@ class Card {
     this.errors = el("p", {});
     this.browser = new ObjectBrowser(name, model);
     this.lookedAt = 0;
+    const picture = this.picture(device.page?.svg);
     const about = [device.node_id === undefined ? "" : `node-ID ${device.node_id}`, device.kind, device.axis].filter(Boolean);
     this.root = el("article", { class: "card" },
-      el("h2", {}, name, el("span", { class: "quiet" }, ` ${about.join(" · ")}`)),
+      el("h2", {}, name, el("span", { class: "quiet" }, ` ${about.join(" · ")}`)), picture,
       el("h3", {}, "NMT state"), this.nmt.root,
       ...(this.isValve ? [el("h3", {}, "Device state"), this.device.root, ...this.words.map((word) => word.root)] : []),
       el("h3", {}, "Errors"), this.errors,
       this.browser.root);
   }
 
+  // Return the picture that the kind of the device brings, if it does.
+  picture(text) {
+    const found = text ? readPicture(text) : null;
+    if (!found) return null;
+    if (typeof found === "string") return el("p", { class: "problem" }, found);
+    const image = svg("svg", { viewBox: found.box.join(" "), role: "img", "aria-label": `picture of ${this.name}` }, found.root);
+    this.binding = new Binding(found.root, this.model, this.name);
+    return el("div", { class: "drawing small" }, image);
+  }
+
   draw() {
+    this.binding?.draw();
     const node = this.model.state.nodes[this.name];
     if (!node) return;
     this.nmt.light(node.state);

@@ -1,13 +1,14 @@
 // Faults: each kind with its keys, what is active, loads, and marks.
 
 import { button, el, labelled, select, setText } from "./dom.js";
-import { shown } from "./units.js";
+import { actionWords, faultFields, faultKeys, influenceForm, presentText } from "./fault_form.js";
 
 export class FaultsView {
   constructor(root, model) {
     this.model = model;
     this.kinds = el("div", { class: "kinds", role: "group", "aria-label": "kind of fault" });
     this.target = select([], { onchange: () => this.offerKeys() });
+    this.present = el("p", { class: "quiet figure" });
     this.keys = el("div", { class: "keys" });
     this.problem = el("p", { class: "problem", role: "alert" });
     this.body = el("tbody");
@@ -18,7 +19,7 @@ export class FaultsView {
       el("div", { class: "columns" },
         el("div", {}, el("h2", {}, "Break something"), this.kinds,
           el("form", { class: "stack", onsubmit: (event) => this.begin_fault(event) },
-            labelled("target", this.target), this.keys,
+            labelled("target", this.target), this.present, this.keys,
             el("button", { type: "submit", class: "danger" }, "Begin the fault")),
           this.problem, this.done),
         el("div", {}, el("h2", {}, "Active"),
@@ -33,10 +34,10 @@ export class FaultsView {
   begin(hello) {
     this.choices = hello.fault_kinds ?? {};
     const kinds = Object.keys(this.choices).filter((kind) => Object.keys(this.choices[kind]).length);
-    this.kinds.replaceChildren(...kinds.map((kind) => button(kind.replaceAll("_", " "), () => this.choose(kind), { "data-kind": kind, "aria-pressed": "false" })));
+    this.kinds.replaceChildren(...kinds.map((kind) => button(actionWords(kind), () => this.choose(kind), { "data-kind": kind, "aria-pressed": "false" })));
     this.shownFaults = null;
     if (kinds.length) this.choose(kinds.includes(this.kind) ? this.kind : kinds[0]);
-    this.loads.replaceChildren(...Object.entries(hello.axes).flatMap(([axis, influences]) => influences.map((influence) => this.load(axis, influence))));
+    this.loads.replaceChildren(...Object.entries(hello.axes).flatMap(([axis, influences]) => influences.map((influence) => influenceForm(axis, influence, (...words) => this.act(...words)))));
   }
 
   choose(kind) {
@@ -51,33 +52,13 @@ export class FaultsView {
 
   offerKeys() {
     const keys = this.choices[this.kind][this.target.value] ?? [];
-    this.fields = keys.map((key) => {
-      const isAmount = !key.choices && key.name !== "can_id" && key.name !== "for_s" && key.default === null;
-      const needed = key.is_needed || isAmount;
-      const field = key.choices
-        ? select([["", "(default)"], ...key.choices.map((each) => [each, each])])
-        : el("input", { type: "number", step: "any", required: needed, value: needed ? (key.default ?? 10) : "", placeholder: key.name === "for_s" ? "until cleared" : (key.default ?? "") });
-      return { key, field, row: labelled(`${key.name}${key.unit === "-" ? "" : ` [${key.unit}]`}`, field) };
-    });
+    this.fields = faultFields(keys);
     this.keys.replaceChildren(...this.fields.map(({ row }) => row));
   }
 
   begin_fault(event) {
     event.preventDefault();
-    const keys = {};
-    for (const { key, field } of this.fields) {
-      if (field.value !== "") keys[key.name] = key.choices ? field.value : Number(field.value);
-    }
-    this.act("fault", { kind: this.kind, target: this.target.value, keys }, `${this.kind} ${this.target.value} has begun`);
-  }
-
-  load(axis, { name, unit, low, high }) {
-    const { symbol, factor } = shown(unit);
-    const field = el("input", { type: "number", step: "any", min: low / factor, max: high / factor, required: true });
-    return el("form", { class: "row", onsubmit: (event) => {
-      event.preventDefault();
-      this.act("set_plant", { axis, quantity: name, value: Number(field.value) * factor }, `${axis}.${name} is ${field.value} ${symbol}`);
-    } }, labelled(`${axis}.${name} [${symbol}]`, field), el("button", { type: "submit" }, "Set"));
+    this.act("fault", { kind: this.kind, target: this.target.value, keys: faultKeys(this.fields) }, `${this.kind} ${this.target.value} has begun`);
   }
 
   set_mark(event) {
@@ -101,6 +82,7 @@ export class FaultsView {
   }
 
   draw() {
+    setText(this.present, presentText(this.model, this.target.value));
     const { faults } = this.model.state;
     if (faults === this.shownFaults) return;
     this.shownFaults = faults;

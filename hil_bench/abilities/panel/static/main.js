@@ -4,6 +4,7 @@ import { BusView } from "./bus.js";
 import { DevicesView } from "./devices.js";
 import { button, el, setText } from "./dom.js";
 import { FaultsView } from "./faults.js";
+import { showKeys } from "./help.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { MachineView } from "./machine.js";
@@ -76,7 +77,9 @@ document.addEventListener("keydown", (event) => {
   const inField = event.target.closest?.("input, select, textarea");
   if (inField || event.ctrlKey || event.altKey || event.metaKey) return;
   const wanted = offered[Number(event.key) - 1];
-  if (wanted) {
+  if (event.key === "?") showKeys(offered);
+  else if (document.querySelector("dialog[open]")) return;
+  else if (wanted) {
     show(wanted);
     wanted.tab.focus();
   } else if (event.target.role === "tab" && ["ArrowRight", "ArrowLeft"].includes(event.key)) {
@@ -186,6 +189,32 @@ function askForSecret(text) {
   banner.append(" ", form);
 }
 
+const brief = document.getElementById("brief");
+
+// Show the health in the header: a part that is bad in the colour of danger.
+function drawBrief() {
+  const parts = model.brief();
+  while (brief.children.length < parts.length) brief.append(el("span"));
+  while (brief.children.length > parts.length) brief.lastChild.remove();
+  parts.forEach(([text, isBad], number) => {
+    setText(brief.children[number], text);
+    brief.children[number].classList.toggle("bad", Boolean(isBad));
+  });
+}
+
+// Stop what runs: at once where a machine may move, after a question where it is a bench alone.
+const stop = document.getElementById("stop");
+stop.addEventListener("click", async () => {
+  const isBench = !model.hello?.work;
+  if (isBench && !confirm("End the run of this bench?")) return;
+  try {
+    await link.request("stop", {});
+  } catch (error) {
+    say(error.message);
+  }
+});
+document.getElementById("keys").addEventListener("click", () => showKeys(offered));
+
 const FRAMES = { count: 0, begin: performance.now(), rate: 0, rows: 0, drawn: 0 };
 
 function draw() {
@@ -198,8 +227,9 @@ function draw() {
     FRAMES.begin = now;
     drawBanner();
   }
+  stop.disabled = !model.hello;
   setText(document.getElementById("clock"), model.hello ? `${model.time.toFixed(2)} s` : "–");
-  setText(document.getElementById("brief"), model.brief());
+  drawBrief();
   const rows = model.store.count + model.store.shift;
   if (model.hello && (rows !== FRAMES.rows || now - FRAMES.drawn > LONGEST)) {
     FRAMES.rows = rows;

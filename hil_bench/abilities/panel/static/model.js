@@ -128,20 +128,26 @@ export class Model {
     return this.link.request(action, fields);
   }
 
+  // Return the parts of the header's line, each with true where it is bad.
   brief() {
-    if (!this.hello) return "";
+    if (!this.hello) return [];
     const parts = [];
     const { lateness, overruns, bus_load: load } = this.health;
     const { work } = this.state;
-    if (work?.total) parts.push(`${work.done} of ${work.total}`);
-    if (lateness) parts.push(`late p99 ${lateness.p99_us.toFixed(0)} µs`);
-    if (overruns !== undefined) parts.push(`${overruns} overran`);
-    if (load !== undefined) parts.push(`bus ${(load * 100).toFixed(1)} %`);
+    const tick = this.hello.tick_s * 1e6;
+    if (work?.total) parts.push([`${work.done} of ${work.total}`]);
+    if (lateness) parts.push([`late p99 ${timeText(lateness.p99_us)}`, lateness.p99_us > tick]);
+    if (overruns !== undefined) parts.push([`${overruns} overran`, overruns > 1e-3 * (this.health.ticks ?? Infinity)]);
+    if (load !== undefined) parts.push([`bus ${(load * 100).toFixed(1)} %`, load > 0.9]);
     const count = this.state.faults.length;
     const isBench = !this.hello.work || this.hello.work.is_bench;
-    if (isBench) parts.push(count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`);
-    if (this.state.recording) parts.push(`records since ${this.state.recording.begins.toFixed(1)} s`);
-    if (this.missed) parts.push(`this page missed ${this.missed} messages`);
-    return parts.join(" · ");
+    if (isBench) parts.push([count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`]);
+    if (this.state.recording) parts.push([`records since ${this.state.recording.begins.toFixed(1)} s`]);
+    if (this.missed) parts.push([`this page missed ${this.missed} messages`, true]);
+    return parts;
   }
+}
+
+function timeText(us) {
+  return us < 1000 ? `${us.toFixed(0)} µs` : `${(us / 1000).toFixed(1)} ms`;
 }

@@ -66,7 +66,8 @@ AREAS: Final = {
         ),
         *_files("hil_bench/abilities/scenario", "streams syntax values vocabulary witness wording"),
         *_files("hil_bench/abilities/campaign", "records"),
-        *_files("hil_bench/cli", "exit_codes verdicts"),
+        *_files("hil_bench/abilities/scenario/verbs", "verdicts"),
+        *_files("hil_bench/cli", "exit_codes"),
     ],
     "modbus": [
         *_files(

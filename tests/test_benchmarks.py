@@ -32,6 +32,13 @@ def test_every_other_file_is_a_part_of_one():
     assert files - set(brief.programs()) == brief.PARTS
 
 
+def test_the_areas_of_mutation_are_files_that_are_there():
+    areas = load("mutation_areas")
+    modules = {name for names in (*areas.AREAS.values(), *areas.TESTS.values()) for name in names}
+    modules |= {name for name in areas.TESTS if "/" in name}
+    assert not [name for name in modules if not (FOLDER.parent / name).exists()]
+
+
 @pytest.mark.parametrize(
     ("words", "repeats"), [([], 9), (["--brief"], 1), (["--brief", "--repeats", "4"], 4)]
 )

@@ -1,6 +1,7 @@
 """Honest clients of the servers under siege: ``python benchmarks/siege.py [--brief]``.
 
-A bench with hub and Modbus server runs in real time, a panel in front of it. One after the other,
+A bench with hub and Modbus server runs in real time, a panel in front of it; beside it run a bench
+in lock-step, whose SYNC the honest client sends, and one with Modbus/TCP Security. In turns
 each server is attacked by a process of its own, over the loopback only, with a bounded number of
 connections for some seconds: connections that say nothing, write a byte a second, stop in the
 middle of the handshake, never read, send noise or bytes that are no UTF-8, come and go. What the
@@ -21,6 +22,7 @@ import random
 import re
 import select
 import socket
+import ssl
 import statistics
 import struct
 import subprocess
@@ -35,6 +37,9 @@ from websockets.sync.client import connect as open_websocket
 
 import occasion
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.certificates import Authority
+
 ROOT = Path(__file__).parents[1]
 BENCH = """\
 [plant.axis1]
@@ -43,13 +48,22 @@ profile = "valve_408"
 node_id = 1
 [modbus]
 port = {port}
+{tls}
 [modbus.units.valve]
+"""
+TLS = """\
+tls_certificate = "{server.certificate}"
+tls_key = "{server.key}"
+tls_client_ca = "{ca}"
 """
 PROMISED = 1.0
 """Longest wait that an honest client should have [s]."""
 GIVEN_UP = 5.0
 """Longest wait for an answer [s]; then the request has failed."""
+STEPPED = "hub in lock-step"
+_OPENING = b"< open can0 >< rawmode >"
 _READ_TYPE = b"< send 601 8 40 00 10 00 00 00 00 00 >"
+_SYNC = b"< send 80 0 >"
 _TABLE = """\
 | server | attack | connections | old: median [ms] | longest | failed | new: median [ms] | longest | failed |
 |---|---|---|---|---|---|---|---|---|"""  # noqa: E501 - a line of a table
@@ -65,6 +79,7 @@ class Target(NamedTuple):
         opening: what an honest client says first.
         work: what it says then, again and again; an attacker says it and reads no answer.
         token: the secret of the panel.
+        tls: how an honest client speaks TLS; None for a server without it.
     """
 
     name: str
@@ -72,6 +87,7 @@ class Target(NamedTuple):
     opening: bytes
     work: bytes
     token: str = ""
+    tls: ssl.SSLContext | None = None
 
 
 class Attack(NamedTuple):
@@ -188,6 +204,9 @@ class Honest:
         self._socket = self._stack.enter_context(socket.socket(family))
         self._socket.settimeout(GIVEN_UP)
         self._socket.connect(place)
+        if (tls := self._target.tls) is not None:
+            wrapped = tls.wrap_socket(self._socket, server_hostname="127.0.0.1")
+            self._socket = self._stack.enter_context(wrapped)
         return self._socket
 
     def _hear(self, pattern: bytes) -> bytes:
@@ -207,7 +226,8 @@ class Honest:
             self._hear(rb"< ok >")
 
     def _ask_hub(self) -> None:
-        self._socket.sendall(_READ_TYPE)
+        is_stepped = self._target.name == STEPPED
+        self._socket.sendall(self._target.work + (_SYNC if is_stepped else b""))
         self._hear(rb"< frame 581 [^>]*>")
 
     def _open_feed(self) -> None:
@@ -311,7 +331,8 @@ def _attacker(target: Target, attack: Attack, opened: object) -> Iterator[None]:
         yield
         return
     ready = _CONTEXT.Event()
-    process = _CONTEXT.Process(target=besiege, args=(target, attack, ready, opened), daemon=True)
+    words = target._replace(tls=None), attack, ready, opened
+    process = _CONTEXT.Process(target=besiege, args=words, daemon=True)
     process.start()
     try:
         if not ready.wait(30.0):
@@ -331,17 +352,28 @@ def fortress() -> Iterator[list[Target]]:
     Yields:
         The servers.
     """
-    hub, modbus = free_port(), free_port()
+    hub, modbus, stepped, security = (free_port() for _ in range(4))
     with tempfile.TemporaryDirectory(dir="/tmp") as folder, contextlib.ExitStack() as stack:
-        bench = Path(folder, "bench.toml")
-        bench.write_text(BENCH.format(port=modbus), encoding="utf-8")
+        certificates = Authority(Path(folder))
+        server, client = certificates.sign("server"), certificates.sign("client")
+        bench, secured = Path(folder, "bench.toml"), Path(folder, "secured.toml")
+        bench.write_text(BENCH.format(port=modbus, tls=""), encoding="utf-8")
+        tls = TLS.format(server=server, ca=certificates.ca)
+        secured.write_text(BENCH.format(port=security, tls=tls), encoding="utf-8")
         runtime = Path(folder, "run")
         runtime.mkdir(mode=0o700)
         environment = {**os.environ, "XDG_RUNTIME_DIR": str(runtime)}
         command = [sys.executable, "-m", "hil_bench"]
         run = [*command, "run", str(bench), "--hub", str(hub), "--name", "siege"]
         stack.enter_context(_running(run, environment))
-        panel = stack.enter_context(_running([*command, "panel", "--port", "0"], environment))
+        stack.enter_context(
+            _running([*command, "run", str(secured), "--hub", str(free_port())], environment)
+        )
+        stepping = [*command, "run", "--lockstep", "--hub", str(stepped), "--name", "stepped"]
+        stack.enter_context(_running(stepping, environment))
+        panel = stack.enter_context(
+            _running([*command, "panel", "--bench", "siege", "--port", "0"], environment)
+        )
         address = _announced(panel)
         port, token = int(address[1]), address[2]
         place = str(runtime / "hil-bench" / "siege.sock")
@@ -353,14 +385,29 @@ def fortress() -> Iterator[list[Target]]:
             "Sec-WebSocket-Key: MDEyMzQ1Njc4OUFCQ0RFRg==\r\n\r\n"
         )
         request = struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, 0, 1)
+        trust = ssl.create_default_context(cafile=str(certificates.ca))
+        trust.load_cert_chain(client.certificate, client.key)
         targets = [
-            Target("hub", ("127.0.0.1", hub), b"< open can0 >< rawmode >", _READ_TYPE),
+            Target("hub", ("127.0.0.1", hub), _OPENING, _READ_TYPE),
             Target("panel", ("127.0.0.1", port), upgrade.encode(), work, token),
             Target("feed", place, work + b"\n", work + b"\n"),
             Target("modbus", ("127.0.0.1", modbus), request, request),
+            Target(STEPPED, ("127.0.0.1", stepped), _OPENING, _READ_TYPE),
+            Target("modbus with TLS", ("127.0.0.1", security), _client_hello(), request, tls=trust),
         ]
         _await_all(targets)
         yield targets
+
+
+def _client_hello() -> bytes:
+    """Return the first message of a TLS handshake."""
+    outgoing = ssl.MemoryBIO()
+    talk = ssl.create_default_context().wrap_bio(
+        ssl.MemoryBIO(), outgoing, server_hostname="localhost"
+    )
+    with contextlib.suppress(ssl.SSLWantReadError):
+        talk.do_handshake()
+    return outgoing.read()
 
 
 def _await_all(targets: list[Target]) -> None:
@@ -417,7 +464,7 @@ def main() -> int:
     """Attack each server in each way."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="of each attack (default: 10)")
-    parser.add_argument("--server", help="attack this one alone: hub, panel, feed or modbus")
+    parser.add_argument("--server", help="attack this one alone, by its name in the table")
     args = occasion.arguments(parser, seconds=0.5)
     print(_TABLE)
     is_kept = True

@@ -124,4 +124,4 @@ def _no_password() -> str:
 
 
 def _reason(error: Exception) -> str:
-    return getattr(error, "reason", None) or str(error)
+    return getattr(error, "reason", None) or str(error) or "the connection was closed meanwhile"

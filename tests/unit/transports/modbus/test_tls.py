@@ -100,6 +100,18 @@ def test_a_handshake_that_fails_is_named(capfd, binding, authority):
     ]
 
 
+def test_a_client_that_leaves_in_the_middle_is_named(capfd, binding, authority):
+    with running(*binding) as port:
+        with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
+            name = "{}:{}".format(*connection.getsockname())
+            connection.sendall(b"\x16\x03\x01\x02\0")  # the head of a handshake record
+        with open_client(port, authority.sign("viewer"), authority.ca) as client:
+            PressureSensor(client, 2).poll()
+    (line,) = capfd.readouterr().err.splitlines()
+    begin = f"hil-bench: modbus client {name}: closed: TLS handshake failed: "
+    assert line == f"{begin}the connection was closed meanwhile"
+
+
 def test_connections_that_never_shake_hands_count(rig, authority, server_files):
     certificate, key = server_files
     config = TlsConfig(certificate, key, authority.ca, "operator")

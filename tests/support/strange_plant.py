@@ -6,7 +6,7 @@ shows what a model is worth on a machine that is not of its own kind:
 - spool: delay, slew limit, stiction, flow force; four overlaps with rounded edges, areas that may
   have two slopes, and the valve body as orifices in series with the lands;
 - oil: modulus that rises with pressure, air by the polytropic law, hoses that yield; viscosity and
-  with it friction and leakage by temperature;
+  density, and so friction, leakage and flow, by temperature;
 - lines: a lump of inertia and resistance between two volumes, with the sensor at either end;
 - friction: a Stribeck curve for each direction, and a part that grows with the pressures;
 - supply: constant, a pump whose pressure sags, or pump, accumulator and relief valve.
@@ -15,7 +15,7 @@ All quantities are SI units, pressures are gauge pressures, x = 0 is mid-stroke.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ ROW = 5e-4  # s between two rows of a run
 REST = 0.25  # s of centred valve before and after a stroke
 PRESSED = 0.15  # s that a stroke to the stop goes on there
 LONGEST = 6.0  # s of a stroke
+STUCK = 2e-3  # strokes a second: a spool so slow has stopped
 CONTACT = 2e8, 3e4  # N/m, N s/m of the end caps
 
 S, DS, AV, QA, PA, BV, QB, PB, X, V, PS = range(11)
@@ -195,6 +196,8 @@ def line_slopes(m: Machine, thickness: float):
 def slopes_of(m: Machine, command: float, temperature: float):
     """The right-hand side under a constant command at the spool."""
     thickness = viscosity_factor(temperature)
+    thinner = math.sqrt(1.0 + 0.0007 * (temperature - 40.0))
+    m = replace(m, conductance=thinner * m.conductance, body=thinner * m.body)
     lined = m.line_length > 0.0
     line, hose = line_slopes(m, thickness) if lined else (None, 0.0)
     reach = 2.0 * m.damping / m.omega * m.slew
@@ -205,7 +208,7 @@ def slopes_of(m: Machine, command: float, temperature: float):
         at_a, at_b = (av, bv) if lined else (pa, pb)
         (in_a, out_a, in_b, out_b), closing = edge_flows(m, s - m.null_shift, ps, at_a, at_b)
         wanted = min(max(command - s - closing, -reach), reach)
-        wanted -= m.stiction * math.tanh(ds / 0.05)
+        wanted -= m.stiction * math.tanh(ds / STUCK)
         dds = m.omega * (m.omega * wanted - 2.0 * m.damping * ds)
         flow_a, flow_b = in_a - out_a, in_b - out_b
         dav = dqa = dbv = dqb = 0.0

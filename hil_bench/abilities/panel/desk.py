@@ -7,6 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.panel.hub import Hub
+from hil_bench.abilities.panel.layouts import (
+    check_layout,
+    list_layouts,
+    path_of,
+    read_layout,
+    write_layout,
+)
 from hil_bench.abilities.panel.objects import device_of, list_objects, list_pdos
 from hil_bench.abilities.panel.record import (
     SUFFIX,
@@ -25,6 +32,7 @@ from hil_bench.outside.feed.messages import (
     TABLE,
     TEXT,
     Actions,
+    Field,
     RequestError,
     encode,
     parse_request,
@@ -41,6 +49,8 @@ _FORM: Mapping[str, Any] = {
     "requirement": TEXT,
     "that": TEXT,
 }
+
+_LAYOUT = Field(lambda value: isinstance(value, dict), "a layout")
 
 _BY_BENCH = (
     *("histograms", "journal", "mark", "stop", "stop_recording"),
@@ -61,6 +71,9 @@ PAGE_ACTIONS: Actions = {
     "record": {"file": TEXT},
     "preview": _FORM,
     "test": {**_FORM, "replaces": SWITCH},
+    "layouts": {},
+    "layout": {"name": TEXT},
+    "save_layout": {"name": TEXT, "layout": _LAYOUT, "replaces": SWITCH},
 }
 """What a page may ask for: what a bench may be asked, less `watch`, and what the panel does."""
 
@@ -73,11 +86,13 @@ class Desk:
     Args:
         hub: leads to the bench.
         folder: where tests and recordings are written.
+        layout: the file of the layout that pages open first; None for that of the machine.
     """
 
-    def __init__(self, hub: Hub, folder: Path) -> None:
+    def __init__(self, hub: Hub, folder: Path, layout: Path | None = None) -> None:
         self._hub = hub
         self._folder = folder
+        self._layout = layout
         self._acts: Mapping[str, Act] = {
             "fault": self._fault,
             "want": self._want,
@@ -87,6 +102,9 @@ class Desk:
             "record": self._record,
             "preview": self._preview,
             "test": self._test,
+            "layouts": self._layouts,
+            "layout": self._read_layout,
+            "save_layout": self._save_layout,
         }
 
     async def answer(self, viewer: Viewer, text: str) -> bytes:
@@ -158,6 +176,31 @@ class Desk:
         write_test(scenario, replaces=replaces)
         found = await play_test(scenario.path)
         return {"path": str(scenario.path), "remarks": remarks, **found}
+
+    def _layout_folder(self) -> Path:
+        """Return where layouts are: beside the bench's file, or where tests are written."""
+        file = self._hub.bench.hello.get("bench_file")
+        return Path(str(file)).parent if file else self._folder
+
+    async def _layouts(self, _viewer: Viewer, _fields: dict[str, Any]) -> object:
+        file = self._hub.bench.hello.get("bench_file")
+        found: dict[str, Any] = {
+            "names": list_layouts(self._layout_folder()),
+            "bench": Path(str(file)).name if file else "",
+            "first": None,
+        }
+        if self._layout is not None:
+            found["first"] = {"path": str(self._layout), "layout": read_layout(self._layout)}
+        return found
+
+    async def _read_layout(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        return read_layout(path_of(fields["name"], self._layout_folder()))
+
+    async def _save_layout(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        path = path_of(fields["name"], self._layout_folder())
+        layout = check_layout(fields["layout"], "the layout")
+        write_layout(layout, path, replaces=fields["replaces"])
+        return {"path": str(path)}
 
     async def _scenario(self, fields: dict[str, Any]) -> Any:  # noqa: ANN401 - of `make_scenario`
         bench = self._hub.bench

@@ -39,6 +39,7 @@ class PanelPlan(NamedTuple):
         password: of those who come from elsewhere; empty for a token in the address.
         folder: where tests and recordings are written.
         is_once: whether it ends with the bench.
+        layout: the file of the layout that pages open first; None for that of the machine.
     """
 
     bench: str | None = None
@@ -47,6 +48,7 @@ class PanelPlan(NamedTuple):
     password: str = ""
     folder: Path = Path()
     is_once: bool = False
+    layout: Path | None = None
 
 
 def run_panel(
@@ -125,7 +127,7 @@ async def _serve(
 ) -> None:
     connections = Connections(MOST_VIEWERS)
     hub = Hub(plan.bench, connections.seats)
-    panel = Panel(hub, Desk(hub, plan.folder), secret)
+    panel = Panel(hub, Desk(hub, plan.folder, plan.layout), secret)
     is_local = plan.address in {LOOPBACK, "::1"}
     say_errors_in_a_line("panel")
     server = Server(

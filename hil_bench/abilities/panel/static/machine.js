@@ -1,12 +1,11 @@
 // The machine: all axes small and one large with valve, lines and supply; plots beside it; what each
 // element shows, and the faults that it may have.
 
-import { drawAxis } from "./circuit.js";
-import { button, el, setText, svg } from "./dom.js";
+import { AxisPicture } from "./axis_picture.js";
+import { button, el, setText } from "./dom.js";
 import { ActiveFaults, FaultButtons, actionWords, influenceForm } from "./fault_form.js";
 import { Axis } from "./hydraulics.js";
 import { Overview } from "./overview.js";
-import { Binding } from "./bound.js";
 import { Plots } from "./plots.js";
 import { shown, valueText } from "./units.js";
 
@@ -17,8 +16,7 @@ export class MachineView {
     this.model = model;
     const act = (...words) => this.act(...words);
     this.overview = new Overview(model, (name) => this.choose(name));
-    this.drawing = el("div", { class: "drawing" });
-    this.legend = el("p", { class: "pressure-legend quiet", hidden: true });
+    this.picture = new AxisPicture(model, (id, title) => this.inspect(id, title));
     this.sensors = el("tbody");
     this.sensorTable = el("table", { class: "sensors" }, this.sensors);
     this.inspector = new Inspector(model, act);
@@ -28,7 +26,7 @@ export class MachineView {
     root.append(
       this.overview.root,
       el("div", { class: "machine" },
-        el("div", { class: "machine-picture" }, this.drawing, this.legend),
+        this.picture.root,
         this.plots.root,
         el("div", { class: "stack" }, el("h2", {}, "Sensors"), this.sensorTable, this.problem,
           el("h2", {}, "Active faults"), this.active.root,
@@ -53,7 +51,7 @@ export class MachineView {
     this.axis = this.axes.find((each) => each.name === name) ?? null;
     this.acts = [];
     if (!this.axis) {
-      this.drawing.replaceChildren("This bench has no plant to show; see the scope.");
+      this.picture.say("This bench has no plant to show; see the scope.");
       this.sensors.replaceChildren();
       this.plots.choose([]);
       this.inspector.root.hidden = true;
@@ -61,64 +59,14 @@ export class MachineView {
     }
     this.inspector.root.hidden = false;
     this.overview.light(name);
-    this.build();
+    this.picture.show(this.axis);
     this.offerSensors();
     this.plots.choose(this.axis.plots);
     this.inspect("plant", name);
   }
 
-  build() {
-    const { axis } = this;
-    const isBare = !axis.machine.svg;
-    const found = drawAxis(axis.name, { svg: axis.machine.svg, circuit: axis.circuit, valve: axis.valve, supply: axis.supply });
-    this.parts = found.parts ?? [];
-    this.binding = null;
-    const table = isBare || found.problem ? [this.table()] : [];
-    const note = found.problem ? [el("p", { class: "problem" }, found.problem)] : [];
-    const picture = this.parts.length ? [this.picture(found)] : [];
-    this.drawing.replaceChildren(...note, ...table, ...picture);
-    this.legend.hidden = !axis.circuit;
-    if (axis.circuit) {
-      this.legend.replaceChildren("0", el("span", { class: "scale-bar" }), `${valueText(axis.circuit.pressure, "Pa")} ${shown("Pa").symbol}`, el("span", { class: "words" }, "dashes move with the flow"));
-    }
-  }
-
-  picture({ box, content }) {
-    const image = svg("svg", { viewBox: box.map((each) => each.toFixed(1)).join(" "), role: "group", "aria-label": `drawing of ${this.axis.name}` }, ...content);
-    image.style.aspectRatio = `${box[2]} / ${box[3]}`;
-    this.binding = new Binding(image, this.model, this.axis.name);
-    for (const { id, title, element } of this.parts) {
-      element.addEventListener("click", () => this.inspect(id, title));
-      element.addEventListener("keydown", (event) => {
-        if (event.key !== "Enter" && event.key !== " ") return;
-        event.preventDefault();
-        event.stopPropagation();
-        this.inspect(id, title);
-      });
-    }
-    return image;
-  }
-
-  drawState() {
-    const text = this.drawing.querySelector(".valve-state");
-    const node = this.model.state.nodes[this.axis?.valve];
-    if (text && node) setText(text, node.device ?? node.state);
-  }
-
-  table() {
-    const { model, axis } = this;
-    const head = ["quantity", "value", "unit"].map((text) => el("th", { scope: "col" }, text));
-    const rows = axis.quantities.map((name) => {
-      const cell = el("td", { class: "figure" });
-      const unit = model.unit(name);
-      this.acts.push(() => setText(cell, valueText(model.store.latest(name), unit)));
-      return el("tr", {}, el("th", { scope: "row" }, name), cell, el("td", {}, shown(unit).symbol));
-    });
-    return el("table", { "aria-label": `quantities of ${axis.name}` }, el("thead", {}, el("tr", {}, ...head)), el("tbody", {}, ...rows));
-  }
-
   inspect(id, title) {
-    for (const part of this.parts) part.outline.setAttribute("aria-pressed", String(part.id === id));
+    this.picture.light(id);
     this.inspector.show(this.axis, id, title);
   }
 
@@ -156,8 +104,7 @@ export class MachineView {
     const begin = Math.max(0, last - SPAN);
     this.plots.show(begin, begin + SPAN, last);
     this.overview.draw();
-    this.binding?.draw();
-    this.drawState();
+    this.picture.draw();
     for (const act of this.acts ?? []) act();
     this.inspector.draw();
   }

@@ -5,6 +5,7 @@ import { DevicesView } from "./devices.js";
 import { button, el, setText } from "./dom.js";
 import { FaultsView } from "./faults.js";
 import { showKeys } from "./help.js";
+import { LayoutView } from "./layout.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { MachineView } from "./machine.js";
@@ -34,6 +35,7 @@ const VIEWS = [
   ["faults", "Faults", FaultsView],
   ["loop", "Loop", LoopView],
   ["record", "Record as a test", RecordView],
+  ["layout", "Layout", LayoutView],
   ["work", "Work", WorkView],
 ];
 
@@ -58,6 +60,8 @@ const views = VIEWS.map(([id, title, View]) => {
 });
 
 let offered = views;
+const layout = views.find(({ id }) => id === "layout");
+layout.view.offer = () => show(layout); // that of --layout comes first
 
 function show(wanted) {
   if (shown) {

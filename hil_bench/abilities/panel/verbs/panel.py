@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from hil_bench.abilities.panel import DEFAULT_PORT
+from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
@@ -58,6 +59,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help='folder for scenarios of "Record as a test", and for recordings (default: this one)',
     )
     parser.add_argument(
+        "--layout",
+        type=Path,
+        metavar="FILE",
+        help="layout that pages open first, a NAME.layout.toml",
+    )
+    parser.add_argument(
         "--once",
         action="store_true",
         help="exit when the bench ends, or if the bench of --bench does not run",
@@ -91,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
         read_password(args.password_file) if args.password_file else "",
         args.tests.resolve(),
         args.once,
+        args.layout and args.layout.resolve(),
     )
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
@@ -111,6 +119,8 @@ def check_arguments(args: argparse.Namespace) -> None:
     """
     if args.port is not None and not 0 <= args.port <= 65535:
         raise ConfigError(f"--port {args.port}: give 1 to 65535, or 0 for a free one")
+    if args.layout is not None:
+        read_layout(args.layout)
     if not args.tests.is_dir():
         raise ConfigError(f"--tests {args.tests}: there is no such folder; make it first")
     if args.listen is None:

@@ -104,7 +104,11 @@ def add_work_arguments(parser: argparse.ArgumentParser, verb: str) -> None:
 
 @contextlib.contextmanager
 def watched_work(
-    args: argparse.Namespace, verb: str, title: str, channels: "Sequence[Channel]" = ()
+    args: argparse.Namespace,
+    verb: str,
+    title: str,
+    channels: "Sequence[Channel]" = (),
+    again: Sequence[str] = (),
 ) -> Iterator[WorkView]:
     """Let people watch work in the block; their stop is a Ctrl-C.
 
@@ -113,6 +117,8 @@ def watched_work(
         verb: what is being done.
         title: what with, in words.
         channels: of its rows, after the time.
+        again: words of the command that repeats a run of it, before ``--run=KEY``; empty where
+            nothing does.
 
     Yields:
         Takes what is to be seen.
@@ -140,7 +146,7 @@ def watched_work(
         "channels": [list(channel) for channel in channels],
         **{name: {} for name in ("devices", "machines", "axes", "fault_targets")},
         "nodes": [],
-        "work": {"verb": verb, "title": title},
+        "work": {"verb": verb, "title": title, "again": list(again)},
     }
     plan = FeedPlan(hello, 1 + len(channels), SharedRing(CAPACITY), SharedRing(MOST_COMMANDS))
     with contextlib.ExitStack() as stack:

@@ -5,6 +5,9 @@ from collections.abc import Callable, Mapping
 
 from hil_bench.errors import ConfigError
 
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""The Content-Security-Policy of a report: it loads nothing and runs nothing."""
+
 
 def render_page(
     package: str,
@@ -25,6 +28,7 @@ def render_page(
     """
     try:
         import jinja2  # noqa: PLC0415 - an extra
+        import markupsafe  # noqa: PLC0415 - comes with it
     except ImportError:
         right = "install it with: pip install 'hil-bench[report]'"
         raise ConfigError(f"a page needs Jinja2; {right}") from None
@@ -38,6 +42,7 @@ def render_page(
         finalize=shown,
     )
     environment.filters["data_uri"] = _data_uri
+    environment.globals["policy"] = markupsafe.Markup(POLICY)  # noqa: S704 - ours, without markup
     return environment.get_template(template).render(values)
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import pytest
 from PIL import Image
@@ -39,7 +39,7 @@ def choose_us(page):
 
 def test_a_drawing_has_title_units_cursors_faults_and_markers(page, scope):
     expect(scope.locator("tbody th").filter(has_text="axis1.P_A")).to_be_visible()
-    root = ElementTree.fromstring(save(page, "SVG"))  # noqa: S314 - our own page made it
+    root = ET.fromstring(save(page, "SVG"))  # noqa: S314 - our own page made it
     texts = [each.text or "" for each in root.iter("{http://www.w3.org/2000/svg}text")]
     assert texts[0].startswith("bench: ")
     assert any(text.startswith("axis1.P_A [bar]") and "A " in text for text in texts)
@@ -50,14 +50,16 @@ def test_a_drawing_has_title_units_cursors_faults_and_markers(page, scope):
     assert any("position EMCY 0x1000" in title for title in titles)
 
 
-def test_a_picture_is_twice_as_large_as_the_drawing(page, scope):
-    root = ElementTree.fromstring(save(page, "SVG"))  # noqa: S314 - likewise
+@pytest.mark.usefixtures("scope")
+def test_a_picture_is_twice_as_large_as_the_drawing(page):
+    root = ET.fromstring(save(page, "SVG"))  # noqa: S314 - likewise
     picture = Image.open(io.BytesIO(save(page, "PNG")))
     assert picture.size == (2 * int(root.get("width")), 2 * int(root.get("height")))
     assert len(picture.convert("RGB").getcolors(1 << 24)) > 20
 
 
-def test_a_table_is_in_the_units_that_are_shown(page, scope):
+@pytest.mark.usefixtures("scope")
+def test_a_table_is_in_the_units_that_are_shown(page):
     metric = list(csv.DictReader(io.StringIO(save(page, "CSV").decode())))
     choose_us(page)
     us = list(csv.DictReader(io.StringIO(save(page, "CSV").decode())))

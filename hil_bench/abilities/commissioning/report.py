@@ -13,6 +13,7 @@ from hil_bench.abilities.commissioning.report_plots import plot_step
 from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.errors import about_file, whole_file
 from hil_bench.outside.markdown import cell, plain
+from hil_bench.outside.page import POLICY
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +179,7 @@ def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) 
     parts = [
         (
             '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
             f"<title>{escape(head.title)}</title><style>{_STYLE}</style></head><body>"
         ),
         f"<h1>{escape(head.title)}</h1><p>{_badge(verdict_of(found))}</p>",

@@ -22,6 +22,7 @@ from hil_bench.abilities.panel.record import (
     play_test,
     write_test,
 )
+from hil_bench.abilities.panel.run_replay import replay_run
 from hil_bench.abilities.panel.viewer import Viewer
 from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.errors import ConfigError, HilBenchError
@@ -70,6 +71,7 @@ PAGE_ACTIONS: Actions = {
     "pdos": {},
     "record": {"file": TEXT},
     "preview": _FORM,
+    "replay": {"key": TEXT},
     "test": {**_FORM, "replaces": SWITCH},
     "layouts": {},
     "layout": {"name": TEXT},
@@ -105,6 +107,7 @@ class Desk:
             "layouts": self._layouts,
             "layout": self._read_layout,
             "save_layout": self._save_layout,
+            "replay": self._replay,
         }
 
     async def answer(self, viewer: Viewer, text: str) -> bytes:
@@ -201,6 +204,10 @@ class Desk:
         layout = check_layout(fields["layout"], "the layout")
         write_layout(layout, path, replaces=fields["replaces"])
         return {"path": str(path)}
+
+    async def _replay(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        work = self._hub.bench.hello.get("work") or {}
+        return await replay_run(work.get("again") or [], fields["key"])
 
     async def _scenario(self, fields: dict[str, Any]) -> Any:  # noqa: ANN401 - of `make_scenario`
         bench = self._hub.bench

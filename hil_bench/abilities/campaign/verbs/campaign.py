@@ -13,6 +13,7 @@ from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.pool import local_backend
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
+from hil_bench.abilities.campaign.replay import replay
 from hil_bench.abilities.campaign.reports.campaign_report import write_campaign_report
 from hil_bench.abilities.campaign.running import perform
 from hil_bench.abilities.campaign.sampling import Sampler
@@ -40,7 +41,7 @@ from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file, whole_file
 
 logger = logging.getLogger(__name__)
 
@@ -111,6 +112,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--run", metavar="KEY", dest="key", help="repeat one run, by the first digits of its key"
     )
     parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE.svg",
+        help="with --run: draw its requirement with the smallest margin",
+    )
+    parser.add_argument(
         "--compare",
         type=Path,
         metavar="DIR",
@@ -126,8 +133,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the campaign, and print what came of it."""
+    """Do the campaign, and print what came of it.
+
+    Raises:
+        ConfigError: an argument is wrong.
+    """
     check_report_argument(args)
+    if args.picture and not args.key:
+        raise ConfigError("--picture: is of one run; give --run KEY with it")
     campaign = read_campaign(args.campaign)
     given = dict(map(read_parameter, args.given))
     changed = campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed, given=given)
@@ -171,7 +184,10 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> bool:
         total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
         note = count_runs(stack.enter_context(shown_work(args, Work("campaign", total, "runs"))))
         title = str(args.campaign)
-        view = CampaignView(stack.enter_context(watched_work(args, "campaign", title)), total)
+        watched = watched_work(args, "campaign", title, again=_again(args))
+        shown = stack.enter_context(watched)
+        view = CampaignView(shown, total, lambda result: command_of(plan, result))
+        stack.callback(view.show)
 
         def tell(result: RunResult | None) -> None:
             note(result)
@@ -184,6 +200,17 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> bool:
             logger.warning("%s: interrupted; %s", store.folder, kept)
             return False
     return True
+
+
+def _again(args: argparse.Namespace) -> list[str]:
+    """Return the command that repeats runs of this campaign, without their key."""
+    given = (f"--set={text}" for text in args.given)
+    chosen = (
+        f"--{name}={value}"
+        for name in ("runs", "sampler", "seed")
+        if (value := getattr(args, name)) is not None
+    )
+    return ["campaign", str(args.campaign.resolve()), *chosen, *given]
 
 
 def _before(folder: Path) -> Iterator[RunResult]:
@@ -211,7 +238,15 @@ def _repeat(args: argparse.Namespace, plan: Plan) -> int:
     lines = [f"{result.scenario}: {show_point(result.values)}: {result.outcome}"]
     lines += [f"  {result.problem}"] if result.problem else []
     lines += [f"  {each.id}  {each.outcome:13}  {each.reason}" for each in result.verdicts]
-    print_results(args, lines, {"run": result})
+    content: dict[str, object] = {"run": result}
+    if args.picture:
+        picture, problem = replay(found[0], result)
+        if picture:
+            with about_file(args.picture), whole_file(args.picture) as file:
+                file.write_bytes(picture)
+        lines.append(f"  {problem}" if problem else f"  drawn in {args.picture}")
+        content["picture"] = problem or str(args.picture)
+    print_results(args, lines, content)
     return exit_code_of_runs({result.outcome})
 
 

@@ -2,11 +2,14 @@
 
 import argparse
 import logging
+import shlex
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
 from hil_bench.abilities.campaign.pool import local_backend
+from hil_bench.abilities.campaign.records import RunResult
 from hil_bench.abilities.campaign.reports.search_report import write_search_report
 from hil_bench.abilities.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.abilities.campaign.search.records import (
@@ -16,7 +19,9 @@ from hil_bench.abilities.campaign.search.records import (
     Method,
     SearchResult,
 )
+from hil_bench.abilities.campaign.store import set_words
 from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
+from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,
@@ -28,6 +33,7 @@ from hil_bench.cli.numbers import count, count_from_zero, positive
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.units_argument import add_units_argument
+from hil_bench.cli.work_side import add_work_arguments, watched_work
 
 logger = logging.getLogger(__name__)
 
@@ -109,6 +115,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_jobs_argument(parser)
     add_json_argument(parser)
     add_units_argument(parser)
+    add_work_arguments(parser, "falsify")
     parser.set_defaults(run=run)
 
 
@@ -128,7 +135,15 @@ def run(args: argparse.Namespace) -> int:
         backend = stack.enter_context(local_backend(args.jobs))
         total = args.runs * len(plan.methods)
         note = count_runs(stack.enter_context(shown_work(args, Work("falsify", total, "runs"))))
-        found = falsify(args.scenario, plan, backend, args.output, note)
+        shown = stack.enter_context(watched_work(args, "falsify", str(args.scenario)))
+        view = CampaignView(shown, total, _command(args), is_search=True)
+        stack.callback(view.show)
+
+        def tell(result: RunResult | None) -> None:
+            note(result)
+            view.note(result)
+
+        found = falsify(args.scenario, plan, backend, args.output, tell)
     if found.is_interrupted:
         done = f"interrupted after {len(found.search.trials)} of {total} runs"
         further = found.problem or "the same command goes on from there"
@@ -143,6 +158,17 @@ def run(args: argparse.Namespace) -> int:
         with ending.going_on():
             write_search_report(args.report, found)
     return ending.code
+
+
+def _command(args: argparse.Namespace) -> Callable[[RunResult], str]:
+    """Return a function that returns what repeats a run of the search in a shell."""
+    given = dict(map(read_parameter, args.given))
+
+    def command(result: RunResult) -> str:
+        words = ["hil-bench", "test", str(args.scenario), *set_words({**given, **result.values})]
+        return shlex.join(words)
+
+    return command
 
 
 def exit_code_of_search(search: SearchResult) -> ExitCode:

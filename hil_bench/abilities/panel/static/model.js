@@ -135,7 +135,7 @@ export class Model {
     const { lateness, overruns, bus_load: load } = this.health;
     const { work } = this.state;
     const tick = this.hello.tick_s * 1e6;
-    if (work?.total) parts.push([`${work.done} of ${work.total}`]);
+    if (work?.total) parts.push([`${work.done} of ${work.total} ${work.unit ?? ""}`.trim()]);
     if (lateness) parts.push([`late p99 ${timeText(lateness.p99_us)}`, lateness.p99_us > tick]);
     if (overruns !== undefined) parts.push([`${overruns} overran`, overruns > 1e-3 * (this.health.ticks ?? Infinity)]);
     if (load !== undefined) parts.push([`bus ${(load * 100).toFixed(1)} %`, load > 0.9]);

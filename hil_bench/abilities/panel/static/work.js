@@ -3,8 +3,10 @@
 import { button, el, setText } from "./dom.js";
 import { Plots } from "./plots.js";
 import { shown, valueText } from "./units.js";
+import { Courses, Failures, Histograms, Margins, showProgress } from "./work_parts.js";
 
 const SPAN = 20; // of the plots [s]
+const LONGEST = 120; // of a scenario that is plotted whole [s]
 const MOST_PLOTTED = 8;
 const NEAR = 0.1; // share of the range beside a limit
 
@@ -23,6 +25,10 @@ export class WorkView {
     this.values = el("tbody");
     this.valuesTable = el("table", { class: "values" }, head("channel", "value", "low", "", "high"), this.values);
     this.items = el("tbody");
+    this.margins = new Margins();
+    this.histograms = new Histograms();
+    this.courses = new Courses();
+    this.failures = new Failures(model);
     this.plots = new Plots(model, { height: 130 });
     root.append(
       el("div", { class: "work" },
@@ -31,15 +37,18 @@ export class WorkView {
         el("div", { class: "stack" }, this.stop,
           el("form", { class: "row", onsubmit: (event) => this.mark(event) }, this.text, el("button", { type: "submit" }, "Mark")),
           this.said)),
+      this.margins.root,
       el("div", { class: "columns" },
         el("div", { class: "scroller", tabindex: "0", role: "region", "aria-label": "parts and findings" },
           el("table", {}, head("part", "verdict", ""), this.items)),
-        el("div", {}, this.valuesTable, this.plots.root)),
+        el("div", {}, this.courses.root, this.histograms.root, this.plots.root, this.valuesTable)),
+      this.failures.root,
     );
   }
 
   begin(hello) {
     this.shownWork = null;
+    this.failures.begin();
     setText(this.title, hello.work ? `${hello.work.verb}: ${hello.work.title}` : "");
     setText(this.said, "");
     const channels = hello.channels.filter(([name]) => name !== "step");
@@ -50,7 +59,15 @@ export class WorkView {
     });
     this.values.replaceChildren(...this.rows.map(({ row }) => row));
     this.valuesTable.hidden = this.rows.length === 0;
-    this.plots.choose(channels.slice(0, MOST_PLOTTED).map(([name]) => name));
+    this.listPlotted(channels);
+  }
+
+  // Plot what requirements are about first, then the first channels.
+  listPlotted(channels = this.model.hello.channels.filter(([name]) => name !== "step")) {
+    const wanted = new Set((this.model.state.work?.margins ?? []).flatMap(({ bands }) => bands.map(({ channel }) => channel)));
+    const sorted = [...channels.filter(([name]) => wanted.has(name)), ...channels.filter(([name]) => !wanted.has(name))];
+    this.plotted = [...wanted].join();
+    this.plots.choose(sorted.slice(0, MOST_PLOTTED).map(([name]) => name));
   }
 
   show() {
@@ -73,7 +90,9 @@ export class WorkView {
       row.classList.toggle("loud", present < limits[0] + margin || present > limits[1] - margin);
       meter.value = present;
     }
-    this.plots.show(Math.max(0, store.last - SPAN), Math.max(SPAN, store.last), store.last);
+    const whole = work?.unit === "s" && work.total <= LONGEST ? work.total : 0; // of a scenario, all of it
+    const end = Math.max(whole || SPAN, store.last);
+    this.plots.show(whole ? 0 : Math.max(0, store.last - SPAN), end, store.last);
   }
 
   describe(work) {
@@ -83,7 +102,13 @@ export class WorkView {
     this.bar.hidden = !work.total;
     this.bar.max = work.total || 1;
     this.bar.value = work.done;
-    setText(this.count, work.total ? `${work.done} of ${work.total}` : "");
+    showProgress(this.count, work);
+    this.margins.show(work.margins ?? []);
+    this.histograms.show(work.histograms ?? []);
+    this.courses.show(work.courses ?? []);
+    this.failures.show(work.failures ?? []);
+    const wanted = new Set((work.margins ?? []).flatMap(({ bands }) => bands.map(({ channel }) => channel)));
+    if ([...wanted].join() !== this.plotted) this.listPlotted();
     this.counts.replaceChildren(...Object.entries(work.counts).map(([name, count]) => el("li", { class: `chip ${look(name)}` }, `${count} ${name}`)));
     this.items.replaceChildren(...work.items.map(({ name, verdict, text }) =>
       el("tr", { class: verdict ? "" : "quiet" }, el("th", { scope: "row" }, name), el("td", { class: `word ${look(verdict)}` }, verdict), el("td", {}, text))));

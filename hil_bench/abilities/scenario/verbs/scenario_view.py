@@ -17,7 +17,7 @@ from hil_bench.bench.configuration import FaultConfig
 from hil_bench.cli.feed_side import ShownWork
 from hil_bench.cli.work_side import WorkView
 from hil_bench.errors import ConfigError
-from hil_bench.session.work_feed import WorkItem, WorkState
+from hil_bench.session.work_feed import WorkItem, WorkMargin, WorkState
 
 
 def show_results(
@@ -53,22 +53,33 @@ def shown_stage(prepared: PreparedScenario, stage: Stage) -> ShownWork:
         done = stage.director.done
         margins = live.look()
         findings, left = asked, steps[done:]
-        if stage.director.is_over:
+        is_over = stage.director.is_over or stage.witness.ticks > prepared.last_tick
+        if is_over:
             try:
-                findings = [_item(each) for each in stage.judge()]
+                judged = stage.judge()
+                findings = [_item(each) for each in judged]
+                margins = tuple(map(_decided, margins, judged))
             except ConfigError as error:
                 findings = [WorkItem("step", "stopped", str(error))]
         return WorkState(
-            now="" if stage.director.is_over else scenario.title,
+            now="" if is_over else scenario.title,
             done=round(stage.witness.ticks * tick, 1),
             total=scenario.duration,
             unit="s",
             margins=margins,
             items=[*findings, *(each._replace(verdict="done") for each in steps[:done]), *left],
-            verdict=_verdict(findings) if stage.director.is_over else "",
+            verdict=_verdict(findings) if is_over else "",
         )
 
     return ShownWork("scenario", str(scenario.path), state)
+
+
+def _decided(margin: WorkMargin, finding: Finding) -> WorkMargin:
+    """Return a margin as the judgement on the whole run has it, with the instant that decides."""
+    judgement = finding.judgement
+    return margin._replace(
+        verdict=str(judgement.outcome), margin=judgement.margin, text=reason_of(judgement)
+    )
 
 
 def _item(finding: Finding, prefix: str = "") -> WorkItem:

@@ -1,0 +1,44 @@
+"""Bins of margins: nothing is clipped in silence, and zero parts what holds from what fails."""
+
+import math
+
+import pytest
+
+from hil_bench.abilities.campaign.reports.margin_bins import LARGEST, bin_margins
+
+
+@pytest.mark.parametrize(
+    "margins",
+    [
+        [],
+        [0.0],
+        [0.5, 0.5],
+        [-0.25, 0.0, 1.0, 2.9],
+        [-7.0, -3.0, 3.0, 9.0, math.inf, -math.inf],
+        [-1e-9, 1e-9],
+    ],
+)
+def test_every_margin_is_counted_once(margins):
+    found = bin_margins(margins)
+    assert sum(found.counts) + found.below + found.above == len(margins)
+    assert found.low <= 0.0 <= found.high
+    assert found.high > found.low
+
+
+def test_what_lies_beyond_is_counted_beside():
+    found = bin_margins([-7.0, -math.inf, 1.0, 9.0])
+    assert (found.below, found.above) == (2, 1)
+    assert -LARGEST <= found.low
+    assert sum(found.counts) == 1
+
+
+def test_zero_is_an_edge_so_that_no_bin_mixes_verdicts():
+    found = bin_margins([-0.31, -1e-6, 1e-6, 0.77])
+    width = (found.high - found.low) / len(found.counts)
+    place = round(-found.low / width)
+    assert place * width == pytest.approx(-found.low)
+    assert sum(found.counts[:place]) == 2  # the two that fail
+
+
+def test_what_is_no_number_is_left_out():
+    assert sum(bin_margins([math.nan, 0.5]).counts) == 1

@@ -144,7 +144,7 @@ function offerBenches({ bench, benches }) {
   picker.replaceChildren(...benches.map((name) => el("option", { value: name, selected: name === bench }, name)));
 }
 
-const units = new UnitsControl(() => views.forEach(({ view }) => (view.changeUnits ?? view.begin)?.call(view, model.hello)));
+const units = new UnitsControl(() => model.hello && views.forEach(({ view }) => (view.changeUnits ?? view.begin)?.call(view, model.hello)));
 document.getElementById("tabs").before(units.root);
 
 link.on("panel", (status) => {

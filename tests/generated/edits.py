@@ -10,7 +10,7 @@ import inspect
 import math
 import string
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -56,7 +56,20 @@ class Schema:
         self.tables |= heard
 
 
-@functools.cache
+def _once_a_key(make: Callable[[Key], Any]) -> Callable[[Key], Any]:
+    """Keep what is made of each key; some cannot be hashed, since their default is a table."""
+    made: dict[int, tuple[Key, Any]] = {}
+
+    @functools.wraps(make)
+    def get(key: Key) -> Any:
+        if id(key) not in made:
+            made[id(key)] = key, make(key)
+        return made[id(key)][1]
+
+    return get
+
+
+@_once_a_key
 def sound_values(key: Key) -> list[object]:
     """Return values that the reader of a key takes: example, default, edges, words of its own."""
     bound = _bound(key.read)
@@ -81,7 +94,7 @@ def edge_values(key: Key) -> list[object]:
     return [*edges, *beside, *(math.nextafter(each, s) for each in edges for s in (-1e9, 1e9))]
 
 
-@functools.cache
+@_once_a_key
 def values_of(key: Key) -> st.SearchStrategy[Any]:
     """Values for a key: sound ones, any of its range, those beside its ends, and anything."""
     bound = _bound(key.read)

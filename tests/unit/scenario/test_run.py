@@ -118,6 +118,16 @@ def test_an_emergency_is_an_event_with_a_code(tmp_path):
     assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 4
 
 
+def test_the_lowest_node_id_has_emergencies_too(tmp_path):
+    """0x081 is the first identifier of an EMCY (CiA 301, 7.3.3)."""
+    sensor = '[nodes.pressure_a]\nprofile = "pressure_404"\nnode_id = 1\nsource = "P_A"\n'
+    (tmp_path / "bench.toml").write_text(f"[plant.axis1]\n{sensor}")
+    text = HEAD + 'bench = "bench.toml"\n'
+    text += step(0.1, 'fault = "break_wire"\ntarget = "pressure_a"')
+    wanted = "eventually from 100 ms to 101 ms emcy(pressure_a)"
+    assert outcomes(run(tmp_path, text + expect(wanted))) == [PASSED]
+
+
 def test_a_run_ends_at_the_first_failure_if_asked(tmp_path):
     text = HEAD + expect("always from 20 ms to 150 ms axis1.P_A < 0 bar")
     assert run(tmp_path, text).duration == pytest.approx(0.2)

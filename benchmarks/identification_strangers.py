@@ -17,7 +17,9 @@ Models without pressures are judged by the rest.
 | `line` | the piston's speed as a straight line of the command, each way |
 | `linear` | speed as a second-order linear system of the command (SciPy) |
 | `plain` | `plain_fit.py`: least squares over whole strokes on the bench's plant |
-| `verb` | `hil-bench identify`, and the `bench.toml` that it writes |
+| `verb` | `hil-bench identify` with these limits as `--require`, and the `bench.toml` it writes |
+
+A machine that is not predicted counts as announced where the verb does not end with exit code 0.
 
 Results are kept in the folder as JSON, and what is there is not done again. Prints Markdown.
 """
@@ -41,6 +43,7 @@ from hil_bench.cli.arguments import find_cylinder
 from linear_models import fit_line, fit_second_order
 from plain_fit import fit
 from stranger_prediction import (
+    LIMITS,
     TICK,
     BenchPlant,
     Errors,
@@ -141,6 +144,9 @@ def by_verb(case: Case) -> Estimate:
     files = case.records.files[: 1 if case.strokes else None]
     command = [sys.executable, "-m", "hil_bench", "identify", *map(str, files), str(case.sheet)]
     command += ["--columns", str(case.records.columns), "--output", str(output), "--quiet"]
+    bars = LIMITS["pressure"] / 1e5 + 0.01 * case.stranger.sheet.supply
+    for limit in ("speed 1.5 %", f"pressure {bars:g} bar", "time 10 ms", "position 1 mm"):
+        command += ["--require", limit]
     done = subprocess.run(  # noqa: S603 - our own program
         command, capture_output=True, text=True, check=False, timeout=PATIENCE
     )

@@ -107,7 +107,8 @@ def build(known: BenchPlant, values: dict[str, float]) -> BenchPlant:
 
 def start_of(stroke: Stroke, parameters: PlantParameters, force: float) -> PlantState:
     """Return a state at rest from the first rows; the pressure that is not measured balances."""
-    x, first, second = (float(np.mean(one[:80])) for one in (stroke.x, stroke.P_A, stroke.P_B))
+    rows = max(int(np.argmax(stroke.command != 0.0)) // 2, 1)
+    x, first, second = (float(np.mean(one[:rows])) for one in (stroke.x, stroke.P_A, stroke.P_B))
     if np.isnan(first):
         first = (second * parameters.A_B + force) / parameters.A_A
     if np.isnan(second):
@@ -121,7 +122,8 @@ def residuals(model: BenchPlant, strokes: Sequence[Stroke]) -> Values:
     parts = []
     for stroke in strokes:
         start = start_of(stroke, model.parameters, force)
-        parts += _missed(stroke, run_bench(model, stroke.command, start, ticks=ROWS))
+        fed = model.fed(stroke.supply)
+        parts += _missed(stroke, run_bench(fed, stroke.command, start, ticks=ROWS))
     return np.nan_to_num(np.concatenate(parts), nan=0.0, posinf=1e3, neginf=-1e3)
 
 

@@ -6,6 +6,7 @@ against the machine itself, not against its sensors.
 
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -62,17 +63,34 @@ class Errors(NamedTuple):
 
 
 class BenchPlant(NamedTuple):
-    """The bench's plant as a predictor."""
+    """The bench's plant as a predictor.
+
+    Attributes:
+        parameters: of the plant.
+        options: of the plant.
+        dt: step [s].
+        delay: of the command [s].
+        nominal: supply pressure of a stroke for which P_S is that of the parameters, where the
+            pressure before each stroke is known [Pa]; None where P_S is the same for all.
+    """
 
     parameters: PlantParameters
     options: PlantOptions
     dt: float = 5e-5
     delay: float = 0.0
+    nominal: float | None = None
+
+    def fed(self, supply: float) -> "BenchPlant":
+        """Return the plant with the supply pressure of a stroke."""
+        if self.nominal is None:
+            return self
+        pressure = self.parameters.P_S * supply / self.nominal
+        return self._replace(parameters=replace(self.parameters, P_S=pressure))
 
     def __call__(self, stroke: Stroke) -> Shown:
         """Run the plant under the command of a stroke, from where it began."""
         start = PlantState(stroke.x[0], 0.0, stroke.P_A[0], stroke.P_B[0], 0.0, 0.0)
-        return run_bench(self, stroke.command, start, stroke.supply)
+        return run_bench(self.fed(stroke.supply), stroke.command, start, stroke.supply)
 
 
 def run_bench(

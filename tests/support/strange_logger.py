@@ -100,11 +100,27 @@ def run_machine(stranger: Stranger, amplitudes=FITTED, strokes: int = STROKES) -
     return sessions
 
 
-def write_records(stranger: Stranger, logger: Logger, folder: Path, seed: int) -> Records:
-    """Run a machine and write what its logger writes of it."""
+def write_records(
+    stranger: Stranger,
+    logger: Logger,
+    folder: Path,
+    seed: int,
+    strokes: int = STROKES,
+    take: int = 2,
+) -> Records:
+    """Run a machine and write what its logger writes of it.
+
+    Args:
+        stranger: the machine.
+        logger: its sensors and logger.
+        folder: for the files.
+        seed: of the noise.
+        strokes: each way at each amplitude.
+        take: another one has other noise.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng([seed, stranger.number, 2])
-    *fitted, apart = run_machine(stranger)
+    rng = np.random.default_rng([seed, stranger.number, take])
+    *fitted, apart = run_machine(stranger, strokes=strokes)
     files = []
     for number, (amplitude, runs) in enumerate(zip(FITTED, fitted, strict=True)):
         path = folder / f"strokes_{100 * amplitude:.0f}.csv"

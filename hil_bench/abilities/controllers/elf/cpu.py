@@ -211,9 +211,11 @@ class Cpu:
     def run(self, until: int) -> None:
         """Live until a moment [ns]; a `CpuFault` says that it cannot."""
         exceptions = self.exceptions
-        while not self.wants_reset:
+        while True:
             now = self.now()
             self._timeline.fire(now)
+            if self.wants_reset:
+                return
             step = 0
             if exceptions.pending & exceptions.enabled:
                 step = self._preempt()

@@ -13,6 +13,7 @@ from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.engine import READ_EXECUTE, Engine
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.nvic import Exceptions
+from hil_bench.abilities.controllers.elf.peripherals import watchdog
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.clocks import TREES, Clocks
 from hil_bench.abilities.controllers.elf.peripherals.fdcan import RAM_BYTES, Fdcan
@@ -20,6 +21,7 @@ from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
 from hil_bench.abilities.controllers.elf.peripherals.uart import NEW, OLD, Uart
+from hil_bench.abilities.controllers.elf.peripherals.watchdog import Watchdog
 from hil_bench.abilities.controllers.elf.wire import Wire
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.errors import ConfigError, ControllerError
@@ -67,6 +69,7 @@ class Machine:
         )
         self.printed: list[str] = []
         self._line = bytearray()
+        self._bitten = ""  # by the watchdog, and why
         self._seen: set[int] = set()
         self._last: list[TimedFrame] = []
         self._memory: list[tuple[int, Any]] = []
@@ -105,8 +108,7 @@ class Machine:
         try:
             self._cpu.run(until)
             while self._cpu.wants_reset:
-                self._say("resets itself")
-                self._begin()
+                self._begin_again()
                 self._cpu.run(until)
         except CpuFault as fault:
             raise ControllerError(self._describe(fault)) from None
@@ -124,6 +126,17 @@ class Machine:
         text = "\n".join(self.printed)
         self.printed.clear()
         return text
+
+    def _begin_again(self) -> None:
+        """Reset the core, and say why."""
+        reason, self._bitten = self._bitten, ""
+        self._say(f"the watchdog resets it: it {reason}" if reason else "resets itself")
+        self._begin()
+        self._clocks.note_reset(by_watchdog=bool(reason))
+
+    def _bite(self, reason: str) -> None:
+        self._bitten = reason
+        self._cpu.ask_for_reset()
 
     def _begin(self) -> None:
         for peripheral in self._peripherals.values():
@@ -158,8 +171,9 @@ class Machine:
 
     def _map_peripherals(self, family: Family, job: Job) -> list[Wire]:
         cpu = self._cpu
-        clocks = Clocks(TREES[self._chip.family], job.crystal_hz)
+        self._clocks = clocks = Clocks(TREES[self._chip.family], job.crystal_hz)
         self._put(family.rcc, clocks)
+        self._put(watchdog.ADDRESS, Watchdog(cpu, clocks.watchdog_hz, self._bite))
         self._put(_SYSTEM, SystemControl(cpu, family.cpu_id, clocks.core), 4 * KIB)
         cpu.map_peripheral(
             _TRACE,

@@ -257,6 +257,40 @@ void program(void)
     assert said[2:] == ["again"]
 
 
+WATCHED = """
+void program(void)
+{{
+    say(R32(0x40023874) >> 29 & 1 ? "bitten" : "fresh");
+    R32(0x40023874) = 1u << 24;
+    R32(0x40003000) = 0x5555; R32(0x40003004) = 1; R32(0x40003008) = 39; R32(0x40003010) = 30;
+    R32(0x40003000) = 0xCCCC;
+    for (int fed = 0; fed < 3; fed++) {{
+        for (volatile int i = 0; i < {turns}; i++) ;
+        R32(0x40003000) = 0xAAAA;
+    }}
+    for (;;) ;
+}}
+"""
+
+
+def test_a_watchdog_that_is_not_fed_resets_the_chip(make: Make) -> None:
+    machine = make(WATCHED.format(turns=10_000))
+    said = lines(machine, 29 * MS)
+    # 40 counts of 8 / 32 kHz are 10 ms. It is fed thrice, some 3 ms apart, and then no more.
+    first, bite, second = said
+    assert (first, second) == ("fresh", "bitten")
+    assert bite.endswith("the watchdog resets it: it was not fed for 10 ms")
+    time_s = float(bite[1:].partition(" s]")[0])
+    assert 0.016 < time_s < 0.022
+
+
+def test_a_watchdog_with_a_window_is_not_fed_early(make: Make) -> None:
+    # Open from 9 counts of 0.25 ms on; 1,000 turns of some instructions are less.
+    first, bite, *_ = lines(make(WATCHED.format(turns=1000)))
+    assert first == "fresh"
+    assert bite.endswith("the watchdog resets it: it was fed too early")
+
+
 def test_a_peripheral_without_a_model_is_named_once(make: Make) -> None:
     machine = make(
         "void program(void) { R32(0x40005400) = 5; R32(0x40005404) = R32(0x40005400); rest(); }"

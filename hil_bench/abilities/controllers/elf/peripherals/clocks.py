@@ -10,6 +10,7 @@ _AHB = (1, 1, 1, 1, 1, 1, 1, 1, 2, 4, 8, 16, 64, 128, 256, 512)
 _APB = (1, 1, 1, 1, 2, 4, 8, 16)
 _MSI_KHZ = (100, 200, 400, 800, 1000, 2000, 4000, 8000, 16000, 24000, 32000, 48000)
 
+_CAUSES, _BY_SOFTWARE, _BY_WATCHDOG = 0xFE00_0000, 0x1400_0000, 0x2400_0000  # with the pin's
 Registers = Mapping[int, int]
 
 
@@ -22,6 +23,9 @@ class Tree(NamedTuple):
         system: of the registers and the crystal [Hz] gives the system clock [Hz].
         config: offset of the register with the prescalers.
         prescalers: places of HPRE, PPRE1 and PPRE2 in it.
+        causes: offset of the register with the causes of a reset.
+        forget: the bit there that clears them.
+        watchdog_hz: frequency of the watchdog's oscillator [Hz].
     """
 
     follows: tuple[Follow, ...]
@@ -29,6 +33,9 @@ class Tree(NamedTuple):
     system: Callable[[Registers, int], int]
     config: int
     prescalers: tuple[int, int, int]
+    causes: int
+    forget: int = 24
+    watchdog_hz: int = 32_000
 
 
 class Clocks(Followers):
@@ -45,6 +52,10 @@ class Clocks(Followers):
 
     def store(self, offset: int, value: int) -> None:
         """Keep a value; the clocks may be others then."""
+        tree = self._tree
+        if offset == tree.causes:
+            kept = 0 if value >> tree.forget & 1 else self.values.get(offset, 0) & _CAUSES
+            value = value & ~_CAUSES | kept
         super().store(offset, value)
         self._find()
 
@@ -52,6 +63,18 @@ class Clocks(Followers):
         """Go to the clocks behind power on."""
         super().reset()
         self._find()
+
+    def note_reset(self, *, by_watchdog: bool) -> None:
+        """Set the cause of a reset that was no loss of power."""
+        causes = self._tree.causes
+        self.values[causes] = self.values.get(causes, 0) & ~_CAUSES | (
+            _BY_WATCHDOG if by_watchdog else _BY_SOFTWARE
+        )
+
+    @property
+    def watchdog_hz(self) -> int:
+        """The clock of the watchdog [Hz]."""
+        return self._tree.watchdog_hz
 
     def core(self) -> int:
         """Return the core's clock, HCLK [Hz]."""
@@ -155,6 +178,8 @@ TREES: Final[Mapping[str, Tree]] = {
         _f0,
         _CFGR,
         (4, 8, 8),
+        0x24,
+        watchdog_hz=40_000,
     ),
     "F1": Tree(
         (
@@ -167,6 +192,8 @@ TREES: Final[Mapping[str, Tree]] = {
         _f1,
         _CFGR,
         (4, 8, 11),
+        0x24,
+        watchdog_hz=40_000,
     ),
     "F4": Tree(
         (
@@ -179,6 +206,7 @@ TREES: Final[Mapping[str, Tree]] = {
         _f4,
         0x08,
         (4, 10, 13),
+        0x74,
     ),
     "G0": Tree(
         (
@@ -191,6 +219,8 @@ TREES: Final[Mapping[str, Tree]] = {
         _g0,
         0x08,
         (8, 12, 12),
+        0x60,
+        23,
     ),
     "G4": Tree(
         (
@@ -204,6 +234,8 @@ TREES: Final[Mapping[str, Tree]] = {
         _g4,
         0x08,
         (4, 8, 11),
+        0x94,
+        23,
     ),
     "L4": Tree(
         (
@@ -217,6 +249,8 @@ TREES: Final[Mapping[str, Tree]] = {
         _l4,
         0x08,
         (4, 8, 11),
+        0x94,
+        23,
     ),
 }
 """The clocks of each family (RM0091, RM0008, RM0090, RM0444, RM0440, RM0351)."""

@@ -4,7 +4,7 @@ Its message RAM has a fixed layout; frames of CAN FD are not on the bench's buse
 """
 
 from collections.abc import Sequence
-from typing import Final, Protocol, overload
+from typing import Any, Final
 
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.timeline import Core
@@ -45,17 +45,6 @@ _TO_FIFO = {1: 0, 2: 1, 5: 0, 6: 1}  # what a filter does with a frame
 _STDID, _XTD, _RTR = 18, 1 << 30, 1 << 29
 
 
-class Words(Protocol):
-    """Memory in words."""
-
-    @overload
-    def __getitem__(self, place: int) -> int: ...
-    @overload
-    def __getitem__(self, place: slice) -> list[int]: ...
-    def __setitem__(self, place: int, value: int) -> None:
-        """Write a word."""
-
-
 class Fdcan(Peripheral):
     """A controller.
 
@@ -66,7 +55,13 @@ class Fdcan(Peripheral):
         ram: words of its message RAM.
     """
 
-    def __init__(self, core: Core, wire: Wire, interrupts: Sequence[int], ram: Words) -> None:
+    def __init__(
+        self,
+        core: Core,
+        wire: Wire,
+        interrupts: Sequence[int],
+        ram: Any,  # noqa: ANN401 - an array of ctypes
+    ) -> None:
         self._core, self._wire, self._interrupts, self._ram = core, wire, interrupts, ram
         wire.receive = self._receive
         self.reset()

@@ -121,6 +121,7 @@ def test_an_emergency_is_an_event_with_a_code(tmp_path):
 def test_the_lowest_node_id_has_emergencies_too(tmp_path):
     """0x081 is the first identifier of an EMCY (CiA 301, 7.3.3)."""
     sensor = '[nodes.pressure_a]\nprofile = "pressure_404"\nnode_id = 1\nsource = "P_A"\n'
+    sensor += '[nodes.valve]\nprofile = "valve_408"\nnode_id = 2\n'
     (tmp_path / "bench.toml").write_text(f"[plant.axis1]\n{sensor}")
     text = HEAD + 'bench = "bench.toml"\n'
     text += step(0.1, 'fault = "break_wire"\ntarget = "pressure_a"')

@@ -12,8 +12,8 @@ chamber at the end of the stroke before.
 A rotary actuator is a cylinder of equal areas here: a count of angle stands for 10 um, one of
 pressure for 1 kPa. The strokes at the higher supply pressures are fitted, a dozen of them, and
 those at the lower ones predicted: from angle and pressures in their first row and the supply
-pressure before. A straight line (a speed each way), a linear system of second order and a line of the root
-of the supply pressure stand beside it. Prints Markdown.
+pressure before. A straight line (a speed each way), a linear system of second order and a line of
+the root of the supply pressure stand beside it. Prints Markdown.
 """
 
 import argparse

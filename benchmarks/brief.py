@@ -16,6 +16,7 @@ HERE: Final = Path(__file__).parent
 PARTS: Final = frozenset(
     {
         "brief",
+        "eyes_corpus",
         "linear_models",
         "manoeuvres",
         "master",

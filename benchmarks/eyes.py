@@ -1,6 +1,9 @@
-"""Frames a second that the reader of frames takes, for `monitor`, `decode` and `explain`.
+"""Frames a second that the reader of frames takes, and how often `explain` is right.
 
-    python benchmarks/eyes.py [--seconds S] [--repeats N]
+    python benchmarks/eyes.py [--seconds S] [--repeats N] [--frames N] [--half kept-apart|written]
+
+First the logs of `tests/corpus`: those that were kept apart while `explain` was written, or the
+others. Then memory for many frames, and rates for `monitor`, `decode` and `explain`.
 
 The frames are a run of the built-in bench: TPDOs every 10 ms, set-points, heartbeats, the set-up by
 SDO. Processor time, the fastest round. The peer in the same run is `cantools`, which decodes the
@@ -20,6 +23,7 @@ import can
 import cantools
 
 import occasion
+from eyes_corpus import judge, memory_growth, print_judgement, reader_rate
 from hil_bench.abilities.eyes.dbc import write_dbc
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import explain
@@ -107,7 +111,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--repeats", type=int, default=5)
-    args = occasion.arguments(parser, seconds=1.0, repeats=1)
+    parser.add_argument("--frames", type=int, default=1_000_000, help="for the memory")
+    parser.add_argument("--half", choices=["kept-apart", "written"], default="kept-apart")
+    parser.add_argument("--logs", type=int, help="sound logs at most")
+    args = occasion.arguments(parser, seconds=1.0, repeats=1, frames=2000, logs=2, half="written")
+    found = judge(kept_apart=args.half == "kept-apart", most=args.logs)
+    print_judgement(found, f"{args.half} half")
     frames = recorded(args.seconds)
     count = len(frames)
     print(f"{count} frames")
@@ -137,6 +146,11 @@ def main() -> None:
         config.write_text("")
         log = str(folder / "t.log")
         ours = [logged for logged in frames if logged.frame.can_id in ids]
+        rounds = max(args.frames // count, 1)
+        once, often, peer_memory = memory_growth(frames, folder / "t.log", rounds)
+        print(f"memory, explain: {once:.2f} MB for {count} frames, {often:.2f} MB for ", end="")
+        print(f"{rounds * count}; python-can's reader alone {peer_memory:.2f} MB")
+        print(f"{'python-can reader alone':28} {reader_rate(folder / 't.log'):10.0f} frames/s")
         for what, work, number in (
             ("read, with bench.toml", lambda: decode(frames, known=True, text=False), count),
             ("read, nothing known", lambda: decode(frames, known=False, text=False), count),

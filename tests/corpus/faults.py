@@ -9,10 +9,11 @@ import itertools
 import random
 import struct
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import NamedTuple
 
 from corpus.logs import SoundLog
-from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
@@ -41,6 +42,14 @@ class BrokenLog(NamedTuple):
     sound: SoundLog
     cause: Cause
     node: str
+
+    def is_told_by(self, finding: Finding) -> bool:
+        """Return True if a finding is the fault that was put in, of the node that has it."""
+        words = f"{finding.node} "
+        is_node = (
+            not self.node or words.startswith(f"{self.node} ") or words == f"address {self.node} "
+        )
+        return finding.cause is self.cause and is_node
 
 
 class Fault(NamedTuple):
@@ -203,6 +212,8 @@ def broken_logs(log: SoundLog, most: int = PER_LOG) -> Iterator[BrokenLog]:
         log: the sound one.
         most: how many at most.
     """
+    for module in ("faults_nodes", "faults_messages", "faults_j1939"):
+        import_module(f"corpus.{module}")
     order = sorted(FAULTS)
     random.Random(log.name).shuffle(order)  # noqa: S311 - a draw of tests
     for name in order:

@@ -298,3 +298,35 @@ def flooded_bus(scene: Scene) -> Found:
         return None
     flood = [(now, Frame(0x07F, bytes(8))) for now in range(since, since + 400 * MS, step)]
     return merged(scene.frames, flood), ""
+
+
+@fault(Cause.MAPPING)
+def mapped_in_another_order(scene: Scene) -> Found:
+    """RPDO1 of a valve or drive is mapped the other way round; its master sends as before."""
+    with_word = [n for n, name in scene.log.eds.items() if name.startswith(("valve", "drive"))]
+    nodes = [n for n in with_word if len(scene.times(0x200 + n)) >= 30 and scene.downloads(n)]
+    if not nodes:
+        return None
+    node = nodes[0]
+    objects = next(each for each in scene.log.known() if each.node_id == node)
+    mapped = [objects.number(0x1600, place) for place in range(1, objects.number(0x1600) + 1)]
+    if len(mapped) < 2 or mapped[0] >> 16 != 0x6040:
+        return None
+    enable = objects.number(0x1400, 1)
+    steps = [
+        (0x23, 0x1400, 1, enable | 1 << 31),
+        (0x2F, 0x1600, 0, 0),
+        *((0x23, 0x1600, place, value) for place, value in enumerate(reversed(mapped), 1)),
+        (0x2F, 0x1600, 0, len(mapped)),
+        (0x23, 0x1400, 1, enable),
+    ]
+    now, added = scene.frames[scene.downloads(node)[0].answer].now, []
+    for command, index, subindex, value in steps:
+        now += 20_000
+        added.append(
+            (now, Frame(0x600 + node, struct.pack("<BHBI", command, index, subindex, value)))
+        )
+        added.append(
+            (now + 9000, Frame(0x580 + node, struct.pack("<BHBI", 0x60, index, subindex, 0)))
+        )
+    return merged(scene.frames, added), f"node {node}"

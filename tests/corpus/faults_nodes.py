@@ -123,6 +123,7 @@ def never_started(scene: Scene) -> Found:
     others = [other for other in scene.slaves() if other != node]
     if (
         node is None
+        or not starts
         or not others
         or not any(
             is_from(each, 0x700 + node) and each.frame.data == b"\0" for each in scene.frames
@@ -220,9 +221,10 @@ def emergency(scene: Scene) -> Found:
 
 @fault(Cause.SDO_LATE)
 def slow_server(scene: Scene) -> Found:
-    """A node answers three requests 120 ms late, 20 ms after its client has given up."""
+    """A node answers a request 120 ms late, 20 ms after its client has given up."""
     node = _pick(scene, scene.slaves())
-    first = min((each.now for each in scene.frames if 0x180 < each.frame.can_id < 0x500), default=0)
+    cyclic = {0x080, *range(0x181, 0x500)}
+    first = min((each.now for each in scene.frames if each.frame.can_id in cyclic), default=0)
     early = [
         each
         for each in (scene.downloads(node) if node else [])
@@ -230,7 +232,7 @@ def slow_server(scene: Scene) -> Found:
     ]
     if node is None or not early:
         return None
-    answers = {each.answer: each.place for each in early[-3:]}
+    answers = {each.answer: each.place for each in early[-1:]}
     frames, shift = [], 0
     for place, each in enumerate(scene.frames):
         if place in answers:

@@ -26,7 +26,7 @@ from hil_bench.abilities.eyes.j1939_bus import J1939Reader
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.eyes.transfers import SdoChannel, Transfer
+from hil_bench.abilities.eyes.transfers import SdoChannel, Transfer, Way
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtRequest, NmtState
@@ -63,6 +63,7 @@ class Decoder:
     def __init__(self, nodes: Iterable[KnownNode] = (), ecus: Iterable[KnownEcu] = ()) -> None:
         self.nodes = {(node.bus, node.node_id): node for node in nodes}
         self.pdos: dict[_Key, list[PdoOwner]] = {}
+        self._owners: dict[_Key, list[PdoOwner]] = {}
         self._channels: dict[tuple[int, int], SdoChannel] = {}
         self._routes: dict[_Key, _Handler] = {}
         self._last_frames: dict[tuple[int, int], Frame] = {}
@@ -107,6 +108,13 @@ class Decoder:
                 found.append(self._end(node, transfer, transfer.end, frame))
         return found
 
+    def accept_late(self, node: KnownNode, transfer: Transfer) -> None:
+        """Take a download as done that its client had given up when the server acknowledged it."""
+        if transfer.way is Way.DOWNLOAD and node.assume(
+            transfer.index, transfer.subindex, bytes(transfer.data)
+        ):
+            self._route((node,))
+
     @property
     def ecus(self) -> list[str]:
         """Names of the J1939 devices that are known beforehand."""
@@ -114,9 +122,7 @@ class Decoder:
 
     def owners(self, frame: Frame) -> list[PdoOwner]:
         """Return the owners of a PDO: its senders, or else its receivers."""
-        found = self.pdos.get(frame.can_id | frame.bus << BUS_SHIFT, [])
-        senders = [owner for owner in found if owner.pdo.direction is Direction.TPDO]
-        return senders or found
+        return self._owners.get(frame.can_id | frame.bus << BUS_SHIFT, [])
 
     def _node(self, bus: int, node_id: int) -> KnownNode:
         node = self.nodes.get((bus, node_id))
@@ -142,8 +148,11 @@ class Decoder:
             sync = node.identifier_of(0x1005)
             if sync is not None:
                 self._routes[address_of(sync, node.bus)] = self._hear_sync
-        for key in self.pdos:
+        self._owners = {}
+        for key, found in self.pdos.items():
             self._routes[key] = self._hear_pdo
+            senders = [owner for owner in found if owner.pdo.direction is Direction.TPDO]
+            self._owners[key] = senders or found
 
     def _find_handler(self, frame: Frame) -> _Handler:
         """Return the handler of an identifier, by the predefined connection set."""

@@ -20,6 +20,7 @@ from hil_bench.devices.j1939.name import NAME_BYTES
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MS: Final = 1e-6
+_PROOF: Final = 10
 
 Place = tuple[int, int]
 """Bus and address."""
@@ -29,7 +30,8 @@ class J1939Reader:
     """Follows who has which address, and which long messages are under way.
 
     A bus speaks J1939 if known devices are on it, or an address claim or the announcement of a long
-    message was heard; a lone 29-bit frame proves nothing.
+    message was heard, or ten frames of parameter groups that the standard names; a lone 29-bit
+    frame proves nothing.
 
     Args:
         known: the devices that ought to be there.
@@ -40,6 +42,7 @@ class J1939Reader:
         self._by_identity = {(each.bus, each.identity): each for each in known}
         self._at: dict[Place, KnownEcu] = {(each.bus, each.address): each for each in known}
         self._buses = {each.bus for each in known}
+        self._named: dict[int, int] = {}
         self._long = LongMessages()
         self._last: dict[tuple[int, int, int], Frame] = {}
 
@@ -65,6 +68,10 @@ class J1939Reader:
             self._move(bus, source, frame.data)
         if is_part:
             self._buses.add(bus)
+        elif bus not in self._buses and len(frame.data) == NAME_BYTES and group_name(group):
+            self._named[bus] = self._named.get(bus, 0) + 1
+            if self._named[bus] >= _PROOF:
+                self._buses.add(bus)
         if bus not in self._buses:
             return None
         for each in ended:

@@ -10,6 +10,11 @@ from hil_bench.frame import frame_bits, is_error_frame
 
 _WINDOW = 100_000_000
 _HIGH_LOAD = 0.8
+_BITS = [
+    [frame_bits(n, is_extended=is_extended) for n in range(65)] for is_extended in (False, True)
+]
+"""Bits of a frame by kind of identifier and data bytes."""
+
 _MOST = 4096
 """Kinds of errors that are kept."""
 
@@ -107,7 +112,7 @@ class Load:
         if window != self._window:
             self._end()
             self._window = window
-        bits = frame_bits(len(frame.data), is_extended=frame.is_extended)
+        bits = _BITS[frame.is_extended][len(frame.data)]
         self._bits += bits
         self.total += bits
 

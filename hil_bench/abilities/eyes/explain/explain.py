@@ -106,11 +106,13 @@ class Explainer:
         frame = logged.frame
         self._now = now
         self._load.count(now, frame)
-        silent = leap or self._silence.take(frame, now)
+        if leap:
+            self._silence.skip(leap)
+        silent = self._silence.take(frame, now) + leap
         if silent:
             for watch in self._watches:
                 watch.pause(silent)
-        for sight in self._decoder.take(logged._replace(now=now)):
+        for sight in self._decoder.take(LoggedFrame(frame, now, logged.is_received)):
             self._hear(sight)
 
     def _hear(self, sight: Sight) -> None:
@@ -118,6 +120,11 @@ class Explainer:
             self._senders[sight.node] = None
         for hear in self._hearers[sight.service]:
             hear(sight)
+
+    @property
+    def now(self) -> int:
+        """Time of the last frame, from the first on [ns]."""
+        return self._now
 
     def finish(self) -> Explanation:
         """End the log: what was under way is interrupted; return what is wrong."""

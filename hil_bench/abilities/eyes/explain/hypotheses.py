@@ -47,6 +47,7 @@ class _Lead(NamedTuple):
 _OF_SDO: Final = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER, Cause.SDO_LATE})
 _OF_STATE: Final = frozenset({Cause.NOT_STARTED, Cause.START_REFUSED, Cause.STATE_LEFT})
 _OF_PDO: Final = frozenset({Cause.PDO_MISSING, Cause.RPDO_TIMEOUT, Cause.ABSENT_PRODUCER})
+_OF_SETTINGS: Final = frozenset({Cause.MAPPING, Cause.PDO_LENGTH, Cause.PDO_TIMERS})
 _OF_SYNC: Final = frozenset({Cause.SYNC_MISSING, Cause.SYNC_JITTER})
 _OF_J1939: Final = frozenset(
     {Cause.J1939_SILENT, Cause.J1939_MISSING, Cause.J1939_TRANSFER, Cause.J1939_REQUEST}
@@ -93,8 +94,8 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
         _Lead(frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER}), _same_node, is_timed=False),
         _Lead(_OF_STATE, _same_node),
     ),
-    Cause.SDO_ABORT: (_Lead(_OF_STATE, _same_node),),
-    Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE, _same_node),),
+    Cause.SDO_ABORT: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node),),
+    Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node),),
     Cause.NOT_STARTED: (_Lead(_OF_PDO, _awaited),),
     Cause.START_REFUSED: (_Lead(_OF_PDO, _awaited),),
     Cause.STATE_LEFT: (_Lead(_OF_PDO, _awaited),),
@@ -106,7 +107,6 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
     Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
     Cause.SYNC_MISSING: (_Lead(_OF_PDO, _anywhere),),
-    Cause.SYNC_JITTER: (_Lead(frozenset({Cause.PDO_MISSING}), _anywhere),),
 }
 
 _REPORTED: Final = {

@@ -17,7 +17,6 @@ from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtCommand, NmtRequest, NmtState
-from hil_bench.canopen_device.pdo_mapping import Direction
 
 _TWINS = 200_000_000
 """Two boot-up messages within this time are of two devices: none restarts so fast [ns]."""
@@ -27,6 +26,8 @@ _PATIENCE = 1_000_000_000
 
 _SHORT = 0.5
 _OPEN = 16
+_ACKNOWLEDGED = 0x60
+"""First byte of the answer to an SDO download."""
 _FLIPS = 3
 """Changes of state without a command, after a boot-up, that one device does not make."""
 
@@ -161,9 +162,6 @@ class Presence:
         if sight.frame.is_remote:
             return False
         if sight.service is Service.PDO:
-            owners = self._decoder.owners(sight.frame)
-            if owners:
-                return owners[0].pdo.direction is Direction.TPDO
             return sight.name.startswith("TPDO")
         if sight.service is Service.SDO:
             return function_of(sight.frame.can_id).name == "SDO answer"
@@ -235,7 +233,10 @@ class Presence:
             is_by_node = transfer.is_done or not transfer.is_aborted_by_client
             life.has_answered = transfer.has_ended and is_by_node
         elif life.given_up and len(sight.frame.data) == 8:
-            life.late = life.late or (life.given_up.popleft(), sight)
+            given_up = life.given_up.popleft()
+            life.late = life.late or (given_up, sight)
+            if given_up.transfer is not None and sight.frame.data[0] == _ACKNOWLEDGED:
+                self._decoder.accept_late(life.node, given_up.transfer)
             life.late_answers += 1
         elif life.has_answered and len(sight.frame.data) == 8:
             life.twins.append(sight)  # a second answer to one request
@@ -291,6 +292,8 @@ class Presence:
 
     def _is_left(self, life: _Life, end: int) -> bool:
         """Return True if a node was left out while others were started or commanded."""
+        if not (life.is_slave or self._is_known(life)):
+            return False  # it may be the master itself
         is_used = self._has_started or self._has_commands
         last = life.boots.latest
         is_late = last is not None and end - last.now > _PATIENCE

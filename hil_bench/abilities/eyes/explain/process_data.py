@@ -171,7 +171,8 @@ class ProcessData:
                 self._unknown.setdefault((address, sight.node), Evidence()).append(sight)
             return
         for owner in owners:
-            if owner.pdo.problem(sight.frame.data):
+            problem = sight.problem if len(owners) == 1 else owner.pdo.problem(sight.frame.data)
+            if problem:
                 self._lengths.setdefault((address, owner.node.name), Evidence()).append(sight)
             self._take(owner, address, sight)
 

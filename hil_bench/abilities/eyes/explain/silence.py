@@ -80,6 +80,12 @@ class Silence:
             rhythm.alike, rhythm.period = 0, interval
         return silent
 
+    def skip(self, length: int) -> None:
+        """Take note that the clock has leapt [ns]."""
+        self._last += length
+        for each in self._rhythms.values():
+            each.last += length
+
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield that the bus was silent.
 

@@ -63,12 +63,21 @@ def run(args: argparse.Namespace) -> int:
     )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
-    print_results(args, _lines(found, bitrate), _content(found))
+    print_results(args, explanation_lines(found, bitrate), explanation_content(found))
     print_losses(args, left_out)
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
 
 
-def _lines(found: Explanation, bitrate: int) -> Iterator[str]:
+def explanation_lines(found: Explanation, bitrate: int) -> Iterator[str]:
+    """Yield the lines of an explanation.
+
+    Args:
+        found: the explanation.
+        bitrate: that the load refers to [bit/s].
+
+    Yields:
+        The lines.
+    """
     yield (
         f"{found.frames} frames in {found.duration:.3f} s, {len(found.nodes)} nodes, "
         f"load {found.load:.1%} of {bitrate_text(bitrate)}"
@@ -93,18 +102,20 @@ def _lines(found: Explanation, bitrate: int) -> Iterator[str]:
         yield "nothing wrong found"
 
 
-def _content(found: Explanation) -> dict[str, object]:
+def explanation_content(found: Explanation) -> dict[str, object]:
+    """Return an explanation for `--json`."""
     return {
         "frames": found.frames,
         "duration": found.duration,
         "nodes": found.nodes,
         "load": found.load,
         "notes": found.notes,
-        "findings": [_finding(each) for each in found.findings],
+        "findings": [finding_content(each) for each in found.findings],
     }
 
 
-def _finding(finding: Finding) -> dict[str, object]:
+def finding_content(finding: Finding) -> dict[str, object]:
+    """Return a finding for `--json`."""
     return {
         "cause": finding.cause.name.lower(),
         "title": finding.cause.title,
@@ -114,7 +125,7 @@ def _finding(finding: Finding) -> dict[str, object]:
         "text": finding.text,
         "advice": finding.cause.advice,
         "count": finding.total or len(finding.sights),
-        "consequences": [_finding(each) for each in finding.consequences],
+        "consequences": [finding_content(each) for each in finding.consequences],
         "frames": [
             {"time": s.now * 1e-9, "id": s.frame.can_id, "data": s.frame.data.hex(), "text": s.text}
             for s in finding.sights

@@ -19,6 +19,7 @@ from hil_bench.abilities.eyes.verbs.listening import (
     heard,
     open_listener,
 )
+from hil_bench.abilities.eyes.verbs.monitor_explain import explain_bus
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -34,6 +35,7 @@ examples:
   hil-bench monitor -i socketcan -c can0 --eds 5=vendor.eds
   hil-bench monitor -i socketcan -c can0 --hide heartbeat --hide sync --changes
   hil-bench monitor -i socketcan -c can0 --problems        aborts, EMCY, wrong lengths alone
+  hil-bench monitor -i socketcan -c can0 --explain         what is wrong, as it comes
   hil-bench monitor -i socketcan -c can0 --json            a JSON object a line
 """
 
@@ -51,6 +53,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_duration_argument(parser, "listen")
     add_dbc_argument(parser, "shown")
     add_filter_arguments(parser)
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="print what is wrong as it comes, in place of the frames, and at the end what "
+        "`hil-bench explain` says; exit code 1 where something is",
+    )
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -59,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
     """Listen until the time is over or somebody interrupts."""
     check_duration(args)
     config = seen_from_bus(args, load_bench_config(args))
+    if args.explain:
+        return explain_bus(args, config)
     decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
     check_nodes(args.node, decoder)
     lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0

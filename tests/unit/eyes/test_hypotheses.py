@@ -1,0 +1,65 @@
+"""The fewest causes: what leads to what, and what stands alone."""
+
+import pytest
+
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding
+from hil_bench.abilities.eyes.explain.hypotheses import fewest
+
+S = 1_000_000_000
+
+
+def found(cause, node="node 2", begin=0, others=()):
+    return Finding(cause, node, begin, "", others=others)
+
+
+def told(*findings):
+    return [
+        (each.cause, [effect.cause for effect in each.consequences]) for each in fewest(findings)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("cause", "effect", "is_explained"),
+    [
+        (found(Cause.HEARTBEAT_LOST), found(Cause.PDO_MISSING), True),
+        (found(Cause.HEARTBEAT_LOST), found(Cause.PDO_MISSING, "node 3"), False),
+        # Its answers were missing long before it fell silent.
+        (found(Cause.HEARTBEAT_LOST, begin=9 * S), found(Cause.SDO_NO_ANSWER, begin=S), False),
+        (found(Cause.NO_BOOT_UP, begin=9 * S), found(Cause.SDO_NO_ANSWER, begin=S), True),
+        (found(Cause.NO_BOOT_UP), found(Cause.ABSENT_PRODUCER, "node 3", others=("node 2",)), True),
+        (found(Cause.NO_BOOT_UP), found(Cause.ABSENT_PRODUCER, "node 3"), False),
+        (found(Cause.BUS_SILENT, ""), found(Cause.SYNC_MISSING, ""), True),
+        (found(Cause.EMCY), found(Cause.STATE_LEFT), True),
+        (found(Cause.SYNC_MISSING, ""), found(Cause.PDO_MISSING, "node 7"), True),
+        (found(Cause.SYNC_JITTER, ""), found(Cause.PDO_MISSING, "node 7"), False),
+    ],
+)
+def test_a_cause_explains_what_it_leads_to(cause, effect, is_explained):
+    causes = told(effect, cause)
+    if is_explained:
+        assert causes == [(cause.cause, [effect.cause])]
+    else:
+        assert sorted(each.name for each, _ in causes) == sorted(
+            [cause.cause.name, effect.cause.name]
+        )
+
+
+def test_what_a_consequence_leads_to_is_told_with_the_cause():
+    chain = (
+        found(Cause.RESTART),
+        found(Cause.EMCY),
+        found(Cause.STATE_LEFT),
+        found(Cause.PDO_MISSING),
+    )
+    ((cause, effects),) = told(*chain)
+    assert cause is Cause.RESTART
+    assert set(effects) == {Cause.EMCY, Cause.STATE_LEFT, Cause.PDO_MISSING}
+
+
+@pytest.mark.parametrize("cause", Cause)
+def test_every_finding_is_told_once(cause):
+    """Whatever is among the findings, none gets lost and none is told twice."""
+    findings = [found(each) for each in Cause] + [found(cause, "node 3")]
+    causes = fewest(findings)
+    everything = [*causes, *(effect for each in causes for effect in each.consequences)]
+    assert sorted(each.cause.name for each in everything) == sorted(f.cause.name for f in findings)

@@ -320,7 +320,12 @@ def mapped_in_another_order(scene: Scene) -> Found:
         (0x2F, 0x1600, 0, len(mapped)),
         (0x23, 0x1400, 1, enable),
     ]
-    now, added = scene.frames[scene.downloads(node)[0].answer].now, []
+    first = scene.times(0x200 + node)[0]
+    before = [scene.frames[each.answer].now for each in scene.downloads(node)]
+    before = [each for each in before if each < first]
+    if not before:
+        return None
+    now, added = before[-1], []
     for command, index, subindex, value in steps:
         now += 20_000
         added.append(

@@ -29,6 +29,8 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import occasion
+from hil_bench.abilities.modbus.binding import ModbusBinding
+from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.bench.configuration import (
     BenchConfig,
     OverrunPolicy,
@@ -36,13 +38,11 @@ from hil_bench.bench.configuration import (
     RealtimePolicy,
     load_config,
 )
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
 from hil_bench.outside.processes.snapshot import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.modbus.process import ModbusProcess
 from hil_bench.outside.transports.silent import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.recording import RecordingWish, recorded

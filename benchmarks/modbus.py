@@ -27,14 +27,15 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 import occasion
+from hil_bench.abilities.modbus.binding import ModbusBinding
+from hil_bench.abilities.modbus.protocol.register_map import Table
+from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy, load_config
-from hil_bench.bench.modbus_binding import ModbusBinding
-from hil_bench.outside.modbus.register_map import Table
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.modbus.process import ModbusProcess
 from hil_bench.outside.transports.silent import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import open_session
@@ -278,10 +279,11 @@ def main() -> None:
         path = Path(folder) / "bench.toml"
         path.write_text("[modbus]\nport = 0\nconnections = 128\n", encoding="ascii")
         config = load_config(path)
-    assert config.modbus is not None  # noqa: S101 - for the type alone
+    modbus = config.of(ModbusConfig)
+    assert modbus is not None  # noqa: S101 - for the type alone
     counts = {
         unit.unit_id: sum(r.count for r in unit.register_map.table(Table.INPUT_REGISTERS))
-        for unit in config.modbus.units
+        for unit in modbus.units
     }
     requests = [
         bytes([0, 1, 0, 0, 0, 6, unit_id, 4, 0, 0, 0, count]) for unit_id, count in counts.items()

@@ -71,10 +71,11 @@ AREAS: Final = {
     ],
     "modbus": [
         *_files(
-            "hil_bench/outside/modbus", "data_types exchange mailbox register_map rivals unit_image"
+            "hil_bench/abilities/modbus/protocol",
+            "data_types exchange mailbox register_map rivals unit_image",
         ),
         *_files(
-            "hil_bench/outside/transports/modbus", "framing pdu register_server session connections"
+            "hil_bench/abilities/modbus/server", "framing pdu register_server session connections"
         ),
     ],
     **PACKAGES,

@@ -25,6 +25,7 @@ OWN = (
     "eyes",
     "fmu",
     "identification",
+    "modbus",
     "panel",
     "replay",
     "scenario",
@@ -74,7 +75,10 @@ class Ability(NamedTuple):
             failed tests.
         tables: of ``bench.toml``: ``module:class`` by name, of the `Section` that reads it. It is
             made with the document, the names of all buses, the folder of the file and the problems,
-            and builds a `Part` by the table's name.
+            and builds a `Part` by the table's name. One whose class says ``of_nodes = True`` is
+            made with the tables of the nodes, too, and stands behind them in ``check``.
+        bench_methods: of `hil_bench.VirtualBench`: ``module:function`` by name, of a function that
+            gets the bench first.
         fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
@@ -87,6 +91,7 @@ class Ability(NamedTuple):
     collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
     tables: Mapping[str, str] = _NOTHING
+    bench_methods: Mapping[str, str] = _NOTHING
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
     exports: Mapping[str, str] = _NOTHING
@@ -97,6 +102,11 @@ def own_abilities() -> list[Ability]:
     return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
 
 
+def own_tables() -> dict[str, str]:
+    """The places of the sections that read tables of ``bench.toml``, by the tables' names."""
+    return {name: place for each in own_abilities() for name, place in each.tables.items()}
+
+
 def table_sections(names: Iterable[str]) -> dict[str, Any]:
     """The sections that read tables of ``bench.toml``, by the tables' names.
 
@@ -105,7 +115,7 @@ def table_sections(names: Iterable[str]) -> dict[str, Any]:
     Args:
         names: of the tables that a file has, beside those of the core.
     """
-    own = {name: place for each in own_abilities() for name, place in each.tables.items()}
+    own = own_tables()
     wanted = [name for name in names if name not in own]
     others = other_abilities()[0] if wanted else []
     known = own | {name: place for each in others for name, place in each.tables.items()}
@@ -139,8 +149,8 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "frame_reader", "fixtures", "registries", "exports"):
-        if getattr(ability, name):
+    for name in Ability._fields:
+        if name not in {"name", "needs", "verbs", "tables"} and getattr(ability, name):
             return f"has {name}; of other distributions only verbs and tables are taken"
     for name, verb in ability.verbs.items():
         if verb.group not in GROUPS:

@@ -12,6 +12,7 @@ from typing import cast
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
+from hil_bench.bench.configuration.records import Joining
 from hil_bench.bench.copper import build_wiring
 from hil_bench.bench.copper_ticks import Copper
 from hil_bench.bench.ecus import EcuTable, build_segments
@@ -99,6 +100,9 @@ def build_bench(config: BenchConfig) -> Bench:
     )
     schedule_faults(faults, config.faults)
     bench.extend(faults)
+    for part in config.parts:
+        if isinstance(part, Joining):
+            bench.extend(part.extension(config, bench))
     return bench
 
 

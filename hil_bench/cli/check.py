@@ -7,6 +7,7 @@ from itertools import groupby
 
 from hil_bench.bench.configuration import BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
+from hil_bench.bench.configuration.records import Joining
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
@@ -54,8 +55,10 @@ def run(args: argparse.Namespace) -> int:
     """Check everything that can be checked without a bus, then print it or compare the bus."""
     config = load_bench_config(args)
     read_devices(config)
-    if config.modbus is not None:
-        _check_modbus(config)
+    if any(isinstance(part, Joining) for part in config.parts):
+        from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
+
+        build_bench(config)  # refuses parts that do not fit the devices
     code = take_over("check", args, config)
     if code is not None:
         return code
@@ -66,14 +69,6 @@ def run(args: argparse.Namespace) -> int:
         print("\n".join(_toml_lines(config)))
     warn_of(doubts)
     return ExitCode.DONE
-
-
-def _check_modbus(config: BenchConfig) -> None:
-    """Refuse register maps that do not fit the devices."""
-    from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
-    from hil_bench.bench.modbus_binding import ModbusBinding  # noqa: PLC0415
-
-    ModbusBinding(config, build_bench(config))
 
 
 def _toml_lines(config: BenchConfig) -> Iterator[str]:

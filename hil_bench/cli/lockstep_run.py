@@ -7,6 +7,7 @@ import math
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.records import Serving
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.exit_codes import Ending
@@ -14,7 +15,6 @@ from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.lockstep_status import LockStepStatus
 from hil_bench.cli.loop_summary import fault_lines, frame_lines, helper_lines, node_lines
-from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
 from hil_bench.cli.run_content import lockstep_content
@@ -33,11 +33,12 @@ def run(args: argparse.Namespace) -> int:
     The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
 
     Raises:
-        ConfigError: Modbus in lock-step.
+        ConfigError: a part of the bench serves others in real time.
     """
     config = load_bench_config(args, modbus=args.modbus)
-    if config.modbus is not None:
-        raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
+    for part in config.parts:
+        if isinstance(part, Serving):
+            raise ConfigError(f"--lockstep: {part.no_lockstep}")
     with set_up(args, config, is_real_time=False) as setup:
         announce = setup.announcement()
         setup.session.start()

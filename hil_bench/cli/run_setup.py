@@ -3,11 +3,12 @@
 import argparse
 import contextlib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
+from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.cli.bench_bus import OpenBus, open_bus
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
@@ -15,7 +16,6 @@ from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.modbus_side import OpenModbus, open_modbus
 from hil_bench.cli.recording_arguments import recording_code, recording_wish
 from hil_bench.cli.results import print_results
 from hil_bench.errors import HilBenchError
@@ -32,7 +32,7 @@ class RunSetup(NamedTuple):
         config: of the bench.
         session: the bench, not yet powered on.
         bus: its buses.
-        modbus: its Modbus server, where it has one.
+        served: what its parts have opened for others.
         recording: what is recorded, None for nothing.
         wish: whether somebody wants the end.
     """
@@ -41,14 +41,14 @@ class RunSetup(NamedTuple):
     config: BenchConfig
     session: Session
     bus: OpenBus
-    modbus: OpenModbus
+    served: Sequence[Served]
     recording: RecordingSink | None
     wish: Interruption
 
     def watch(self, *helpers: Helper) -> Helpers:
         """Return the guard of the processes of this run, and of further ones."""
         return Helpers(
-            [*self.bus.helpers, *self.modbus.helpers, *helpers],
+            [*self.bus.helpers, *(each for part in self.served for each in part.helpers), *helpers],
             ends_on_loss=self.args.end_on_loss,
             has_lost_data=lambda: self._recording_code() is not ExitCode.DONE,
         )
@@ -59,7 +59,7 @@ class RunSetup(NamedTuple):
         The text is made now, when there is no tick yet to hold up. Standard output is left to the
         summary where a program reads it.
         """
-        left = [] if self.args.quiet else [introduction(self.config, self.bus, self.modbus)]
+        left = [] if self.args.quiet else [introduction(self.config, self.bus, self.served)]
         stream = sys.stderr if self.args.json else sys.stdout
 
         def announce() -> None:
@@ -91,7 +91,7 @@ class RunSetup(NamedTuple):
 def set_up(
     args: argparse.Namespace, config: BenchConfig, *, is_real_time: bool
 ) -> Iterator[RunSetup]:
-    """Build the bench and open its recording, its buses and its Modbus server.
+    """Build the bench and open its recording, its buses, and what its parts serve.
 
     Args:
         args: the command line.
@@ -110,19 +110,22 @@ def set_up(
         files = recording_wish(args)
         recording = stack.enter_context(recorded(session, files, config, is_real_time=is_real_time))
         bus = stack.enter_context(open_bus(args, config))
-        modbus = stack.enter_context(open_modbus(config, session))
+        served = []
         for part in config.parts:
-            stack.enter_context(part.attached(session, config))
-        yield RunSetup(args, config, session, bus, modbus, recording, wish)
+            if isinstance(part, Serving):
+                served.append(stack.enter_context(part.served(session, config)))
+            else:
+                stack.enter_context(part.attached(session, config))
+        yield RunSetup(args, config, session, bus, served, recording, wish)
 
 
-def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
+def introduction(config: BenchConfig, bus: OpenBus, served: Sequence[Served]) -> str:
     """Return the introduction of the bench for a controller engineer who joins."""
     source = config.path or "built-in bench"
     plant = f"{config.steps_per_tick} plant steps a tick" if config.axes else "no axis"
     rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
     lines = [f"bench  {source}, {rate}", *bus.lines]
-    lines += modbus.lines
+    lines += [line for part in served for line in part.lines]
     lines += [line for part in config.parts for line in part.lines]
     lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
     return "\n".join((*lines, "", device_table(config), ""))

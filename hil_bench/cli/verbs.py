@@ -28,9 +28,6 @@ CORE = {
     "watch": Verb(
         "run", 30, "watch a running bench or any bus, in the terminal", "hil_bench.cli.watch"
     ),
-    "registers": Verb(
-        "bus", 110, "print the register maps of the Modbus units", "hil_bench.cli.registers"
-    ),
     "completion": Verb(
         "more",
         40,

@@ -5,13 +5,11 @@ passed and knows nothing of the runner. All times are bench time: nanoseconds si
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench, FrameObserver
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.ecus import EcuTable
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
@@ -32,8 +30,6 @@ Source = Callable[[int], Sequence[Frame]]
 """Given the time of a tick [ns] before it begins, returns what others on its buses in this process
 have sent since the last one."""
 
-PartT = TypeVar("PartT")
-
 Interceptor = Callable[[Sequence[Frame], int], Sequence[Frame]]
 """Given the frames that arrived for a tick and its time [ns], returns those that it takes."""
 
@@ -46,7 +42,6 @@ class Session:
         nodes: the objects of its nodes, by the names of the nodes.
         devices: others of its devices that a command may read and set, by their names.
         stimuli: what else to record, each a function of bench time [s].
-        parts: what else it has; `part` finds it.
 
     Attributes:
         bench: as passed in.
@@ -69,11 +64,9 @@ class Session:
         nodes: Mapping[str, NodeObjects] | None = None,
         devices: Mapping[str, Device] | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
-        parts: Sequence[object] = (),
     ) -> None:
         self.bench = bench
         self.nodes = nodes or {}
-        self._parts = tuple(parts)
         stimuli = stimuli or {}
         self.channels = (*stimuli, *bench_channels(bench))
         self.controls = Controls(bench, {**self.nodes, **(devices or {})})
@@ -88,13 +81,6 @@ class Session:
         self._told: list[FrameObserver] = []
         self._row_observers: list[RowObserver] = []
         self._tick_observers: list[TickObserver] = []
-
-    def find(self, kind: type[PartT]) -> PartT | None:
-        """Return the part of a class, of the session or of its bench; None where there is none."""
-        for each in self._parts:
-            if isinstance(each, kind):
-                return each
-        return self.bench.find(kind)
 
     def watch(
         self,
@@ -213,6 +199,5 @@ def open_session(
         stimuli: what else to record, each a function of bench time [s].
     """
     bench = build_bench(config)
-    parts = () if config.modbus is None else (ModbusBinding(config, bench),)
     nodes = NodeTable(bench.nodes, config.nodes)
-    return Session(bench, nodes=nodes, devices=bench.find(EcuTable), stimuli=stimuli, parts=parts)
+    return Session(bench, nodes=nodes, devices=bench.find(EcuTable), stimuli=stimuli)

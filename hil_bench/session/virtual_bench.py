@@ -9,16 +9,17 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Any, Self
 
+from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.ecus import ecus_of
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
+from hil_bench.errors import HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -37,9 +38,6 @@ from hil_bench.session.joined import (
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
-
-if TYPE_CHECKING:
-    from hil_bench.outside.transports.modbus.embedded import EmbeddedLink
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
@@ -108,8 +106,6 @@ class VirtualBench:
         self._recording = self._open.enter_context(
             recorded(self.session, record, self.config, is_real_time=pacer is not None)
         )
-        if (modbus := self.session.find(ModbusBinding)) is not None:
-            self.session.watch(ticks=modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
         for part in self.config.parts:
             self._open.enter_context(part.attached(self.session, self.config))
@@ -257,34 +253,14 @@ class VirtualBench:
         for observe in self.observers:
             observe(time)
 
-    def modbus_link(self, framing: object, *, is_serial: bool = False) -> "EmbeddedLink":
-        """Return a link for `hil_drivers.modbus.ModbusClient` to this bench.
-
-        Args:
-            framing: the client's, as `hil_drivers.modbus.framing.TcpFraming`.
-            is_serial: whether its frames are those of RTU.
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any ability
+        """Return a method that an ability brings, as `modbus_link`.
 
         Raises:
-            ConfigError: the bench has no Modbus server.
+            AttributeError: none brings this one.
         """
-        from hil_bench.outside.transports.modbus.embedded import EmbeddedLink  # noqa: PLC0415 - an extra
-        from hil_bench.outside.transports.modbus.register_server import RegisterServer  # noqa: PLC0415
-
-        modbus = self.session.find(ModbusBinding)
-        if modbus is None:
-            raise ConfigError("modbus: there is no such table; give [modbus]")
-        plan, period = modbus.plan, self.config.tick_ns * 1e-9
-        server = RegisterServer(
-            plan.units,
-            plan.rows,
-            plan.mailbox,
-            self.now,
-            default_unit=plan.server.default_unit,
-        )
-        return EmbeddedLink(
-            server,
-            self.run,
-            period,
-            framing=framing,
-            is_serial=is_serial,
-        )
+        for ability in own_abilities() if not name.startswith("_") else ():
+            if place := ability.bench_methods.get(name):
+                method: Any = load(place)
+                return partial(method, self)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")

@@ -9,8 +9,8 @@ from tempfile import mkdtemp
 import hil_drivers.node
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.conformance.eds_check import check_eds
+from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.stored_parameters import StoredParameters

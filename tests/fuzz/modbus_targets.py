@@ -1,9 +1,9 @@
 """Modbus clients of the server: whatever they send, nothing is raised and the others are served."""
 
 from fuzz.script import Script
-from unit.transports.modbus.conftest import Rig
+from unit.modbus.server.conftest import Rig
 
-from hil_bench.outside.transports.modbus.session import (
+from hil_bench.abilities.modbus.server.session import (
     BACKLOG,
     ModbusSession,
     serial_session,

@@ -5,8 +5,8 @@ import threading
 
 from support.bus_side import BusSide
 
+from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.modbus_binding import ModbusBinding
 
 
 def make_binding(tmp_path, port=0, extra=""):

@@ -24,23 +24,23 @@ from support.modbus_traffic import (
 )
 from support.virtual_loop import VirtualLoop
 
-from hil_bench.outside.modbus.data_types import DATA_TYPES
-from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
-from hil_bench.outside.modbus.mailbox import Mailbox
-from hil_bench.outside.modbus.register_map import (
+from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
+from hil_bench.abilities.modbus.protocol.exchange import BoundRegister, Exchange
+from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
+from hil_bench.abilities.modbus.protocol.register_map import (
     DeviceIdentification,
     Register,
     RegisterAccess,
     RegisterMap,
     Table,
 )
-from hil_bench.outside.modbus.server_config import ServerConfig
-from hil_bench.outside.modbus.unit_image import UnitImage
+from hil_bench.abilities.modbus.protocol.server_config import ServerConfig
+from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
+from hil_bench.abilities.modbus.server import process
+from hil_bench.abilities.modbus.server.complaints import Complaints
+from hil_bench.abilities.modbus.server.register_server import RegisterServer
+from hil_bench.abilities.modbus.server.session import BACKLOG
 from hil_bench.outside.transports import socketcand_hub
-from hil_bench.outside.transports.modbus import process
-from hil_bench.outside.transports.modbus.complaints import Complaints
-from hil_bench.outside.transports.modbus.register_server import RegisterServer
-from hil_bench.outside.transports.modbus.session import BACKLOG
 from hil_bench.outside.transports.socketcand_hub import Hub
 
 MODBUS, HUB = 502, 29536

@@ -4,6 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "demo",
+    needs=("modbus",),
     verbs={
         "demo": Verb(
             "start",

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=("commissioning", "controllers", "eyes"),
+    needs=("commissioning", "controllers", "eyes", "modbus"),
     verbs={
         "test": Verb(
             "test",

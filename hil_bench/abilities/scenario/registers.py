@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hil_bench.bench.modbus_binding import BoundUnit, ModbusBinding
+from hil_bench.abilities.modbus.binding import BoundUnit, ModbusBinding
+from hil_bench.abilities.modbus.protocol.exceptions import ModbusException
+from hil_bench.abilities.modbus.protocol.exchange import BoundRegister
+from hil_bench.abilities.modbus.protocol.register_map import RegisterAccess
 from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.outside.modbus.exceptions import ModbusException
-from hil_bench.outside.modbus.exchange import BoundRegister
-from hil_bench.outside.modbus.register_map import RegisterAccess
 from hil_bench.session.commands import Controls
 from hil_bench.units import ONE
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.scenario.dimensions import dimension_of, show_dimension
 from hil_bench.abilities.scenario.registers import (
     MODBUS,
@@ -16,7 +17,6 @@ from hil_bench.abilities.scenario.registers import (
 )
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.ecus import EcuHandle, ecus_of
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
@@ -130,7 +130,7 @@ class Targets:
         self._axes = {axis.name: axis for axis in session.bench.axes}
         self._configs = {node.name: node for node in config.nodes}
         self._nodes = dict(zip(self._configs, session.bench.nodes, strict=True))
-        self._registers = name_registers(session.find(ModbusBinding))
+        self._registers = name_registers(session.bench.find(ModbusBinding))
         self._ecus = ecus_of(session.bench)
         self._ecu_configs = {ecu.name: ecu for ecu in config.ecus}
 

@@ -5,10 +5,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
+from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.registers import MODBUS
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
-from hil_bench.bench.configuration import BenchConfig, FaultConfig, ModbusUnitConfig
+from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
 from hil_bench.devices.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
@@ -140,7 +141,8 @@ def _faults(
 
 
 def _units(config: BenchConfig) -> Iterable[ModbusUnitConfig]:
-    return config.modbus.units if config.modbus is not None else ()
+    modbus = config.of(ModbusConfig)
+    return modbus.units if modbus is not None else ()
 
 
 def _names(names: Iterable[str], start: str) -> bool:

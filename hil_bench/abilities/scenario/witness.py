@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.scenario.ecu_readings import ecu_names, ecu_reader
 from hil_bench.abilities.scenario.registers import RegisterTarget, name_registers, name_shared
 from hil_bench.abilities.scenario.sliding import Floats
@@ -15,7 +16,6 @@ from hil_bench.abilities.scenario.vocabulary import EMCY, FRAME, Vocabulary
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.ecus import ecus_of
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
@@ -45,7 +45,7 @@ def bench_vocabulary(
     bench = session.bench
     names = tuple(node.name for node in config.nodes)
     signals = {channel.name: channel.unit for channel in session.channels}
-    registers = name_registers(session.find(ModbusBinding))
+    registers = name_registers(session.bench.find(ModbusBinding))
     signals |= {name: each.entry.register.unit.symbol for name, each in registers.items()}
     states: dict[str, Mapping[str, int]] = {f"{name}.nmt": _NMT_STATES for name in names}
     for name, node, fitting in zip(names, bench.nodes, bench.fittings, strict=True):
@@ -85,7 +85,7 @@ class Witness:
         self._rows: list[list[float]] = []
         self._heard: set[str] = set()
         self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
-        self._registers = name_registers(session.find(ModbusBinding))
+        self._registers = name_registers(session.bench.find(ModbusBinding))
         self._buses = number_buses(config)
         self._names = sorted(names)
         places = {channel.name: number for number, channel in enumerate(session.channels, 1)}

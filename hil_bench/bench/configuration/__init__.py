@@ -6,8 +6,6 @@ from hil_bench.bench.configuration.records import (
     BenchConfig,
     BusConfig,
     FaultConfig,
-    ModbusConfig,
-    ModbusUnitConfig,
 )
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
@@ -22,8 +20,6 @@ __all__ = [
     "BenchConfig",
     "BusConfig",
     "FaultConfig",
-    "ModbusConfig",
-    "ModbusUnitConfig",
     "NodeConfig",
     "Origin",
     "OverrunPolicy",

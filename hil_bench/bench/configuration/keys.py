@@ -31,7 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.units import MILLISECOND
 
-TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes", "j1939", "modbus", "faults")
+TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes", "j1939", "faults")
 
 
 REALTIME_KEYS = (

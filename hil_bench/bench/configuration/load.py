@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_bench.ability import table_sections
+from hil_bench.ability import own_tables, table_sections
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.ecus import EcusSection
@@ -12,7 +12,6 @@ from hil_bench.bench.configuration.eds_findings import warn_of_nodes
 from hil_bench.bench.configuration.faults import FaultsSection
 from hil_bench.bench.configuration.keys import TABLES
 from hil_bench.bench.configuration.loop import LoopSection
-from hil_bench.bench.configuration.modbus import ModbusSection
 from hil_bench.bench.configuration.nodes import needs_axis
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import BenchConfig
@@ -59,9 +58,11 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     """
     file = _choose_file(path)
     document = merge(read_document(file, Sort.BENCH) if file else {}, tables or {})
+    if modbus:
+        document = {"modbus": {}, **document}
     problems = Problems(str(file) if file else "built-in bench")
     special = table_sections([name for name in document if name not in TABLES])
-    check_tables(document, (*TABLES, *special), problems)
+    check_tables(document, (*TABLES, *own_tables(), *special), problems)
     base = file.parent if file else Path()
     on_bus = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
@@ -70,13 +71,22 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     axes = AxesSection(document, bench, supplies, base, problems, default=needs_axis(document))
     ecus = EcusSection(document, axes, base, problems)
     nodes = NodesSection(document, buses, axes, ecus, base, problems)
-    served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
+    behind_nodes = {
+        name: make(document, buses.names, base, problems, nodes.nodes)
+        for name, make in special.items()
+        if getattr(make, "of_nodes", False)
+    }
     failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)
-    parts = [make(document, buses.names, base, problems) for make in special.values()]
-    sections = (bench, buses, supplies, axes, ecus, nodes, served, failing, *parts)
+    others = {
+        name: make(document, buses.names, base, problems)
+        for name, make in special.items()
+        if name not in behind_nodes
+    }
+    own = (bench, buses, supplies, axes, ecus, nodes)
+    sections = (*own, *behind_nodes.values(), failing, *others.values())
     found = build_sections(sections, problems)
     warn_of_nodes(nodes.nodes)
-    built = tuple(found.pop(name) for name in special)
+    built = tuple(found.pop(name) for name in (*behind_nodes, *others))
     return BenchConfig(path=file, parts=built, **found)
 
 

@@ -1,19 +1,16 @@
 """The resolved configuration: frozen records, SI inside, checked while they were loaded."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from hil_bench.config.settings import Setting
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
-from hil_bench.outside.modbus.data_types import WordOrder
-from hil_bench.outside.modbus.register_map import Holes, RegisterMap
-from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.outside.wire.config import WireConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
@@ -49,44 +46,6 @@ class BusConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class ModbusUnitConfig:
-    """One device as Modbus clients see it.
-
-    Attributes:
-        name: the unit, as in ``[modbus.units.NAME]``.
-        node: the name of the node that it shows.
-        unit_id: its address, 1 to 247.
-        register_map: what stands where.
-        commands: whether clients may command the device.
-        word_order: takes the place of the map's own, None where it does not.
-        watchdog: of a valve, longest time between two commands at power-on [s]; 0 for any.
-        holes: what an address is where the map has nothing.
-    """
-
-    name: str
-    node: str
-    unit_id: int
-    register_map: RegisterMap
-    commands: bool
-    word_order: WordOrder | None
-    watchdog: float
-    holes: Holes
-
-
-@dataclass(frozen=True, slots=True)
-class ModbusConfig:
-    """The Modbus server.
-
-    Attributes:
-        server: where it is found.
-        units: the devices, each with its unit-ID.
-    """
-
-    server: ServerConfig
-    units: tuple[ModbusUnitConfig, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class FaultConfig:
     """A fault that happens by itself.
 
@@ -116,7 +75,44 @@ class Part(Protocol):
         """Return the part at work on a session, from before its first tick to its end."""
 
 
-PartT = TypeVar("PartT", bound=Part)
+@runtime_checkable
+class Joining(Protocol):
+    """A `Part` that is there from the building of the bench on."""
+
+    def extension(self, config: "BenchConfig", bench: Any) -> Any:  # noqa: ANN401 - of layers above
+        """Return the extension that joins the bench; `ConfigError` where it does not fit."""
+
+
+class Served(Protocol):
+    """The open ends of a `Serving` part in a run.
+
+    Attributes:
+        lines: on where it is found, at the start of the run.
+        helpers: its processes, each a `hil_bench.cli.helpers.Helper`.
+    """
+
+    @property
+    def lines(self) -> Sequence[str]: ...  # noqa: D102 - see above
+
+    @property
+    def helpers(self) -> Sequence[Any]: ...  # noqa: D102
+
+
+@runtime_checkable
+class Serving(Protocol):
+    """A `Part` that serves others in real time, by processes beside the loop.
+
+    Attributes:
+        no_lockstep: why it cannot do so in lock-step, and what to leave out.
+    """
+
+    no_lockstep: str
+
+    def served(self, session: Any, config: "BenchConfig") -> AbstractContextManager[Served]:  # noqa: ANN401
+        """Return the part at work on a session that runs by the clock, in place of `attached`."""
+
+
+PartT = TypeVar("PartT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +129,6 @@ class BenchConfig:
         bus: the first CAN bus, and mostly the only one.
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
-        modbus: the Modbus server, None for none.
         faults: the faults, in the order of the file, those of the command line last.
         further_buses: the other buses by their names, in the order of the file.
         settings: every value as a person writes it, with its origin.
@@ -153,7 +148,6 @@ class BenchConfig:
     bus: BusConfig
     axes: tuple[AxisConfig, ...]
     nodes: tuple[NodeConfig, ...]
-    modbus: ModbusConfig | None
     settings: tuple[Setting, ...]
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     faults: tuple[FaultConfig, ...] = ()

@@ -65,7 +65,8 @@ def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch, sensors):
 @pytest.fixture
 def no_extra(monkeypatch):
     """Leave the extra for Modbus out."""
-    monkeypatch.setattr("hil_bench.cli.modbus_side.importlib.util.find_spec", lambda _name: None)
+    module = "hil_bench.abilities.modbus.serving"
+    monkeypatch.setattr(f"{module}.importlib.util.find_spec", lambda _name: None)
 
 
 def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys, monkeypatch):

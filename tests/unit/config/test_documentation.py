@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.axes import KIND_KEY
@@ -20,7 +22,6 @@ from hil_bench.bench.configuration.keys import (
     WIRE_KEYS,
     node_keys,
 )
-from hil_bench.bench.configuration.modbus import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
@@ -166,7 +167,7 @@ def test_the_example_of_two_axes_loads() -> None:
 
 
 def test_the_example_with_modbus_serves_all_devices() -> None:
-    modbus = load_config(ROOT / "examples" / "modbus.toml").modbus
+    modbus = load_config(ROOT / "examples" / "modbus.toml").of(ModbusConfig)
     assert modbus is not None
     assert [(unit.node, unit.unit_id, unit.commands) for unit in modbus.units] == [
         ("valve", 1, True),

@@ -6,17 +6,23 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.bench.configuration import ModbusConfig, Origin, load_config
+from hil_bench.abilities.modbus.protocol.data_types import WordOrder
+from hil_bench.abilities.modbus.protocol.register_map import Holes, RegisterAccess, Table
+from hil_bench.abilities.modbus.protocol.server_config import (
+    Parity,
+    SerialConfig,
+    ServerConfig,
+    TlsConfig,
+)
+from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.data_types import WordOrder
-from hil_bench.outside.modbus.register_map import Holes, RegisterAccess, Table
-from hil_bench.outside.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 
 Write = Callable[[str], Path]
 
 
 def load(path: Path) -> ModbusConfig:
-    config = load_config(path).modbus
+    config = load_config(path).of(ModbusConfig)
     assert config is not None
     return config
 
@@ -28,12 +34,12 @@ def problems(path: Path) -> list[str]:
 
 
 def test_without_the_table_there_is_no_server() -> None:
-    assert load_config().modbus is None
+    assert load_config().of(ModbusConfig) is None
 
 
 @pytest.mark.parametrize("text", ["[modbus]\n", ""])
 def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
-    config = load_config(write(text), modbus=True).modbus
+    config = load_config(write(text), modbus=True).of(ModbusConfig)
     assert config is not None
     units = [(unit.unit_id, unit.name, unit.node, unit.commands) for unit in config.units]
     assert units == [

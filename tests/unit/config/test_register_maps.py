@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.bench.configuration.register_maps import load_register_map
-from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.data_types import DATA_TYPES, WordOrder
-from hil_bench.outside.modbus.register_map import (
+from hil_bench.abilities.modbus.map_files import load_register_map
+from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES, WordOrder
+from hil_bench.abilities.modbus.protocol.register_map import (
     DeviceIdentification,
     Register,
     RegisterAccess,
     Table,
 )
+from hil_bench.errors import ConfigError
 from hil_bench.units import BAR, ONE
 
 Write = Callable[[str], Path]

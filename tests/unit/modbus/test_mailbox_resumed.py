@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.outside.modbus.assignment import Assignment
-from hil_bench.outside.modbus.mailbox import SLOTS, Mailbox
+from hil_bench.abilities.modbus.protocol.assignment import Assignment
+from hil_bench.abilities.modbus.protocol.mailbox import SLOTS, Mailbox
 
 
 def answered(box, count):

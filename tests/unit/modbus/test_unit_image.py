@@ -4,10 +4,10 @@ import pickle
 
 import pytest
 
-from hil_bench.outside.modbus.assignment import Assignment
-from hil_bench.outside.modbus.data_types import DATA_TYPES
-from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.outside.modbus.register_map import (
+from hil_bench.abilities.modbus.protocol.assignment import Assignment
+from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
+from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
+from hil_bench.abilities.modbus.protocol.register_map import (
     DeviceIdentification,
     Holes,
     Register,
@@ -15,8 +15,8 @@ from hil_bench.outside.modbus.register_map import (
     RegisterMap,
     Table,
 )
-from hil_bench.outside.modbus.rivals import find_rivals
-from hil_bench.outside.modbus.unit_image import UnitImage
+from hil_bench.abilities.modbus.protocol.rivals import find_rivals
+from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
 from hil_bench.units import BAR, MILLISECOND
 
 FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]

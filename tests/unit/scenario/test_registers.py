@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.modbus.binding import ModbusBinding
+from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
+from hil_bench.abilities.modbus.protocol.register_map import Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.on_machine import prepare_for_machine
 from hil_bench.abilities.scenario.registers import name_registers
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.data_types import DATA_TYPES
-from hil_bench.outside.modbus.register_map import Register, Table
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_bench.units import BAR
@@ -247,7 +247,7 @@ def test_a_row_observer_sees_what_clients_read_of_the_tick(tmp_path):
     path.write_text(COMMANDS)
     seen = []
     with VirtualBench(load_config(path)) as bench:
-        modbus = bench.session.find(ModbusBinding)
+        modbus = bench.session.bench.find(ModbusBinding)
         registers = name_registers(modbus)
         place = list(registers).index("modbus.valve.sample")
         entries = [each.entry for each in registers.values()]

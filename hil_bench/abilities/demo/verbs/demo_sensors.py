@@ -4,7 +4,8 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
-from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig, NodeConfig
+from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.members import Members
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.rotary_encoder_406 import RotaryEncoderConfig
@@ -130,7 +131,8 @@ def the_unit(config: BenchConfig, node: NodeConfig) -> ModbusUnitConfig:
     Raises:
         ConfigError: there is none.
     """
-    for unit in config.modbus.units if config.modbus else ():
+    modbus = config.of(ModbusConfig)
+    for unit in modbus.units if modbus else ():
         if unit.node == node.name:
             return unit
     raise ConfigError(f"no [modbus.units.NAME] shows nodes.{node.name}; the demo needs one")

@@ -1,0 +1,74 @@
+"""Two units, the rows that they show, and the loop's end of the mailbox."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
+from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
+from hil_bench.abilities.modbus.protocol.register_map import (
+    DeviceIdentification,
+    Register,
+    RegisterAccess,
+    RegisterMap,
+    Table,
+)
+from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
+from hil_bench.abilities.modbus.server.register_server import RegisterServer
+
+MAP = RegisterMap(
+    "map.toml",
+    "pressure_404",
+    DeviceIdentification("maker", "PT-1", "1.0"),
+    (
+        Register(
+            name="value",
+            table=Table.INPUT_REGISTERS,
+            address=0,
+            source="value",
+            data_type=DATA_TYPES["int32"],
+        ),
+        Register(
+            name="offset",
+            table=Table.HOLDING_REGISTERS,
+            address=0,
+            source="offset",
+            data_type=DATA_TYPES["int16"],
+            access=RegisterAccess.WRITE,
+        ),
+    ),
+)
+
+
+class Rig:
+    """A server, the loop that feeds it, and the time."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.row = SimpleNamespace(sequence=1, values=(65538.0, 7.0, -1.0, 8.0))
+        self.mailbox = Mailbox()
+        units = {1: UnitImage(MAP, 0, commands=True), 2: UnitImage(MAP, 2, commands=True)}
+        self.server = RegisterServer(units, self, self.mailbox, lambda: self.now)
+
+    def read(self):
+        return self.row
+
+    def tick(self, *values, code=0):
+        """One tick of the loop: obey an order, publish."""
+        order = self.mailbox.take()
+        if order is not None:
+            self.mailbox.answer(order.number, code)
+        sequence = self.row.sequence + 1 if self.row else 1
+        self.row = SimpleNamespace(sequence=sequence, values=values or self.row.values)
+        return order
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+@pytest.fixture(scope="session")
+def make_rig():
+    """Makes a new one for each example of a property."""
+    return Rig

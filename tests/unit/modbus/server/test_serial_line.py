@@ -1,0 +1,126 @@
+"""A line over a pseudo-terminal."""
+
+import asyncio
+import os
+import tty
+
+import pytest
+
+from hil_bench.abilities.modbus.protocol.server_config import Parity, SerialConfig
+from hil_bench.abilities.modbus.server import serial_line
+from hil_bench.abilities.modbus.server.framing import crc16
+from hil_bench.abilities.modbus.server.serial_line import SerialLine, open_serial
+from hil_bench.errors import BusError
+
+READ = bytes.fromhex("01 04 0000 0002")
+ANSWER = bytes.fromhex("01 04 04 0001 0002")
+
+
+def framed(body):
+    return body + crc16(body)
+
+
+def config(port="pty"):
+    return SerialConfig(port, 19200, Parity.EVEN, 1)
+
+
+def on_line(rig, scenario):
+    async def run():
+        line = SerialLine(config(), rig.server)
+        client = os.open(line.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        tty.setraw(client)
+        try:
+            return await scenario(client, line)
+        finally:
+            line.close()
+            os.close(client)
+
+    return asyncio.run(run())
+
+
+async def receive(client, size):
+    data = b""
+    while len(data) < size:
+        await asyncio.sleep(0)
+        try:
+            data += os.read(client, size - len(data))
+        except BlockingIOError:
+            continue
+    return data
+
+
+def test_a_request_is_answered(rig):
+    async def scenario(client, _line):
+        os.write(client, framed(READ))
+        return await receive(client, 9)
+
+    assert on_line(rig, scenario) == framed(ANSWER)
+
+
+def test_silence_ends_a_request_that_lost_bytes(rig):
+    async def scenario(client, line):
+        whole = framed(bytes.fromhex("01 10 0000 0002 04 00010002"))
+        os.write(client, whole[:-3])
+        while not line._session._buffer:
+            await asyncio.sleep(0)
+        while line._session._buffer:
+            await asyncio.sleep(0)
+        os.write(client, framed(READ))
+        return await receive(client, 9)
+
+    assert on_line(rig, scenario) == framed(ANSWER)
+
+
+def test_a_port_that_is_not_there_is_a_line(tmp_path):
+    with pytest.raises(BusError, match=r"modbus serial port .*nothing: cannot be opened: .*; give"):
+        open_serial(config(str(tmp_path / "nothing")))
+
+
+def test_a_port_is_opened_as_configured(rig):
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    name = os.ttyname(theirs)
+
+    async def run():
+        line = SerialLine(config(name), rig.server)
+        assert line.name == name
+        os.write(ours, framed(READ))
+        answer = await receive(ours, 9)
+        line.close()
+        return answer
+
+    try:
+        assert asyncio.run(run()) == framed(ANSWER)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_port_that_is_lost_is_tried_again(rig, monkeypatch, tmp_path):
+    monkeypatch.setattr(serial_line, "RETRY", 0.0)
+    ours, theirs = os.openpty()
+    name = os.ttyname(theirs)
+    os.close(theirs)
+
+    async def run(link):
+        link.symlink_to(name)
+        line = SerialLine(config(str(link)), rig.server)
+        os.close(ours)  # the adapter is pulled out
+        link.unlink()
+        while line._device is not None:
+            await asyncio.sleep(0)
+        again, its_end = os.openpty()
+        tty.setraw(its_end)
+        os.set_blocking(again, False)
+        link.symlink_to(os.ttyname(its_end))
+        while line._device is None:
+            await asyncio.sleep(0)
+        os.write(again, framed(READ))
+        answer = await receive(again, 9)
+        line.close()
+        os.close(again)
+        os.close(its_end)
+        return answer
+
+    assert asyncio.run(run(tmp_path / "port")) == framed(ANSWER)

@@ -122,8 +122,8 @@ TESTS: Final = {
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),
-        *_tests("transports/modbus", "pdu framing session readers register_server connections"),
-        *_tests("modbus_binding", "control values"),
+        *_tests("modbus/server", "pdu framing session readers register_server connections"),
+        *_tests("modbus/binding", "control values"),
     ],
     # The area of limits spans packages, so each of its modules has its own.
     "hil_bench/canopen_device/object_dictionary.py": [

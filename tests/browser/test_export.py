@@ -7,6 +7,8 @@ from xml.etree import ElementTree as ET
 import pytest
 from PIL import Image
 
+from hil_bench.devices.faults.faults import Faults
+
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
 
@@ -18,7 +20,7 @@ def scope(page, bench):
     scope = page.locator("#view-scope")
     expect(scope.locator(".legend-item output").first).to_have_text("0.00")
     page.wait_for_function("() => hilBench.model.hello")
-    bench.session.bench.faults.break_wire("position", duration=0.1)
+    bench.session.bench.part(Faults).break_wire("position", duration=0.1)
     expect(scope.locator(".events tr").filter(has_text="error reset")).to_be_visible()
     scope.get_by_role("button", name="set A").click()
     scope.get_by_role("button", name="set B").click()

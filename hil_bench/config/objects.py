@@ -3,6 +3,7 @@
 import re
 import zlib
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from hil_bench.canopen_device.eds_checks import find_faults
@@ -55,6 +56,7 @@ def parse_object(name: object) -> tuple[int, int]:
     return int(match["index"], 16), int(match["sub"] or "0", 16)
 
 
+@lru_cache(maxsize=8192)
 def name_object(index: int, subindex: int) -> str:
     """Return the name of an object, as in ``0x1400.05``."""
     return f"0x{index:04X}.{subindex:02X}"

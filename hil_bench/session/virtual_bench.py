@@ -99,7 +99,8 @@ class VirtualBench:
         self.observers: list[Callable[[float], None]] = []
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
         self._recorder = ChannelRecorder(self.session.channels, rows)
-        self.session.watch(frames=self._log, rows=self._recorder.append)
+        log = self._log if logged_frames else None
+        self.session.watch(frames=log, rows=self._recorder.append)
         if isinstance(record, (str, Path)):
             record = RecordingWish((record,))
         self._open = ExitStack()

@@ -82,6 +82,7 @@ class Desk:
         self._config, self._session, self._scratch = config, session, scratch
         self._numbers = [list(bench.buses).index(name) for name in config.buses]
         self._places = {number: place for place, number in enumerate(self._numbers)}
+        self._is_on_all = self._numbers == list(range(len(bench.buses)))
         self._inbox: list[TimedFrame] = []
         self._own: list[Frame] = []
         self._starts = 0
@@ -141,9 +142,10 @@ class Desk:
             raise ControllerError(f"{self.place}{error}") from error
         if not sent:
             return ()
-        outside = [TimedFrame(time, self._to_bench(frame)) for time, frame in sent]
-        self._own += [frame for _, frame in outside]
-        return sorted(outside, key=_TIME)
+        if not self._is_on_all or any(frame.bus for _, frame in sent):
+            sent = [TimedFrame(time, self._to_bench(frame)) for time, frame in sent]
+        self._own += [frame for _, frame in sent]
+        return sorted(sent, key=_TIME)
 
     def switch_off(self, *, at_once: bool = False) -> None:
         """End the controller; a second call does nothing.
@@ -174,7 +176,8 @@ class Desk:
         self.ending = ""
         self._starts += 1
         scratch = self._scratch / str(self._starts)
-        scratch.mkdir(parents=True)
+        if self._config.kind.uses_files:
+            scratch.mkdir(parents=True)
         surroundings = self._surroundings._replace(scratch=scratch)
         self._controller = self._config.kind.build(self._config.settings, surroundings)
         # At first it gets power with the bench, and hears it boot; later it was without.
@@ -197,6 +200,9 @@ class Desk:
                 own.remove(frame)
             elif frame.bus in places:
                 inbox.append(TimedFrame(time, self._to_own(frame)))
+        if self._is_on_all:
+            inbox += [TimedFrame(time, frame) for frame in sent]
+            return
         for frame in sent:
             if frame.bus in places:
                 inbox.append(TimedFrame(time, self._to_own(frame)))

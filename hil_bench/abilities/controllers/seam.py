@@ -97,7 +97,8 @@ class Surroundings(NamedTuple):
         name: of the controller, as in ``[controllers.NAME]``.
         place: how messages name its table.
         folder: from which relative paths count.
-        scratch: an empty folder of its own, which goes when the run is over.
+        scratch: an empty folder of its own, which goes when the run is over; not there for a kind
+            that uses no files.
         buses: the names of its buses, in the order in which its frames count them.
         config: of the bench.
         values: the parameters of the scenario by their names, in their own units.
@@ -130,6 +131,7 @@ class ControllerKind(ABC):
         name: as in ``kind = "NAME"`` of ``[controller]``.
         summary: one line on what it runs.
         keys: of its table, beside ``kind`` and ``buses``.
+        uses_files: whether it needs `Surroundings.scratch`; without it no folder is made.
         is_clock: whether its SYNC is its clock, so that it needs `Surroundings.serve`, and buses
             on which frames take no time.
         can_branch: whether a run that it drives may be copied with its process: its controllers
@@ -140,6 +142,7 @@ class ControllerKind(ABC):
     name: str
     summary: str
     keys: tuple[Key, ...] = ()
+    uses_files: bool = True
     is_clock: bool = False
     can_branch: bool = False
 

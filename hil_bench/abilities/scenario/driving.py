@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TypeGuard
 
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
@@ -120,7 +121,9 @@ def driver_of(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Runne
         each.name: each.unit.from_si(prepared.parameters[each.name]) for each in scenario.parameters
     }
     with ExitStack() as stack:
-        scratch = stack.enter_context(scratch_folder())
+        scratch = Path()
+        if chosen.kind.uses_files:
+            scratch = stack.enter_context(scratch_folder())
         desks = Desks([chosen], bench.session, prepared.config, scratch, values)
         stack.callback(desks.close)
         commands = [step.command for step in scenario.steps if _is_for_it(step)]

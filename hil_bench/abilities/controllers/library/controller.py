@@ -115,20 +115,14 @@ class LibraryController:
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let it live until a moment; see `Controller`."""
         sent: list[TimedFrame] = []
+        pack = _FRAME.pack_into
         for start in range(0, len(received) or 1, _ROOM):
             part = received[start : start + _ROOM]
-            for place, (time, frame) in enumerate(part):
-                flags = frame.is_extended * _EXTENDED | frame.is_remote * _REMOTE
-                _FRAME.pack_into(
-                    self._received,
-                    place * _FRAME.size,
-                    time,
-                    frame.can_id,
-                    frame.bus,
-                    len(frame.data),
-                    flags,
-                    frame.data,
-                )
+            place = 0
+            for time, (can_id, data, is_remote, is_extended, bus) in part:
+                flags = is_extended * _EXTENDED | is_remote * _REMOTE
+                pack(self._received, place, time, can_id, bus, len(data), flags, data)
+                place += _FRAME.size
             places = self._places
             state = self._advance(
                 self._instance, until, places[0], len(part), places[1], _ROOM, self._counted

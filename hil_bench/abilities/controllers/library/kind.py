@@ -35,6 +35,7 @@ class LibraryKind(ControllerKind):
 
     name = "library"
     summary = "a shared library with the functions of hil_controller.h"
+    uses_files = False
     keys = (
         Key("library", text, example='"build/libaxis.so"'),
         Key("settings", settings_table, {}),

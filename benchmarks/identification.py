@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from hil_bench.abilities.identification.unknowns import KINDS
 from scipy.stats import binomtest
 
 import occasion
@@ -32,7 +33,6 @@ from hil_bench.abilities.analysis.simulation import Setup, simulate
 from hil_bench.abilities.analysis.study import make_table
 from hil_bench.abilities.identification.identify import identify
 from hil_bench.abilities.identification.record import SIGNALS, AxisRecord
-from hil_bench.abilities.identification.unknowns import KINDS
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from hil_bench.abilities.identification.unknowns import KINDS
 
 import occasion
 from hil_bench.abilities.analysis.simulation import Setup, simulate
@@ -23,7 +24,6 @@ from hil_bench.abilities.analysis.study import make_table
 from hil_bench.abilities.identification.identify import Identification, identify
 from hil_bench.abilities.identification.record import AxisRecord, join_records
 from hil_bench.abilities.identification.report import find_misses
-from hil_bench.abilities.identification.unknowns import KINDS
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,

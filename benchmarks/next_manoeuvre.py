@@ -14,6 +14,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from hil_bench.abilities.identification.unknowns import KINDS, Unknowns
 
 import occasion
 from hil_bench.abilities.commissioning.plan import Limits
@@ -22,7 +23,6 @@ from hil_bench.abilities.identification.design.choosing import Designer
 from hil_bench.abilities.identification.design.foresight import Foresight
 from hil_bench.abilities.identification.design.twin import Twin
 from hil_bench.abilities.identification.identify import identify
-from hil_bench.abilities.identification.unknowns import KINDS, Unknowns
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters

@@ -1,333 +1,341 @@
-"""The fit: from rough and quick to fine, so that it finds its way from far off."""
+"""Output error over whole strokes: the plant beside the record, and SciPy's least squares."""
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from time import monotonic
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.loss import KNEE
-from hil_bench.abilities.identification.pieces import Pieces, cut_pieces
-from hil_bench.abilities.identification.polish import MOST_STEPS, Optimum, Polish
-from hil_bench.abilities.identification.record import AxisRecord
-from hil_bench.abilities.identification.shooting import Shooting
-from hil_bench.abilities.identification.smoothing import smooth_states
-from hil_bench.abilities.identification.stages import FINE, LONGER, ROUGH, Stage
-from hil_bench.abilities.identification.uncertainty import (
-    Evidence,
-    find_colour,
-    find_covariance,
-    find_information,
-    invert,
-)
-from hil_bench.abilities.identification.unknowns import Unknowns
-from hil_bench.errors import ConfigError
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.abilities.identification.machine import Running, Template, Unknown, read_values
+from hil_bench.abilities.identification.record import FLOORS
+from hil_bench.abilities.identification.sensing import Sensors, sense
+from hil_bench.abilities.identification.strokes import Course, Stroke
+from hil_bench.errors import ConfigError, ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course
+from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 
 Values = npt.NDArray[np.float64]
-Report = Callable[[str], None]
-"""Takes a few words on what has just been done."""
+Cuts = list[npt.NDArray[np.int64]]
 
-_FEWEST_PIECES = 8
-_ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
-WAYS = 2
-"""Starts that are followed to the end in any case: do they end at the same place?"""
-
-_REFINED = 3  # of the candidates
-_STRANGE = 1.3  # times the median residual: a piece that the model does not explain
-_SETTLED = 1e-5  # relative gain of a step of the starts: the polish moves them on
-_RELAYS = 2  # of a badly fitting piece's start from the piece before
-_LEAST_RESIDUAL = 0.5  # of the noise: no record is believed to be better than that
-_MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
+_AWFUL = 1e3  # scales: what a run that fails counts as
+_BURNT = 0.02  # [s] at the start of a stroke that count for nothing if the piston moves then
+_SEEN = [0, 2, 3]  # x, P_A, P_B among what a course shows
+_WIDE = 5.0  # times the step for slopes where residuals are blurred
+_INDEPENDENT = 30.0  # values of a stroke
+_SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
-class Rough(NamedTuple):
-    """The end of a stage before the last.
+class Stopped(Exception):  # noqa: N818 - no error: the search ends with the best so far
+    """The time is over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The end of the time for a search.
 
     Attributes:
-        variables: the free variables.
-        cost: as `scipy.optimize.least_squares` counts it.
+        end: on the machine's monotonic clock [s]; infinite for none.
+        tick: is called often.
     """
 
+    end: float = math.inf
+    tick: Callable[[], None] = lambda: None
+
+    @property
+    def is_over(self) -> bool:
+        """Return True if the time is over."""
+        return monotonic() > self.end
+
+
+class Fit(NamedTuple):
+    """The outcome of a search.
+
+    Attributes:
+        unknowns: that were sought.
+        variables: that were found.
+        cost: at these.
+        is_whole: whether the search has come to its end.
+    """
+
+    unknowns: tuple[Unknown, ...]
     variables: Values
     cost: float
+    is_whole: bool
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values of the unknowns in their units, by name."""
+        return read_values(self.unknowns, self.variables)
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
-    """The end of a fit.
+class Bench:
+    """The plant beside the strokes of a record.
 
     Attributes:
-        optimum: of the cost.
-        covariance: of the variables, as `find_covariance` says.
-        spread: the inverse of the cost's second derivatives, for noise of the expected size.
-        residual: rms of the residuals of each signal, as a multiple of its noise, shape (3,); not
-            a number where no recording has the signal.
-        colour: the largest autocorrelation of the residuals.
-        is_white: whether it is as small as that of white noise.
-        polish: can go on from there.
+        template: of the machine.
+        course: the strokes.
+        step: of the solver at most [s].
+        scale: of each signal's residual, shape (3,) [m], [Pa].
+        jobs: runs at a time.
+        clock: the time that is left.
+        blur: over which residuals are averaged, so that no phase of a swing counts [s].
     """
 
-    optimum: Optimum
-    covariance: Values
-    spread: Values
-    residual: Values
-    colour: float
-    is_white: bool
-    polish: Polish
-
-    @property
-    def variables(self) -> Values:
-        """The free variables."""
-        return self.optimum.variables
-
-    @property
-    def whole_residual(self) -> float:
-        """Root mean square of all residuals, as a multiple of the noise."""
-        return float(np.sqrt(np.nanmean(np.square(self.residual))))
-
-
-@dataclass(frozen=True, slots=True)
-class Fitter:
-    """Fits unknowns to the part of a record that is for the fit.
-
-    Attributes:
-        record: the measurement.
-        options: of the plant.
-        step: of the plant's solver [s].
-        report: takes what has been done.
-        is_behind: whether the sensors are.
-    """
-
-    record: AxisRecord
-    options: PlantOptions
+    template: Template
+    course: Course
     step: float
-    report: Report = field(default=lambda _: None)
-    is_behind: bool = False
-    _settled: dict[int, Values] = field(default_factory=dict)  # starts of the finest pieces
-    _stuck: set[int] = field(default_factory=set)  # rows of pieces whose starts do not settle
+    scale: Values = field(default_factory=lambda: np.array([1e-3, 1e5, 1e5]))
+    jobs: int = 1
+    clock: Clock = field(default_factory=Clock)
+    blur: float = 0.0
 
-    def with_record(self, record: AxisRecord) -> "Fitter":
-        """Return the same for another noise of the record."""
-        return replace(self, record=record)
+    @property
+    def every(self) -> int:
+        """Steps of the solver between two rows."""
+        return max(1, math.ceil(self.course.record.interval / self.step - 1e-6))
 
-    def forget(self) -> None:
-        """Take all of the finest pieces again, from the smoothed measurements."""
-        self._settled.clear()
-        self._stuck.clear()
+    @property
+    def dt(self) -> float:
+        """Step of the solver [s]."""
+        return self.course.record.interval / self.every
 
-    def begin_at(self, fit: "Fit") -> None:
-        """Take all of the finest pieces again, from the starts of a fit where it has some."""
-        self.forget()
-        self._settled.update(fit.polish.shooting.starts)
+    def machine(self, values: Mapping[str, float]) -> Running:
+        """Return the machine that unknowns make; `ParameterError` where none does."""
+        return self.template.run(values, self.dt)
 
-    def retry(self) -> None:
-        """Take stuck pieces again, from where they have stuck."""
-        self._stuck.clear()
+    def setpoints(self, stroke: Stroke) -> Values:
+        """Return the set-point of each step of a stroke [m]."""
+        rows = stroke.rows
+        return np.repeat(self.course.record.setpoints[rows.start + 1 : rows.stop], self.every)
 
-    def pieces(self, stage: Stage, stroke_end: float) -> Pieces:
-        """Return the pieces of a stage.
+    def cuts(self) -> Cuts:
+        """Return cuts of all strokes, still to be found."""
+        return [open_cuts(self.every * (len(one.rows) - 1)) for one in self.course.strokes]
 
-        Raises:
-            ConfigError: there are too few.
-        """
-        record, length = self.record, self.record.rows_in(stage.length)
-        pieces = cut_pieces(record, record.fitted, length, stroke_end)
-        clear = len(pieces.rows)
-        # What happens at a stop leads nowhere from far off.
-        if stage.name == FINE.name or clear < _FEWEST_PIECES:
-            pieces = cut_pieces(record, record.fitted, length, stroke_end, has_stops=True)
-        if len(pieces.rows) < _FEWEST_PIECES:
-            at_stops = len(pieces.rows) - clear
-            raise ConfigError(
-                f"the recording has {clear} pieces of {stage.length:g} s clear of the "
-                f"end stops to fit to and {at_stops} at a stop; {_FEWEST_PIECES} or more are needed"
-            )
-        return pieces.share(stage.share, stage.most)
+    def run(self, machine: Running, cuts: Cuts) -> list[Values]:
+        """Return the sensors' position, P_A and P_B in each stroke, shape (rows - 1, 3)."""
+        return [
+            self._run_stroke(machine, stroke, cut)
+            for stroke, cut in zip(self.course.strokes, cuts, strict=True)
+        ]
 
-    def shooting(self, stage: Stage, pieces: Pieces, known: PlantParameters) -> Shooting:
-        """Return pieces beside the model, as finely as a stage wants.
+    def _run_stroke(self, machine: Running, stroke: Stroke, cuts: npt.NDArray[np.int64]) -> Values:
+        setpoints = self.setpoints(stroke)
+        start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start])
+        seen = run_course(
+            machine.constants[stroke.session], start, setpoints, every=self.every, cuts=cuts
+        )[:, _SEEN]
+        if machine.delay or machine.lag:
+            whole = np.concatenate([start[np.newaxis, _SEEN], seen])[np.newaxis]
+            sensors = Sensors(position_delay=machine.delay, pressure_lag=machine.lag)
+            seen = sense(whole, self.course.record.interval, sensors, 1)[0]
+        seen = np.clip(np.nan_to_num(seen, nan=1e9), -1e9, 1e9)
+        seen[:, 1:] += machine.offsets[stroke.session]
+        return np.asarray(seen)
 
-        Args:
-            stage: of the fit.
-            pieces: of the record.
-            known: parameters from which a pressure follows that was not recorded.
-        """
-        shooting = Shooting(
-            self.record,
-            self.options,
-            pieces,
-            max(1, round(self.record.interval / self.step / stage.coarse)),
-            self.record.noise * stage.blur,
-            smooth_states(self.record, known, is_behind=self.is_behind, load=self.options.load_at),
-            KNEE if stage.name == FINE.name else np.inf,
-            self.is_behind,
+    def counts(self, stroke: Stroke) -> npt.NDArray[np.bool_]:
+        """Mark the values of a stroke that count, shape (rows - 1, 3)."""
+        rows = np.arange(stroke.rows.start + 1, stroke.rows.stop)
+        counts = self.course.record.counts_at(rows)
+        if stroke.start[1] != 0.0:
+            counts[: round(_BURNT / self.course.record.interval)] = False
+        return counts
+
+    def measured(self, stroke: Stroke) -> Values:
+        """Return the record of a stroke, shape (rows - 1, 3)."""
+        return self.course.record.measured[stroke.rows.start + 1 : stroke.rows.stop]
+
+    def deviations(self, values: Mapping[str, float]) -> list[Values]:
+        """Return model less record in each stroke, shape (rows - 1, 3); NaN for what is missing."""
+        shown = self.run(self.machine(values), self.cuts())
+        return [
+            np.where(self.counts(one), model - self.measured(one), np.nan)
+            for one, model in zip(self.course.strokes, shown, strict=True)
+        ]
+
+    def rescaled(self, values: Mapping[str, float]) -> "Bench":
+        """Return the same with the residuals of a machine as their scale, never below the noise."""
+        every = np.concatenate(self.deviations(values))
+        sizes = np.array([_robust_size(every[:, signal]) for signal in range(3)])
+        noise = np.where(np.isfinite(self.course.record.noise), self.course.record.noise, 0.0)
+        return replace(self, scale=np.maximum(np.maximum(sizes, noise), FLOORS))
+
+    def some(self, chosen: list[int]) -> "Bench":
+        """Return the same with some of the strokes."""
+        return replace(self, course=self.course.some(chosen))
+
+
+class Problem:
+    """Residuals and slopes of a bench for SciPy.
+
+    Args:
+        bench: plant and record.
+        unknowns: that are sought.
+    """
+
+    def __init__(self, bench: Bench, unknowns: Sequence[Unknown]) -> None:
+        self.bench, self.unknowns = bench, tuple(unknowns)
+        self.start = np.array([one.start for one in unknowns])
+        self.spread = np.array([one.spread for one in unknowns])
+        self._counts = [bench.counts(one) for one in bench.course.strokes]
+        self._measured = [bench.measured(one) for one in bench.course.strokes]
+        self._cuts, self._here = bench.cuts(), np.array([])
+        self._residuals = np.array([])
+        self.best: tuple[float, Values] = (math.inf, self.start)
+        self._doubt = math.sqrt(
+            max(1.0, sum(self.lengths) / (_INDEPENDENT * len(bench.course.strokes)))
         )
-        if stage.name == FINE.name:
-            shooting.resume(self._settled)
-        return shooting
 
-    def search(self, unknowns: Unknowns, starts: int, seed: int) -> Iterator[Values]:
-        """Yield the best of some random candidates, refined at the shortest pieces.
-
-        First those that were refined for a short while, the best two of them; then the best of
-        those that were refined for longer.
-
-        Args:
-            unknowns: what is sought.
-            starts: how many candidates; what is configured is the first.
-            seed: of the random generator.
-        """
-        pieces = self.pieces(ROUGH, unknowns.known.h)
-        shooting = self.shooting(ROUGH, pieces, unknowns.known)
-        candidates = list(draw_candidates(unknowns, starts, np.random.default_rng(seed)))
-        costs = []
-        for candidate in candidates:
-            guess = unknowns.guess(candidate)
-            shooting.restart()
-            shooting.settle(guess, ROUGH.enough, ROUGH.settlings)
-            costs.append(float(_soft(shooting.residuals([guess], [shooting.states])).sum()))
-            self.report("search")
-        best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
-        for stage, count in ((ROUGH, WAYS), (LONGER, 1)):
-            fits = [self.fit(unknowns, candidate, stage, pieces) for candidate in best]
-            fits.sort(key=lambda fit: fit.cost)
-            yield from (fit.variables for fit in fits[:count])
-
-    def explained(self, unknowns: Unknowns, variables: Values, every: Pieces) -> Pieces:
-        """Return the pieces less those few in which something happens that the model lacks."""
-        guess = unknowns.guess(variables)
-        shooting = self.shooting(FINE, every, guess.parameters)
-        shooting.settle(guess, _SETTLED)
-        for _ in range(_RELAYS):
-            shooting.relay(guess)
-        self._settled.update(shooting.starts)
-        misfits = shooting.misfits(guess)
-        is_steady = ~shooting.turns_on_a_hair() & ~np.isin(every.rows, [*self._stuck])
-        is_fair = is_steady & (misfits <= _STRANGE * np.median(misfits))
-        # The contact of the stop may be another than the machine's: such a piece is not missed.
-        touches = every.touching(self.record)
-        others = ~touches if not touches.all() else touches
-        for marks in (is_fair, is_steady & ~(touches & ~is_fair)):
-            if marks[others].mean() >= _MOSTLY:
-                return every.chosen(marks)
-        return every.chosen(others)
-
-    def polish(
-        self,
-        unknowns: Unknowns,
-        variables: Values,
-        pieces: Pieces,
-        most: int = MOST_STEPS,
-        near: float = 0.0,
-    ) -> Fit:
-        """Return the fit to the finest pieces that starts at `variables`, in so many steps.
-
-        The starts of the pieces are as `explained` has settled them. It ends as soon as the optimum
-        is nearer than `near` deviations.
-        """
-        polish = Polish(unknowns, self.shooting(FINE, pieces, unknowns.known))
-        optimum = polish.run(variables, lambda: self.report(FINE.name), most, near)
-        self._settled.update(polish.shooting.starts)
-        if not optimum.is_reached:
-            self._stuck.update(pieces.rows[optimum.is_stuck].tolist())
-        return _judge(polish, optimum)
-
-    def fit(self, unknowns: Unknowns, variables: Values, stage: Stage, pieces: Pieces) -> Rough:
-        """Return the fit that starts at `variables`."""
-        from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
-
-        problem = _Problem(unknowns, self.shooting(stage, pieces, unknowns.known), stage)
-        cost = np.inf
-        for _ in range(stage.rounds):
-            problem.begin(variables)
-            solution = least_squares(
-                problem.residuals,
-                variables,
-                jac=problem.slopes,
-                bounds=unknowns.bounds,
-                loss="soft_l1",
-                x_scale="jac",
-                max_nfev=_ITERATIONS,
-                ftol=stage.enough / 10.0,
-            )
-            self.report(stage.name)
-            variables = solution.x
-            is_done = solution.cost > (1.0 - stage.enough) * cost
-            is_done |= solution.cost < stage.near * len(solution.fun)
-            cost = solution.cost
-            if is_done:
-                break
-        return Rough(variables, float(cost))
-
-
-@dataclass(slots=True)
-class _Problem:
-    """The residuals of a stage before the last, as `scipy.optimize.least_squares` takes them."""
-
-    unknowns: Unknowns
-    shooting: Shooting
-    stage: Stage
-
-    def begin(self, variables: Values) -> None:
-        """Settle the starts at these variables."""
-        guess = self.unknowns.guess(variables)
-        self.shooting.settle(guess, self.stage.enough, self.stage.settlings)
+    @property
+    def lengths(self) -> list[int]:
+        """Values of each stroke among the residuals."""
+        return [int(counts.sum()) for counts in self._counts]
 
     def residuals(self, variables: Values) -> Values:
-        return np.asarray(self._of([variables])[0])
+        """Return the residuals of all strokes in their scales, then those of the expectations.
+
+        Raises:
+            Stopped: the time is over.
+        """
+        if self.bench.clock.is_over:
+            raise Stopped
+        self.bench.clock.tick()
+        self._cuts = self.bench.cuts()
+        self._here = variables.copy()
+        self._residuals = self._at(variables, self._cuts)
+        cost = float((np.sqrt(1.0 + self._residuals**2) - 1.0).sum())
+        if cost < self.best[0]:
+            self.best = (cost, variables.copy())
+        return self._residuals
 
     def slopes(self, variables: Values) -> Values:
-        steps = self.unknowns.steps * self.stage.precision
-        steps = np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
-        found = self._of([variables, *(variables + step for step in np.diag(steps))])
-        return np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
+        """Return the slopes of the residuals by the variables, shape (residuals, variables)."""
+        if not np.array_equal(variables, self._here):
+            self.residuals(variables)
+        here, cuts = self._residuals, self._cuts
+        wide = _WIDE if self.bench.blur else 1.0
+        steps = [
+            wide * one.step if variable + wide * one.step <= one.high else -wide * one.step
+            for one, variable in zip(self.unknowns, variables.tolist(), strict=True)
+        ]
+        places = [
+            variables + step * row for step, row in zip(steps, np.eye(len(steps)), strict=True)
+        ]
 
-    def _of(self, trials: Sequence[Values]) -> Values:
-        guesses = [self.unknowns.guess(trial) for trial in trials]
-        signals = self.shooting.residuals(guesses, [self.shooting.states] * len(trials))
-        expected = (np.array(trials) - self.unknowns.start) / self.unknowns.spreads
-        return np.hstack([signals, expected])
+        def slope(place: int) -> Values:
+            if self.bench.clock.is_over:
+                raise Stopped
+            self.bench.clock.tick()
+            return np.asarray((self._at(places[place], cuts) - here) / steps[place])
+
+        if self.bench.jobs == 1:
+            columns = [slope(place) for place in range(len(steps))]
+        else:
+            with ThreadPoolExecutor(self.bench.jobs) as pool:
+                columns = list(pool.map(slope, range(len(steps))))
+        return np.stack(columns, axis=1)
+
+    def _at(self, variables: Values, cuts: Cuts) -> Values:
+        # Neighbouring rows are alike: expectations count as so many independent values do.
+        expected = self._doubt * (variables - self.start) / self.spread
+        try:
+            machine = self.bench.machine(read_values(self.unknowns, variables))
+        except ParameterError:
+            return np.concatenate([np.full(sum(self.lengths), _AWFUL), expected])
+        parts = [
+            self._blurred(np.clip((model - measured) / self.bench.scale, -_AWFUL, _AWFUL), counts)
+            for model, measured, counts in zip(
+                self.bench.run(machine, cuts), self._measured, self._counts, strict=True
+            )
+        ]
+        return np.concatenate([*parts, expected])
+
+    def _blurred(self, residuals: Values, counts: npt.NDArray[np.bool_]) -> Values:
+        """Return the residuals that count, each the mean of those about it."""
+        rows = round(self.bench.blur / self.bench.course.record.interval)
+        if rows > 1:
+            from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - an extra
+
+            there = uniform_filter1d(counts.astype(np.float64), rows, axis=0)
+            residuals = uniform_filter1d(np.where(counts, residuals, 0.0), rows, axis=0)
+            residuals = residuals / np.maximum(there, 1e-9)
+        return np.asarray(residuals[counts])
 
 
-def _judge(polish: Polish, optimum: Optimum) -> Fit:
-    """Return a fit with how far it can be trusted."""
-    count = len(optimum.residuals)
-    signals = optimum.residuals[:, :-4].reshape(count, -1, 3)
-    values = polish.shooting.is_there.sum(axis=(0, 1))
-    freedom = int(values.sum()) - 4 * count - len(optimum.variables)
-    is_there = np.ones(optimum.residuals.shape, dtype=np.bool_)
-    is_there[:, :-4] = polish.shooting.is_there.reshape(count, -1)
-    evidence = Evidence(
-        optimum.residuals, optimum.slopes, polish.unknowns.spreads, freedom, is_there
-    )
-    # The starts and the variables take their share of each signal's residuals.
-    shares = np.where(values > 0, values * freedom / values.sum(), np.nan)
-    power = np.square(signals).sum(axis=(0, 1)) / shares
-    colour, limit = find_colour(signals)
-    doubt = max(1.0, _LEAST_RESIDUAL**2 / max(float(np.nanmean(power)), 1e-24))
-    covariance = doubt * find_covariance(evidence, is_white=colour <= limit)
-    spread = invert(find_information(evidence))
-    return Fit(optimum, covariance, spread, np.sqrt(power), colour, colour <= limit, polish)
+def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int) -> Fit:
+    """Seek the variables that fit best.
 
+    Args:
+        bench: plant and record.
+        unknowns: that are sought.
+        begin: variables at the start of the search.
+        rounds: evaluations at most.
 
-def draw_candidates(
-    unknowns: Unknowns, count: int, source: np.random.Generator
-) -> Iterator[Values]:
-    """Yield starts: what is configured, then random ones about it.
-
-    The bulk modulus is the one parameter that may be off by a factor of ten and more, for want of
-    a data sheet of the air in the oil; the others are drawn within some 30 %.
+    Returns:
+        The best that was found, also where the time was over.
     """
-    start = unknowns.start
-    yield start
-    lowest, highest = unknowns.bounds
-    for _ in range(count - 1):
-        reach = np.minimum(unknowns.spreads, 3.0) * np.where(unknowns.spreads > 1.0, 1.0, 0.3)
-        yield np.clip(start + reach * source.uniform(-1.0, 1.0, len(start)), lowest, highest)
+    from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
+
+    problem = Problem(bench, unknowns)
+    low = np.array([one.low for one in unknowns])
+    high = np.array([one.high for one in unknowns])
+    room = 1e-6 * (high - low)
+    is_whole = True
+    try:
+        least_squares(
+            problem.residuals,
+            np.clip(begin, low + room, high - room),
+            problem.slopes,
+            (low, high),
+            method="dogbox",
+            loss="soft_l1",
+            x_scale=problem.spread,
+            ftol=1e-4,
+            xtol=1e-5,
+            max_nfev=rounds,
+        )
+    except Stopped:
+        is_whole = False
+    cost, variables = problem.best
+    return Fit(tuple(unknowns), variables, cost, is_whole)
 
 
-def _soft(residuals: Values) -> Values:
-    """Return the cost of residuals under the loss soft_l1."""
-    return np.asarray(np.sqrt(1.0 + residuals**2) - 1.0)
+def _start(machine: Running, stroke: Stroke, setpoint: float) -> Values:
+    """Return the state at the start of a stroke: a pressure that is missing balances the other."""
+    p, options = machine.parameters, machine.options
+    x = float(np.clip(stroke.start[0], -p.h - _SUNK, p.h + _SUNK))
+    pressures = stroke.start[2:] - machine.offsets[stroke.session]
+    load = options.load_at(x)
+    if math.isnan(pressures[0]):
+        pressures[0] = (pressures[1] * p.A_B + load) / p.A_A
+    elif math.isnan(pressures[1]):
+        pressures[1] = (pressures[0] * p.A_A - load) / p.A_B
+    pressures = np.clip(pressures, -0.9 * ATMOSPHERE, 10.0 * p.P_S)
+    return np.array(
+        [x, stroke.start[1], *pressures, setpoint, 0.0, 0.0, 0.0, machine.supply, 0.0, 0.0, 0.0]
+    )
+
+
+def _robust_size(values: Values) -> float:
+    """Return the rms of values that are there, of which some may be far off."""
+    there = values[np.isfinite(values)]
+    if not len(there):
+        return 0.0
+    most = 4.0 * float(np.quantile(np.abs(there), 0.8))
+    return float(np.sqrt(np.square(np.clip(there, -most, most)).mean()))
+
+
+def require_startable(hidden: Sequence[str]) -> None:
+    """Refuse extensions whose states a start at rest does not determine.
+
+    Raises:
+        ConfigError: there are some.
+    """
+    if hidden:
+        what = " and ".join(hidden)
+        raise ConfigError(f"identification cannot carry {what} of this axis; switch that off")

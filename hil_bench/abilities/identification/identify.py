@@ -1,291 +1,258 @@
-"""From a record to a plant: the fit, what it tells, and a trial on the part it has not seen."""
+"""Identification: from a record to the machine that predicts it, with the errors of prediction."""
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from time import monotonic
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.approach import SIDE_MINIMUM, Rival, approach, find_rivals
-from hil_bench.abilities.identification.fit import Fit, Fitter, Report
-from hil_bench.abilities.identification.intervals import REACH, Interval, find_intervals
-from hil_bench.abilities.identification.record import AxisRecord
-from hil_bench.abilities.identification.spool import fit_spool, recorded_spool
-from hil_bench.abilities.identification.stages import FINE
-from hil_bench.abilities.identification.trial import Trial, trial_pieces, try_out
-from hil_bench.abilities.identification.unknowns import (
-    KINDS,
-    PROMPT,
-    SENSING,
-    SESSION_FLOW,
-    Sensors,
-    Unknowns,
-    check_names,
+from hil_bench.abilities.identification.fit import (
+    Bench,
+    Clock,
+    Fit,
+    Problem,
+    Stopped,
+    require_startable,
+    search,
 )
+from hil_bench.abilities.identification.ladder import Ladder, Wish, climb
+from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.strokes import make_course
+from hil_bench.config.settings import Settings
 from hil_bench.errors import ConfigError
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.extended_batch import states_without_start
-from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.courses import states_without_start
 
 Values = npt.NDArray[np.float64]
 
-_REPEATS = 4  # of the fit, while it changes which pieces the model explains
+_COARSE, _COARSE_STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]: rows, step and mean of the ladder
+_FINE, _FINE_STEP = 1e-3, 1e-4  # [s]: of the last fit
+_TOLD = 0.5  # of what was expected: a parameter known less well is not told by the record
+_QUANTILE = 0.975
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """The estimate of one parameter.
+class Estimate(NamedTuple):
+    """A value that was found.
 
     Attributes:
-        name: its symbol, as in `PlantParameters`.
-        value: found, or kept as configured where the record does not tell it [SI].
-        deviation: standard deviation of what was found [SI].
-        interval: about what was found, which holds the parameter with 95 % probability [SI].
-        is_told: whether the record tells it.
+        name: key of `bench.toml`, or one of `machine.UNITS`.
+        value: in its unit.
+        deviation: standard deviation, widened by the misfit.
+        interval: of 95 %.
+        start: where the search began.
+        is_told: whether the record says it.
     """
 
     name: str
     value: float
     deviation: float
-    interval: Interval
+    interval: tuple[float, float]
+    start: float
     is_told: bool
+
+
+class Options(NamedTuple):
+    """How to identify.
+
+    Attributes:
+        wish: what is free and what is held.
+        jobs: runs at a time.
+        seconds: after which the search ends with the best so far; infinite for no limit.
+        tick: is called often.
+        say: takes what is being done.
+    """
+
+    wish: Wish = Wish()
+    jobs: int = 1
+    seconds: float = math.inf
+    tick: Callable[[], None] = lambda: None
+    say: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """The result of an identification.
+    """The machine that was found.
 
     Attributes:
-        record: the measurement.
-        known: what was configured.
-        sensors: how far they are behind, as configured.
-        parameters: what was found, and as configured what was not.
-        offsets: errors of the pressure sensors in each recording, shape (recordings, 2) [Pa].
-        offset_deviations: their standard deviations, of the same shape [Pa].
-        flows: what the valve passes in each recording, as factors of the first; None where that was
-            not sought.
-        decrement: how far the optimum is, in standard deviations.
-        flow_deviations: their standard deviations, 0 for the first.
-        estimates: one a sought parameter.
-        correlations: of the errors of the estimates, shape (estimates, estimates).
-        residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,);
-            not a number where no recording has the signal.
-        is_reached: whether the fit has ended at an optimum.
-        is_white: whether its residuals are white, so that they count as independent.
-        rivals: other starts that have ended elsewhere.
-        pieces: how many pieces of the record were fitted.
-        left_out: how many were not, because the model does not explain them.
-        trial: on the rest of the record.
+        bench: plant and record of the last fit.
+        ladder: the models that were tried.
+        fit: the last one, of the model that was chosen.
+        estimates: one an unknown, offsets of the sensors among them.
+        is_refined: whether the last fit was made with the fine step.
+        correlations: of the estimates, shape (estimates, estimates).
     """
 
-    record: AxisRecord
-    known: PlantParameters
-    sensors: Sensors
-    parameters: PlantParameters
-    offsets: Values
-    offset_deviations: Values
+    bench: Bench
+    ladder: Ladder
+    fit: Fit
     estimates: tuple[Estimate, ...]
+    is_refined: bool
     correlations: Values
-    residual: Values
-    is_reached: bool
-    is_white: bool
-    rivals: tuple[Rival, ...]
-    pieces: int
-    left_out: int
-    trial: Trial
-    flows: Values | None = None
-    flow_deviations: Values | None = None
-    decrement: float = np.inf
 
     @property
-    def told(self) -> list[Estimate]:
-        """The estimates of the identifiable parameters."""
-        return [estimate for estimate in self.estimates if estimate.is_told]
+    def record(self) -> AxisRecord:
+        """The record, with a row each that was fitted."""
+        return self.bench.course.record
 
     @property
-    def not_told(self) -> list[Estimate]:
-        """The estimates of the parameters that are not identifiable from this record."""
-        return [estimate for estimate in self.estimates if not estimate.is_told]
+    def keys(self) -> dict[str, float | str]:
+        """The keys of `bench.toml` that were found, in their units."""
+        return self.bench.template.keys(self.fit.values)
 
 
-def identify(  # noqa: PLR0913 - what is known, and how the search is done
+def identify(
     record: AxisRecord,
-    known: PlantParameters,
-    options: PlantOptions,
+    axis: CylinderConfig,
+    settings: Settings,
     *,
-    step: float = DEFAULT_STEP,
-    names: Sequence[str] = tuple(KINDS),
-    sensors: Sensors = PROMPT,
-    starts: int = 24,
-    seed: int = 1,
-    report: Report = lambda _: None,
+    step: float,
+    options: Options | None = None,
 ) -> Identification:
-    """Return the plant that a record tells.
-
-    What the record does not tell is fitted too, so that it does not mislead the rest, but keeps the
-    configured value in the result.
+    """Find the machine that predicts a record best.
 
     Args:
-        record: of the machine.
-        known: the configured parameters: areas, volumes, stroke, pressures of supply and tank, and
-            starts for all that is sought.
-        options: of the plant, as configured.
-        step: of the plant's solver [s].
-        names: the sought parameters, of `KINDS` and `EXTRAS`; the others stay as configured.
-        sensors: how far they are behind, as configured.
-        starts: how many random candidates the search tries.
-        seed: of the random generator.
-        report: takes a few words after each piece of work.
+        record: of the machine, one or more recordings.
+        axis: the machine as it is configured, where the search starts.
+        settings: of the axis.
+        step: of the bench's solver [s].
+        options: how; None for the usual ones.
     """
-    check_options(options)
-    check_names(names, len(record.sessions))
-    has_flows = SESSION_FLOW in names
-    names = tuple(name for name in names if name != SESSION_FLOW)
-    pieces = trial_pieces(record, known.h)
-    spool = fit_spool(record, known)
-    with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
-    sought = tuple(name for name in names if name not in spool)
-    unknowns = Unknowns(with_spool, sought, len(record.sessions), sensors, has_flows)
-    is_behind = sensors != PROMPT or not set(SENSING).isdisjoint(names)
-    fitter = Fitter(record, options, step, report, is_behind)
-    found = _fit(fitter, unknowns, starts, seed)
-    guess = found.unknowns.guess(found.fit.variables)
-    estimates = _estimates(found, names, spool)
-    plant = set(PlantParameters.__slots__)
-    last = len(sought) + 2 * len(record.sessions)
-    deviations = _deviations(found.unknowns, found.fit)
-    told = {one.name: one.value for one in estimates if one.is_told and one.name in plant}
-    if any(one.name == "gain" and one.is_told for one in estimates):
-        told |= {name: getattr(guess.parameters, name) for name in ("w", "alpha", "beta")}
+    chosen = Options() if options is None else options
+    require_startable(states_without_start(axis.options))
+    clock = Clock(monotonic() + chosen.seconds, chosen.tick)
+    template = Template(axis, settings, len(record.sessions))
+    coarse = Bench(
+        template,
+        make_course(record, _COARSE),
+        _COARSE_STEP,
+        jobs=chosen.jobs,
+        clock=clock,
+        blur=_BLUR,
+    )
+    _require_reach(coarse)
+    wish = chosen.wish
+    if _ends_at_stop(coarse) and "stroke_mm" not in (*wish.fix, *wish.free):
+        wish = wish._replace(free=(*wish.free, "stroke_mm"))
+    ladder = climb(coarse, wish, chosen.say)
+    chosen.say(f"{ladder.best.title}: refined")
+    fine = replace(
+        coarse,
+        course=make_course(record, _FINE),
+        step=max(step, _FINE_STEP),
+        blur=0.0,
+    ).rescaled(ladder.best.fit.values)
+    fit, bench = _refine(fine, ladder.best.fit)
+    is_refined = fit.is_whole and not clock.is_over
+    fit, bench = (fit, bench) if math.isfinite(fit.cost) else (ladder.best.fit, coarse)
+    chosen.say("intervals")
+    covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)
+    estimates = _estimates(fit, covariance)
+    deviations = np.sqrt(np.diag(covariance))
+    correlations = covariance / np.outer(deviations, deviations)
     return Identification(
-        record=found.fitter.record,
-        known=known,
-        sensors=sensors,
-        parameters=replace(known, **told),
-        offsets=guess.offsets,
-        offset_deviations=deviations[len(sought) : last].reshape(-1, 2),
-        flows=np.array(guess.flows) if has_flows else None,
-        flow_deviations=np.array([0.0, *deviations[last:]]) if has_flows else None,
-        estimates=tuple(estimates),
-        correlations=_correlations(found.unknowns, found.fit, names),
-        residual=found.fit.residual,
-        is_reached=found.fit.optimum.is_reached,
-        decrement=found.fit.optimum.decrement,
-        is_white=found.fit.is_white,
-        rivals=found.rivals,
-        pieces=len(found.fit.optimum.residuals),
-        left_out=found.left_out,
-        trial=try_out(found.fitter, guess, pieces),
+        bench=bench,
+        ladder=ladder,
+        fit=fit,
+        estimates=estimates,
+        is_refined=is_refined,
+        correlations=correlations,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """The ends of the fits."""
-
-    unknowns: Unknowns
-    fit: Fit
-    fitter: Fitter
-    left_out: int
-    rivals: tuple[Rival, ...]
+def _refine(bench: Bench, found: Fit) -> tuple[Fit, Bench]:
+    """Return a fit on fine rows, where that is better, and the bench of it."""
+    fit = search(bench, found.unknowns, found.variables, 6)
+    if fit.is_whole:
+        bench = bench.rescaled(fit.values)
+        fit = search(bench, fit.unknowns, fit.variables, 4)
+    return fit, bench
 
 
-def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
-    """Fit until the pieces that the model explains stay the same."""
-    every = fitter.pieces(FINE, unknowns.known.h)
-    first = approach(fitter, unknowns, every, starts, seed)
-    fit = first[0]
-    record = fitter.record
-    # Oil that rings looks like noise; the fit knows better, unless it misses something.
-    scale = np.where(fit.residual <= SIDE_MINIMUM, fit.residual, 1.0)
-    fitter = fitter.with_record(record.with_noise(scale * record.noise))
-    fitter.begin_at(fit)  # not where another start may have left the pieces
-    pieces = fitter.explained(unknowns, fit.variables, every)
-    for _ in range(_REPEATS):
-        fit = fitter.polish(unknowns, fit.variables, pieces)
-        fitted, pieces = pieces, fitter.explained(unknowns, fit.variables, every)
-        if np.array_equal(pieces.rows, fitted.rows):
-            break
-    left_out = len(every.rows) - len(fit.optimum.residuals)
-    return _Found(unknowns, fit, fitter, left_out, tuple(find_rivals(unknowns, fit, first[1:])))
+def _covariance(bench: Bench, fit: Fit) -> Values:
+    """Return the covariance of the variables: a sandwich over strokes, or that of noise if larger.
 
-
-def find_vague(record: AxisRecord, unknowns: Unknowns, fit: Fit) -> list[str]:
-    """Return the parameters that a record does not tell.
-
-    They have been fitted with the others, so that the deviations of the others hold whatever the
-    values of these.
+    A stroke's residuals count as one observation, so whatever they have in common counts.
     """
-    limits = [kind.told_within for kind in unknowns.kinds]
-    is_vague = np.sqrt(np.diag(fit.covariance)) > limits
-    parameters = unknowns.guess(fit.variables).parameters
-    return [
-        name
-        for name, vague in zip(unknowns.names, is_vague, strict=False)
-        if vague or (name == "alpha" and not _opens_fully(record, parameters))
-    ]
+    problem = Problem(bench, fit.unknowns)
+    residuals = problem.residuals(fit.variables)
+    slopes = problem.slopes(fit.variables)
+    weights = 1.0 / np.sqrt(1.0 + residuals**2)
+    hessian = slopes.T @ (weights[:, np.newaxis] * slopes)
+    inverse = np.linalg.pinv(hessian, rcond=1e-12)
+    lengths = problem.lengths
+    edges = np.cumsum([0, *lengths]).tolist()
+    scores = np.array(
+        [
+            slopes[first:last].T @ (weights * residuals)[first:last]
+            for first, last in itertools.pairwise(edges)
+        ]
+    )
+    count = len(lengths)
+    robust = inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1)
+    size = max(1.0, float(np.mean(np.square(residuals[: edges[-1]]) * weights[: edges[-1]])))
+    plain = size * inverse
+    larger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(plain), 1e-300), 1.0))
+    return np.asarray(plain * np.outer(larger, larger))
 
 
-def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
-    """Return True if the spool passes the full opening where the record is fitted."""
-    spool = recorded_spool(parameters, record)[:, 0]
-    reach = max(float(np.abs(spool[rows.start : rows.stop]).max()) for rows in record.fitted)
-    return reach > parameters.alpha + parameters.beta
-
-
-def _covariance(unknowns: Unknowns, fit: Fit) -> Values:
-    """Return the covariance of all parameters and offsets in SI units."""
-    slopes = unknowns.slopes_si(fit.variables)
-    return np.asarray(slopes @ fit.covariance @ slopes.T)
-
-
-def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
-    """Return the standard deviation of each parameter and offset in SI units."""
-    return np.asarray(np.sqrt(np.diag(_covariance(unknowns, fit))))
-
-
-def _correlations(unknowns: Unknowns, fit: Fit, names: Sequence[str]) -> Values:
-    """Return the correlations of the sought parameters; those of the spool alone have none."""
-    covariance = _covariance(unknowns, fit)
-    deviations = np.sqrt(np.diag(covariance))
-    known = covariance / np.outer(deviations, deviations)
-    correlations = np.eye(len(names))
-    places = [names.index(name) for name in unknowns.names]
-    correlations[np.ix_(places, places)] = known[: len(places), : len(places)]
-    return correlations
-
-
-def _estimates(
-    found: _Found, names: Sequence[str], spool: dict[str, tuple[float, float]]
-) -> list[Estimate]:
-    unknowns, fit = found.unknowns, found.fit
-    guess = unknowns.guess(fit.variables)
-    start = unknowns.guess(unknowns.start)
-    deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
-    intervals = find_intervals(unknowns, fit, deviations, lambda: found.fitter.report("interval"))
-    deviations |= {name: deviation for name, (_, deviation) in spool.items()}
-    vague = find_vague(found.fitter.record, unknowns, fit)
+def _estimates(fit: Fit, covariance: Values) -> tuple[Estimate, ...]:
     estimates = []
-    for name in names:
-        value, deviation = guess.value(name), deviations[name]
-        about = (value - REACH * deviation, value + REACH * deviation)
-        if name in vague:
-            value = start.value(name)
-        interval = intervals.get(name, about)
-        estimates.append(Estimate(name, value, deviation, interval, name not in vague))
-    return estimates
+    for unknown, variable, own in zip(
+        fit.unknowns, fit.variables.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True
+    ):
+        reach = 1.96 * own
+        low, high = max(variable - reach, unknown.low), min(variable + reach, unknown.high)
+        value = unknown.value(variable)
+        estimates.append(
+            Estimate(
+                unknown.name,
+                value,
+                own * abs(unknown.slope(variable)),
+                (unknown.value(low), unknown.value(high)),
+                unknown.value(unknown.start),
+                own < _TOLD * unknown.spread,
+            )
+        )
+    return tuple(estimates)
 
 
-def check_options(options: PlantOptions) -> None:
-    """Refuse what a start of six states does not determine.
+def _require_reach(bench: Bench) -> None:
+    """Refuse a record whose piston leaves the configured stroke by more than a tenth.
 
     Raises:
-        ConfigError: such an extension is on.
+        ConfigError: it does.
     """
-    hidden = states_without_start(options)
-    if hidden:
-        what = " and ".join([", ".join(hidden[:-1]), hidden[-1]] if len(hidden) > 1 else hidden)
+    x = bench.course.record.measured[:, 0]
+    h = bench.template.axis.parameters.h
+    worst = float(np.abs(x).max())
+    if worst > 1.1 * h:
         raise ConfigError(
-            f"identification cannot carry {what} of this axis, whose states at the start of a "
-            "piece no recording shows; switch that off"
+            f"the position reaches {1e3 * worst:.4g} mm from mid-stroke, and stroke_mm allows "
+            f"{1e3 * h:g} mm; check its unit and offset (mid-stroke is 0), or stroke_mm"
         )
+
+
+def _ends_at_stop(bench: Bench) -> bool:
+    """Return True if a stroke ends near an end of the configured stroke, the valve still open."""
+    h, record = bench.template.axis.parameters.h, bench.course.record
+    for stroke in bench.course.strokes:
+        x = record.measured[stroke.rows.start : stroke.rows.stop, 0]
+        u = record.setpoints[stroke.rows.start : stroke.rows.stop] / record.full_opening
+        stands = np.abs(np.diff(x, append=x[-1])) < 1e-5
+        near = np.abs(x) > 0.97 * h
+        if (stands & near & (np.sign(u) == np.sign(x)) & (np.abs(u) > 0.1)).mean() > 0.02:
+            return True
+    return False
+
+
+def values_of(found: Identification) -> Mapping[str, Estimate]:
+    """Return the estimates by name."""
+    return {one.name: one for one in found.estimates}
+
+
+__all__ = ["Estimate", "Identification", "Options", "Stopped", "identify", "values_of"]

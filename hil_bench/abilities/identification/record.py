@@ -179,6 +179,28 @@ class AxisRecord:
         """Return the record with a noise that is known better, above the floors."""
         return replace(self, noise=np.maximum(noise, FLOORS))
 
+    def thinned(self, factor: int) -> Self:
+        """Return the record with every `factor`-th row, and the mean set-point between two."""
+        if factor == 1:
+            return self
+        last = (len(self) - 1) // factor
+        means = self.setpoints[1 : last * factor + 1].reshape(last, factor).mean(axis=1)
+        rows = [_thin(session.rows, factor) for session in self.sessions]
+        return replace(
+            self,
+            times=self.times[::factor],
+            interval=factor * self.interval,
+            stretches=tuple(_thin(part, factor) for part in self.stretches),
+            setpoints=np.concatenate([self.setpoints[:1], means]),
+            measured=self.measured[::factor],
+            spool=None if self.spool is None else self.spool[::factor],
+            sessions=tuple(
+                session._replace(rows=part)
+                for session, part in zip(self.sessions, rows, strict=True)
+            ),
+            clipped=None if self.clipped is None else self.clipped[::factor],
+        )
+
     def rows_in(self, duration: float) -> int:
         """Return the number of rows that span a duration [s], 10 at least."""
         return max(10, round(duration / self.interval))
@@ -279,6 +301,10 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
             max(record.filters[2] for record in records),
         ),
     )
+
+
+def _thin(rows: range, factor: int) -> range:
+    return range(-(-rows.start // factor), (rows.stop - 1) // factor + 1)
 
 
 def _shift(rows: range, by: int) -> range:

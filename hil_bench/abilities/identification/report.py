@@ -1,402 +1,243 @@
-"""An identification for people, for programs, and as a file that `bench.toml` takes."""
+"""An identification for people and for programs."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from hil_bench.abilities.identification.approach import Rival
-from hil_bench.abilities.identification.choice import KEYS
-from hil_bench.abilities.identification.identify import Estimate, Identification
-from hil_bench.abilities.identification.record import PRESSURES, SIGNALS, AxisRecord, Session
-from hil_bench.abilities.identification.unknowns import SENSING
-from hil_bench.config.settings import Key
-from hil_bench.units import BAR, MICROMETRE, MILLIMETRE
-
-Values = npt.NDArray[np.float64]
-
-_DISPLAY = (MICROMETRE, BAR, BAR)
-
-EXPLAINED = 3.0
-"""Multiple of its noise that no signal's residual may exceed, or the model misses something."""
-
-SUSPECT = 1.5
-"""Multiple of the noise above which residuals of the fit itself are not noise alone."""
-
-MOST_OFFSET = 5e5
-"""Error of a pressure sensor [Pa] that no sensor has: it stands for a wrong supply or load."""
-
-_SHORT = 0.1  # deviations: less changes no interval that anybody reads
-_ALIKE = 1.05  # times the residual: no worse
-_HEAD = (
-    f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} "
-    f"{'configured':>12}"
+from hil_bench.abilities.identification.errors import (
+    QUANTITIES,
+    Limit,
+    StrokeError,
+    find_exceeded,
+    stated_error,
 )
-_SHOWN = 3  # parameters of another start
+from hil_bench.abilities.identification.identify import Estimate, Identification
+from hil_bench.abilities.identification.machine import UNITS
+from hil_bench.abilities.identification.record import SIGNALS
+from hil_bench.units import BAR, MILLIMETRE
 
-_WOULD_TELL = {
-    "w": "motion at several openings of the valve, clear of dead-zone and saturation",
-    "beta": "slow ramps of the set-point through the dead-zone, both ways",
-    "alpha": "set-points beyond the full opening of the orifice",
-    "omega_0": "quick changes of the set-point, or the recorded spool position",
-    "xi": "quick changes of the set-point, or the recorded spool position",
-    "E": "quick changes of the set-point, with the pressures recorded",
-    "F_c": "slow motion both ways",
-    "F_s": "motion that starts from standstill, and velocities below the Stribeck velocity",
-    "sigma": "motion at several velocities, high ones among them",
-    "chi": "velocities below and about the Stribeck velocity",
-    "C_L": "standstill under unequal pressures with the valve closed, or very slow motion",
-    "m": "quick changes of the set-point, so that the piston accelerates",
-    "P_S": "fast motion both ways, with the pressures recorded",
-    "P_T": "fast motion both ways, with the pressures recorded",
-    "h": "motion to an end stop",
-    "gain": "motion at several openings of the valve",
-    **dict.fromkeys(SENSING, "quick changes of the set-point"),
+_DISPLAY = (MILLIMETRE, BAR, BAR)
+_HEAD = (
+    f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} {'before':>12}"
+)
+
+ADVICE = {
+    "one way": "the piston moves one way only; record strokes both ways",
+    "amplitudes": "all strokes have one opening; record three, such as 30, 60 and 90 %",
+    "few": "record four strokes each way at three openings",
+    "pressure": "neither pressure was recorded; fit a sensor to one chamber at least",
 }
 
 
-def summarise(found: Identification) -> str:
+def summarise(found: Identification, limits: Sequence[Limit]) -> str:
     """Return the result as people read it."""
-    record = found.record
-    spans = [sum(map(len, parts)) * record.interval for parts in (record.fitted, record.tried)]
+    record, course = found.record, found.bench.course
+    strokes = course.strokes
     noise = ", ".join(
-        f"{name} {unit.from_si(value):.3g} {unit.symbol}"
+        f"{name} {unit.from_si(value):.2g} {unit.symbol}"
         for name, value, unit in zip(SIGNALS, record.noise, _DISPLAY, strict=True)
         if math.isfinite(value)
     )
-    rows = f"a row each {record.interval * 1e3:.4g} ms"
+    openings = sorted({round(100.0 * one.opening) for one in strokes})
+    spread = f"{openings[0]} to {openings[-1]} %" if len(openings) > 1 else f"{openings[0]} %"
+    ways = sum(one.is_forth for one in strokes)
     lines = [
-        f"{record.axis}: {rows}, {spans[0]:.3g} s for the fit, {spans[1]:.3g} s for the trial",
-        *_session_lines(record),
+        f"{record.axis}: {len(strokes)} strokes, {ways} out, {len(strokes) - ways} in, at {spread}",
+        *([f"{course.dropped} more strokes were left aside"] if course.dropped else []),
         *record.notes,
         f"noise: {noise}",
-        f"residuals of the fit: {_list_signals(found.residual)} times the noise, in "
-        f"{found.pieces} pieces" + _left_out(found),
+        "",
+        *ladder_lines(found),
+        "",
+        *error_lines(found),
         "",
         _HEAD,
-        *(_line(estimate, found) for estimate in found.told),
+        *(estimate_line(one) for one in found.estimates if one.is_told),
     ]
-    if found.not_told:
-        lines += ["", "not identifiable from this recording, kept as configured:"]
-        lines += [_vague_line(estimate) for estimate in found.not_told]
-    return "\n".join([*lines, "", *_trial_lines(found), *_warnings(found)])
+    vague = [one.name for one in found.estimates if not one.is_told]
+    if vague:
+        lines += ["", f"not identifiable from this recording: {', '.join(vague)}"]
+    return "\n".join([*lines, *_warnings(found, limits)])
 
 
-def to_json(found: Identification) -> dict[str, Any]:
-    """Return the result for programs: in the keys and units of `bench.toml`."""
-    trial = found.trial
+def ladder_lines(found: Identification) -> list[str]:
+    """Return the table of the models that were tried."""
+    lines = [f"{'model':32} {'unknowns':>8} {'error':>7}  left-out strokes within"]
+    for place, rung in enumerate(found.ladder.rungs):
+        mark = "  <- taken" if place == found.ladder.chosen else ""
+        title = rung.title if place == 0 else f"+ {rung.title}"
+        if not rung.is_kept:
+            title = f"({title})"
+        score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
+        text = _within(rung.errors) if rung.errors else "not judged: fits hardly better"
+        lines.append(f"{title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
+    return lines
+
+
+def error_lines(found: Identification) -> list[str]:
+    """Return the errors of prediction as a user reads them."""
+    errors = found.ladder.best.errors
+    if not errors:
+        return ["errors of prediction: not known, because no stroke could be left out"]
+    return [
+        f"nine of ten strokes that were left out of the fit are predicted within {_within(errors)}",
+        *found.ladder.notes,
+    ]
+
+
+def _within(errors: Sequence[StrokeError]) -> str:
+    parts = []
+    for name, one in QUANTITIES.items():
+        stated = stated_error(errors, name)
+        if math.isfinite(stated):
+            parts.append(f"{name} {stated:.3g} {one.unit}")
+    return ", ".join(parts)
+
+
+def estimate_line(one: Estimate) -> str:
+    """Return the line of an estimate."""
+    value, low, high = (_digits(each, one.deviation) for each in (one.value, *one.interval))
+    return (
+        f"{one.name:32} {value:>12} {one.deviation:>10.2g} {low:>12} {high:>12} {one.start:>12.6g}"
+    )
+
+
+def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
+    record, ladder = found.record, found.ladder
+    lines = []
+    if not ladder.is_whole or not found.is_refined:
+        lines.append("the time was over: this is the best so far; --time-limit gives more")
+    if not record.moves_both_ways:
+        lines.append(ADVICE["one way"])
+    lines += [_miss(found, signal) for signal in range(3) if _is_missed(found, signal)]
+    exceeded = find_exceeded(ladder.best.errors, limits)
+    lines += [f"NOT as required: {line}" for line in exceeded]
+    return ["", *lines] if lines else []
+
+
+def residual_sizes(found: Identification) -> list[float]:
+    """Return the rms of model less record of each signal, NaN for one that is missing [SI]."""
+    every = np.concatenate(found.bench.deviations(found.fit.values))
+    return [
+        float(np.sqrt(np.nanmean(np.square(column)))) if np.isfinite(column).any() else math.nan
+        for column in every.T
+    ]
+
+
+def _is_missed(found: Identification, signal: int) -> bool:
+    size = residual_sizes(found)[signal]
+    return bool(size > 3.0 * found.record.noise[signal])
+
+
+def _miss(found: Identification, signal: int) -> str:
+    """Return a line on a signal that the model misses, with what that looks like."""
+    unit, size = _DISPLAY[signal], residual_sizes(found)[signal]
+    times, likeness = size / found.record.noise[signal], _looks_like(found, signal)
+    return (
+        f"{SIGNALS[signal]} is off by {unit.from_si(size):.2g} {unit.symbol} rms, "
+        f"{times:.2g} times its noise: the model lacks something; "
+        f"the residual goes {likeness}"
+    )
+
+
+_SIGNS = {
+    "with the speed": "as with friction or valve flow of another course",
+    "with the pressure": "as with leakage, air or a gain of the sensor",
+    "with the acceleration": "as with another mass or a late sensor",
+    "with time": "as with a drift of oil temperature or sensor",
+}
+
+
+def _looks_like(found: Identification, signal: int) -> str:
+    """Return what the residual of a signal is most like."""
+    bench, record = found.bench, found.record
+    parts: dict[str, list[Any]] = {name: [] for name in _SIGNS}
+    every = []
+    for stroke, off in zip(bench.course.strokes, bench.deviations(found.fit.values), strict=True):
+        rows = bench.measured(stroke)
+        speed = np.gradient(rows[:, 0], record.interval)
+        pressure = rows[:, 1] if np.isfinite(rows[:, 1]).all() else rows[:, 2]
+        every.append(off[:, signal])
+        parts["with the speed"].append(speed)
+        parts["with the pressure"].append(pressure)
+        parts["with the acceleration"].append(np.gradient(speed))
+        parts["with time"].append(np.full(len(rows), float(stroke.number)))
+    whole = np.concatenate(every)
+    there = np.isfinite(whole)
+    likeness = {
+        name: abs(_correlation(whole[there], np.concatenate(part)[there]))
+        for name, part in parts.items()
+    }
+    name = max(likeness, key=lambda each: likeness[each])
+    if likeness[name] < 0.2:
+        return "with nothing that was looked at"
+    return f"{name} ({likeness[name]:.2f}), {_SIGNS[name]}"
+
+
+def _correlation(one: Any, other: Any) -> float:  # noqa: ANN401 - arrays
+    if not len(one) or np.std(one) == 0.0 or np.std(other) == 0.0:
+        return 0.0
+    value = float(np.corrcoef(one, other)[0, 1])
+    return value if math.isfinite(value) else 0.0
+
+
+def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
+    """Return the result for programs, in the keys and units of `bench.toml`."""
     return {
         "axis": found.record.axis,
-        "recordings": [
+        "strokes": len(found.bench.course.strokes),
+        "recordings": [session.name for session in found.record.sessions],
+        "notes": [*found.record.notes, *found.ladder.notes],
+        "is_whole": found.ladder.is_whole and found.is_refined,
+        "models": [
             {
-                "name": session.name,
-                "signals": [*_names(session)],
-                "pressure_offsets_bar": [BAR.from_si(offset) for offset in offsets],
-                "flow_factor": flow,
+                "adds": rung.title,
+                "unknowns": len(rung.fit.unknowns),
+                "error": _finite(rung.score),
+                "is_kept": rung.is_kept,
+                "is_taken": place == found.ladder.chosen,
+                "prediction": _stated(rung.errors),
             }
-            for session, offsets, flow in zip(
-                found.record.sessions,
-                found.offsets.tolist(),
-                [1.0] * len(found.offsets) if found.flows is None else found.flows.tolist(),
-                strict=True,
-            )
+            for place, rung in enumerate(found.ladder.rungs)
         ],
-        "notes": [*found.record.notes],
-        "fit_residual": _by_signal(found.residual),
-        "is_explained": is_explained(found),
-        "is_converged": found.is_reached,
-        "is_white": found.is_white,
-        "other_starts": [
-            {
-                "residual": rival.residual,
-                "apart_in_deviations": {
-                    KEYS[name].name: apart for name, apart in rival.apart.items()
-                },
-            }
-            for rival in found.rivals
-        ],
-        "pieces": found.pieces,
-        "left_out": found.left_out,
-        "parameters": {
-            _key(estimate).name: _entry(estimate, found) for estimate in found.estimates
+        "prediction": _stated(found.ladder.best.errors),
+        "required": {
+            str(limit): not find_exceeded(found.ladder.best.errors, [limit]) for limit in limits
         },
-        "correlations": found.correlations.tolist(),
-        "noise": _by_signal(found.record.noise),
-        "has_spool_position": found.record.spool is not None,
-        "trial_residual": _by_signal(trial.residual),
+        "residual": {
+            name: None if math.isnan(size) else unit.from_si(size)
+            for name, size, unit in zip(SIGNALS, residual_sizes(found), _DISPLAY, strict=True)
+        },
+        "parameters": {
+            one.name: {
+                "value": one.value,
+                "unit": UNITS.get(one.name.partition(":")[0], ""),
+                "standard_deviation": one.deviation,
+                "interval": list(one.interval),
+                "is_told": one.is_told,
+            }
+            for one in found.estimates
+        },
+        "keys": found.keys,
     }
 
 
-def to_toml(found: Identification, source: str) -> str:
-    """Return the told parameters as a table of `bench.toml`.
-
-    Args:
-        found: the result.
-        source: what was read, for the comment.
-    """
-    lines = [
-        f"# Identified by hil-bench from {source!r}; standard deviations in the comments.",
-        "# What the record does not identify is not here, and stays as it is in your file.",
-        *_doubts(found),
-        f"[plant.{found.record.axis}]",
-    ]
-    if {"alpha", "beta", "gain"} & {estimate.name for estimate in found.told}:
-        full = MILLIMETRE.from_si(found.record.full_opening)
-        lines[2:2] = [
-            "# All lengths of the valve go by the full opening that the record's set-points meant.",
-            f"# Keep that in the table of the valve's node: full_opening_mm = {full:.6g}",
-        ]
-    for name in ("w", "alpha", "beta"):
-        if any(estimate.name == "gain" for estimate in found.told):
-            key = KEYS[name]
-            value = key.unit.from_si(getattr(found.parameters, name))
-            lines.append(f"{key.name} = {value:.6g}  # by the command's gain")
-    for estimate in found.told:
-        key = _key(estimate)
-        value, deviation = key.unit.from_si(estimate.value), key.unit.from_si(estimate.deviation)
-        ends = (_digits(key.unit.from_si(end), deviation) for end in estimate.interval)
-        mark = "# " if estimate.name == "gain" or estimate.name in SENSING else ""
-        lines.append(
-            f"{mark}{key.name} = {_digits(value, deviation)}  # +- {deviation:.2g}, "
-            f"95 %: {' to '.join(ends)}"
-        )
-    return "\n".join(lines) + "\n"
-
-
-def _doubts(found: Identification) -> list[str]:
-    """Return the doubts that a reader of the file must know."""
-    if is_explained(found):
-        return []
-    return ["# The model does NOT explain the record: do not use these values."]
-
-
-def find_misses(found: Identification) -> list[str]:
-    """Return each signal that the model misses, where and by how much.
-
-    A signal that it has only with an impossible offset of its sensor is missed, too.
-    """
-    misses = []
-    for place, residual in (("in the trial", found.trial.residual), ("in the fit", found.residual)):
-        for name, unit, times, noise in zip(
-            SIGNALS, _DISPLAY, residual, found.record.noise, strict=True
-        ):
-            if times > EXPLAINED:
-                size = f"{unit.from_si(times * noise):.3g} {unit.symbol} rms"
-                misses.append(f"{name} by {size}, {times:.3g} times its noise, {place}")
-    for session, offsets in zip(found.record.sessions, found.offsets, strict=True):
-        misses += [
-            f"{name}"
-            + (f" in {session.name}" if session.name else "")
-            + f", which fits only if its sensor reads {BAR.from_si(offset):+.1f} bar off"
-            for name, offset, is_there in zip(PRESSURES, offsets, session.has[1:], strict=True)
-            if is_there and abs(offset) > MOST_OFFSET
-        ]
-    return misses
-
-
-def is_explained(found: Identification) -> bool:
-    """Return True if the model follows every signal, where it was fitted and where it was tried."""
-    return not find_misses(found)
-
-
-def _line(estimate: Estimate, found: Identification) -> str:
-    key = _key(estimate)
-    deviation = key.unit.from_si(estimate.deviation)
-    value, low, high = (
-        _digits(key.unit.from_si(number), deviation)
-        for number in (estimate.value, *estimate.interval)
-    )
-    configured = key.unit.from_si(_configured(found, estimate.name))
-    return f"{key.name:32} {value:>12} {deviation:>10.2g} {low:>12} {high:>12} {configured:>12.6g}"
-
-
-def _vague_line(estimate: Estimate) -> str:
-    unit = _key(estimate).unit
-    return (
-        f"{_key(estimate).name:32} it would be uncertain by {unit.from_si(estimate.deviation):.2g} "
-        f"{unit.symbol}; wanted: {_WOULD_TELL[estimate.name]}"
-    )
-
-
-def _trial_lines(found: Identification) -> list[str]:
-    record, trial = found.record, found.trial
-    drift = np.concatenate([run.model - record.measured[run.rows] for run in trial.runs])
-    residual = _list_signals(trial.residual)
-    piece = trial.rows.shape[1] * record.interval
-    longest = max(len(run.rows) for run in trial.runs) * record.interval
-    error = MILLIMETRE.from_si(math.sqrt(float((drift[:, 0] ** 2).mean())))
-    lines = [
-        f"on the part not fitted, in pieces of {piece:.3g} s: {residual} times the noise",
-        f"there, in runs of up to {longest:.3g} s: position {error:.3g} mm rms",
-    ]
-    lines += _flow_lines(found)
-    for session, offsets, deviations in zip(
-        record.sessions, found.offsets, found.offset_deviations, strict=True
-    ):
-        place = f" in {session.name}" if len(record.sessions) > 1 else ""
-        lines += [
-            f"{name} reads {BAR.from_si(offset):+.3f} +- {BAR.from_si(deviation):.3f} bar off"
-            + place
-            for name, offset, deviation in zip(PRESSURES, offsets, deviations, strict=True)
-            if abs(offset) > EXPLAINED * deviation
-        ]
-    return lines
-
-
-def _flow_lines(found: Identification) -> list[str]:
-    """Compare the flow of each recording with that of the first, a line each."""
-    if found.flows is None or found.flow_deviations is None:
-        return []
-    first, *others = found.record.sessions
-    return [
-        f"{session.name}: the valve passes {factor:.4f} +- {deviation:.2g} of what it passes in "
-        f"{first.name}"
-        for session, factor, deviation in zip(
-            others, found.flows[1:], found.flow_deviations[1:], strict=True
-        )
-    ]
-
-
-def _warnings(found: Identification) -> list[str]:
-    """Return the warnings that the user must know before using the result."""
-    lines = []
-    if not found.is_reached and found.decrement <= _SHORT:
-        lines.append(
-            f"the fit ended {found.decrement:.1g} standard deviations short of its optimum, "
-            "because the cost jumps there; that is little beside the intervals"
-        )
-    elif not found.is_reached:
-        lines.append(
-            "the fit did NOT reach its optimum: do not rely on the intervals; "
-            "try more --starts or another recording"
-        )
-    lines += [_rival_line(rival, found) for rival in found.rivals]
-    misses = find_misses(found)
-    if np.nanmax(found.residual) > SUSPECT and not misses:
-        lines.append(
-            f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model "
-            "lacks something, or the fit ended in a side minimum; the intervals do not hold then; "
-            "try more --starts"
-        )
-    if not found.is_white and not misses:
-        lines.append(
-            "the residuals of the fit are not white noise: the intervals come from leaving out "
-            "pieces of the record, and do not cover a model error that all pieces share"
-        )
-    if not found.record.moves_both_ways:
-        lines.append(
-            "the piston moves one way only, where friction looks like an error of the pressure "
-            "sensors: both are known only as far as the sensors are right within 1 bar; move it "
-            "both ways"
-        )
-    if misses:
-        lines += [
-            "the model does NOT explain this record, do not use the parameters: it misses",
-            *(f"  {miss}" for miss in misses),
-            *_advice(found),
-        ]
-    return lines
-
-
-def _advice(found: Identification) -> list[str]:
-    """Return the advice for a model that does not explain the record."""
-    right = (
-        f"at most {EXPLAINED:g} times the noise is right; check stroke, areas, volumes, supply "
-        "pressure and the axis' options"
-    )
-    lines = [right]
-    offsets = found.offsets[np.array([session.has[1:] for session in found.record.sessions])]
-    if (offsets > MOST_OFFSET).all() or (offsets < -MOST_OFFSET).all():
-        supply = BAR.from_si(found.parameters.P_S + 2.0 * float(offsets.mean()))
-        lines.append(
-            f"all pressures are off by about the same, as with a supply of {supply:.3g} bar; "
-            "--free supply_pressure_bar estimates it"
-        )
-    if len(found.record.sessions) > 1 and found.flows is None:
-        lines.append(
-            "if the machine drifts from recording to recording: --free session_flow estimates that"
-        )
-    return lines
-
-
-def _rival_line(rival: Rival, found: Identification) -> str:
-    apart = sorted(rival.apart.items(), key=lambda item: -item[1])
-    parameters = ", ".join(f"{KEYS[name].name} by {size:.3g}" for name, size in apart[:_SHOWN])
-    residual = float(np.sqrt(np.nanmean(np.square(found.residual))))
-    verdict = (
-        "the recording fits both about equally well: do not rely on the intervals"
-        if rival.residual < _ALIKE * residual
-        else "it fits worse, so it is a side minimum"
-    )
-    return (
-        f"another start ended elsewhere, with residuals of {rival.residual:.3g} times the noise "
-        f"({residual:.3g} here): {parameters} standard deviations away; {verdict}"
-    )
-
-
-def _left_out(found: Identification) -> str:
-    if not found.left_out:
-        return ""
-    return f"; {found.left_out} left out, which the model does not explain or only by chance"
-
-
-def _session_lines(record: AxisRecord) -> list[str]:
-    """List each recording's signals, where there are several or where a pressure is missing."""
-    if len(record.sessions) == 1 and record.has.all():
-        return []
-    return [
-        f"{session.name}: {len(session.rows) * record.interval:.3g} s, {', '.join(_names(session))}"
-        for session in record.sessions
-    ]
-
-
-def _names(session: Session) -> list[str]:
-    return [name for name, is_there in zip(SIGNALS, session.has, strict=True) if is_there]
-
-
-def _by_signal(values: Values) -> dict[str, float | None]:
-    """Return a value by signal, None where no recording has the signal."""
-    pairs = zip(SIGNALS, values.tolist(), strict=True)
-    return {name: value if math.isfinite(value) else None for name, value in pairs}
-
-
-def _list_signals(residual: Values) -> str:
-    return ", ".join(
-        f"{name} {value:.2f}"
-        for name, value in zip(SIGNALS, residual, strict=True)
-        if math.isfinite(value)
-    )
-
-
-def _entry(estimate: Estimate, found: Identification) -> dict[str, Any]:
-    unit = _key(estimate).unit
+def _stated(errors: Sequence[StrokeError]) -> dict[str, float | None]:
     return {
-        "is_told": estimate.is_told,
-        "value": unit.from_si(estimate.value),
-        "standard_deviation": unit.from_si(estimate.deviation),
-        "interval_95": [unit.from_si(end) for end in estimate.interval],
-        "configured": unit.from_si(_configured(found, estimate.name)),
-        "unit": unit.symbol,
+        f"{name}_{one.unit.replace('%', 'percent')}": _finite(stated_error(errors, name))
+        for name, one in QUANTITIES.items()
     }
 
 
-def _configured(found: Identification, name: str) -> float:
-    """Return the configured value of an unknown [SI]."""
-    if name == "gain":
-        return 1.0
-    return float(getattr(found.sensors if name in SENSING else found.known, name))
-
-
-def _key(estimate: Estimate) -> Key:
-    return KEYS[estimate.name]
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _digits(value: float, deviation: float) -> str:
-    """Return a value with two uncertain digits."""
-    if not value or not deviation:
+    """Return a value with two digits more than its deviation has."""
+    if not deviation > 0.0 or not math.isfinite(deviation):
         return f"{value:.6g}"
-    decimals = 1 - math.floor(math.log10(deviation))
-    if decimals > 12:
-        return f"{value:.6g}"
-    return f"{value:.{max(decimals, 1)}f}"
+    places = max(0, 1 - math.floor(math.log10(deviation)))
+    return f"{value:.{min(places, 12)}f}" if places else f"{value:.6g}"

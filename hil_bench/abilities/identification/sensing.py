@@ -1,11 +1,21 @@
 """The response of sensors that are behind: a first-order lag, then a delay."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.unknowns import Sensors
-
 Values = npt.NDArray[np.float64]
+
+
+class Sensors(NamedTuple):
+    """The lag and the delay of each sensor [s]."""
+
+    position_delay: float = 0.0
+    position_lag: float = 0.0
+    pressure_delay: float = 0.0
+    pressure_lag: float = 0.0
+
 
 _PROMPT = 1e-3  # of an interval: a lag below is none
 

@@ -218,7 +218,7 @@ def configure(
     """Return the record of an axis; what makes no physical sense is noted, and None returned."""
     _check_position(name, axis, problems)
     try:
-        record = _build_axis(kind, name, axis)
+        record = build_axis(kind, name, axis)
         check_lines(record.parameters, record.options, step_us * 1e-6)
     except ParameterError as error:
         explain_refusal(f"plant.{name}", error, problems)
@@ -253,7 +253,12 @@ def full_opening_mm(axis: Settings) -> float:
     return float(max(alpha + beta, negative))
 
 
-def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) -> CylinderConfig:
+def build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) -> CylinderConfig:
+    """Return the record of an axis.
+
+    Raises:
+        ParameterError: it makes no physical sense.
+    """
     record = CylinderConfig(
         name=name,
         kind=kind,

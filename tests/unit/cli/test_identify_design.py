@@ -113,14 +113,8 @@ def test_without_a_design_a_recording_is_needed(capsys: pytest.CaptureFixture[st
     assert "give .csv, .mf4 or .mat" in refusal(capsys)
 
 
-def test_a_result_goes_with_a_design_alone(
-    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    result = tmp_path / "found.json"
-    result.write_text("{}", encoding="utf-8")
-
-    assert "give one result, with --design" in refusal(capsys, result, "run.csv", bench)
-    assert "is no result" in refusal(capsys, "--design", result, bench)
+def test_a_design_takes_no_recording(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--design takes a bench.toml" in refusal(capsys, "--design", "run.csv", bench)
 
 
 def test_an_axis_without_its_devices_is_refused(

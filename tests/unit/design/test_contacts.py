@@ -12,7 +12,7 @@ from hil_bench.abilities.identification.design.choosing import Designer
 from hil_bench.abilities.identification.design.foresight import Foresight
 from hil_bench.abilities.identification.design.manoeuvres import draw_contacts, measure_paces
 from hil_bench.abilities.identification.design.twin import Twin
-from hil_bench.abilities.identification.unknowns import Unknowns
+from hil_bench.abilities.identification.machine import Template
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 
 AXIS = cast("CylinderConfig", load_config(None).first_axis)
+SETTINGS = {
+    one.key.name: one for one in load_config(None).settings if one.table == f"plant.{AXIS.name}"
+}
 STROKE_END = paper_parameters().h  # 200 mm
 CLEAR = Limits(position=(-0.15, 0.15), speed=0.4, pressure=(-1e5, 1.2e7), time=60.0)
 TOUCHING = replace(CLEAR, position=(-0.203, 0.203), contact_speed=0.05)
@@ -31,7 +34,6 @@ TWIN = Twin(
     interval=2e-3,
     full_opening=paper_parameters().full_opening,
     noise=np.array([2e-6, 5e3, 5e3]),
-    has_spool=False,
 )
 
 
@@ -77,15 +79,20 @@ def test_a_piston_that_comes_too_fast_leaves_the_bounds() -> None:
 def test_a_stop_is_taken_where_it_tells_most() -> None:
     """Leakage of a stiff axis: 100 bar stand across a piston at its stop, a tenth elsewhere."""
     stiff = replace(TWIN, parameters=replace(paper_parameters(), E=1.4e9))
-    foresight = Foresight(stiff, Unknowns(paper_parameters(), ("E", "C_L", "w", "m", "F_c", "h")))
+    leak, stop = "internal_leakage_l_min_bar", "stroke_mm"
+    keys = ("bulk_modulus_mpa", leak, "orifice_width_mm", "moving_mass_kg", stop)
+    modulus = SETTINGS["bulk_modulus_mpa"]._replace(value=1400.0)
+    axis = replace(AXIS, parameters=stiff.parameters)
+    template = Template(axis, SETTINGS | {"bulk_modulus_mpa": modulus}, 1)
+    foresight = Foresight(stiff, template, keys)
     limits = (CLEAR, replace(TOUCHING, contact_speed=0.2))
 
     clear, touching = (
-        Designer(foresight, Bounds.of(AXIS, one), aside=("h",)).design(20.0) for one in limits
+        Designer(foresight, Bounds.of(AXIS, one), aside=(stop,)).design(20.0) for one in limits
     )
 
     assert not any("end stop" in name for _, name in clear.names)
     assert any("end stop" in name for _, name in touching.names)
     leakage, others = touching.outlooks[1], clear.outlooks[1]
-    assert (leakage.name, others.name) == ("C_L", "C_L")
+    assert (leakage.name, others.name) == (leak, leak)
     assert leakage.after < 0.3 * others.after

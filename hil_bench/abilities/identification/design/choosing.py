@@ -6,15 +6,15 @@ largest share of it. The determinant of the covariance (D-optimality) would coun
 deviation the same, and so prefer runs that tell the well known parameters still better.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.identification.design.bounds import Bounds
-from hil_bench.abilities.identification.design.foresight import Foresight
+from hil_bench.abilities.identification.design.foresight import TOLD, Foresight, invert
 from hil_bench.abilities.identification.design.manoeuvres import (
     Manoeuvre,
     Pace,
@@ -24,9 +24,6 @@ from hil_bench.abilities.identification.design.manoeuvres import (
     measure_paces,
     pace_of_return,
 )
-from hil_bench.abilities.identification.record import FITTED_SHARE
-from hil_bench.abilities.identification.uncertainty import invert
-from hil_bench.abilities.identification.unknowns import kind_of
 from hil_bench.errors import ConfigError
 
 Values = npt.NDArray[np.float64]
@@ -57,10 +54,10 @@ class Outlook(NamedTuple):
     """A parameter before and after.
 
     Attributes:
-        name: its symbol.
-        value: as known [SI].
-        before: standard deviation by what is known [SI].
-        after: standard deviation after the run [SI].
+        name: its key.
+        value: as known, in the unit of the key.
+        before: standard deviation by what is known.
+        after: standard deviation after the run.
         is_told_before: whether it counts as identified.
         is_told_after: likewise, after the run.
     """
@@ -121,17 +118,12 @@ class Designer:
     Attributes:
         foresight: what a run would tell.
         bounds: of the motion.
-        covariance: of the sought parameters so far [SI]; None where none was identified yet.
-        spool: the standard deviation so far of each parameter that the recorded position of the
-            spool tells by itself [SI].
         aside: parameters that are sought with the others, but do not choose between manoeuvres.
         report: is called after each candidate.
     """
 
     foresight: Foresight
     bounds: Bounds
-    covariance: Values | None = None
-    spool: Mapping[str, float] = field(default_factory=dict)
     aside: tuple[str, ...] = ()
     report: Callable[[str], None] = lambda _: None
 
@@ -139,7 +131,7 @@ class Designer:
         """Return the run that leaves least uncertain.
 
         Args:
-            duration: that it may take, the part for the trial included [s].
+            duration: that it may take [s].
 
         Raises:
             ConfigError: no manoeuvre stays within the bounds.
@@ -152,18 +144,18 @@ class Designer:
                 f"--design: each of the {sum(refused.values())} manoeuvres would leave the limits, "
                 f"mostly that of {most}; give wider [limits]"
             )
-        prior = self.foresight.prior(self.covariance)
+        prior = self.foresight.prior()
         within = self._within(prior, candidates)
         ranking = self._rank(prior, candidates, within)
-        chosen = self._choose(prior, candidates, within, FITTED_SHARE * duration - _START)
+        chosen = self._choose(prior, candidates, within, duration - 2.0 * _START)
         while True:
-            names, setpoints, end = self._join(chosen)
+            names, setpoints = self._join(chosen)
             states = twin.run(setpoints, self.bounds.middle)
             # What each manoeuvre drifts adds up.
             if len(chosen) == 1 or not self.bounds.leaves(states):
                 break
             chosen.pop()
-        information = self.foresight.information(setpoints, states, end)
+        information = self.foresight.information(setpoints, states)
         return Design(
             axis=twin.axis,
             interval=twin.interval,
@@ -173,7 +165,7 @@ class Designer:
             start=self.bounds.middle,
             ranking=tuple(ranking),
             refused=refused,
-            outlooks=tuple(self._outlooks(prior, information, setpoints, states)),
+            outlooks=tuple(self._outlooks(prior, information)),
         )
 
     def _candidates(self) -> tuple[list[_Candidate], dict[str, int]]:
@@ -208,9 +200,7 @@ class Designer:
     def _variances(self, prior: Values, information: Values) -> Values:
         """Return the variances of the free variables, as multiples of the limits squared."""
         total = prior + self.foresight.reduce(information)
-        count = len(self.foresight.unknowns.names)
-        limits = np.array([kind.told_within for kind in self.foresight.unknowns.kinds[:count]])
-        return np.asarray(np.diag(invert(total)) / limits**2)
+        return np.asarray(np.diag(invert(total)) / TOLD**2)
 
     def _within(self, prior: Values, candidates: Sequence[_Candidate]) -> npt.NDArray[np.bool_]:
         """Mark the parameters that count: those that some candidate makes identifiable."""
@@ -220,13 +210,13 @@ class Designer:
         after = self._variances(prior, whole)
         counts = (after < _TOLD) | (after < 0.25 * before)
         # The position of a stop must be known to use what happens there, but nobody asks for it.
-        counts &= np.array([name not in self.aside for name in self.foresight.unknowns.names])
+        counts &= np.array([name not in self.aside for name in self.foresight.names])
         return np.asarray(counts if counts.any() else np.ones_like(counts))
 
     def _rank(
         self, prior: Values, candidates: Sequence[_Candidate], within: npt.NDArray[np.bool_]
     ) -> list[Ranked]:
-        interval, names = self.foresight.twin.interval, self.foresight.unknowns.names
+        interval, names = self.foresight.twin.interval, self.foresight.names
         before = self._variances(prior, np.zeros_like(candidates[0].information))
         afters = np.array([self._variances(prior, one.information) for one in candidates])
         is_best = (afters <= afters.min(axis=0) * (1.0 + _ALIKE)) & within
@@ -275,66 +265,35 @@ class Designer:
             room -= best.duration(interval)
         if not chosen:
             shortest = min(one.duration(interval) for one in candidates)
-            least = (shortest + _START) / FITTED_SHARE
+            least = shortest + 2.0 * _START
             raise ConfigError(f"--duration: is too short; the shortest run takes {least:.1f} s")
         return chosen
 
-    def _join(
-        self, chosen: Sequence[_Candidate]
-    ) -> tuple[tuple[tuple[float, str], ...], Values, int]:
-        """Return the names with their times, the set-points, and where the part for the fit ends.
-
-        The fit leaves the last fifth of a recording for its trial; for that part manoeuvres of the
-        run are repeated.
-        """
+    def _join(self, chosen: Sequence[_Candidate]) -> tuple[tuple[tuple[float, str], ...], Values]:
+        """Return the names with their times, and the set-points."""
         interval = self.foresight.twin.interval
-        parts, names = [np.zeros(round(_START / interval))], []
+        rest = np.zeros(round(_START / interval))
+        parts, names = [rest], []
         for one in chosen:
             names.append((sum(map(len, parts)) * interval, one.name))
             parts.append(one.setpoints)
-        fitted = sum(map(len, parts))
-        rest = round(fitted / FITTED_SHARE) - fitted + 1
-        names.append((fitted * interval, "for the trial, as above"))
-        tail = np.concatenate([one.setpoints for one in chosen])
-        parts.append(np.resize(tail, rest))
-        parts.append(np.zeros(round(_START / interval)))
-        setpoints = np.concatenate(parts)
-        return tuple(names), setpoints, int(FITTED_SHARE * len(setpoints))
+        return tuple(names), np.concatenate([*parts, rest])
 
-    def _outlooks(
-        self, prior: Values, information: Values, setpoints: Values, states: Values
-    ) -> list[Outlook]:
+    def _outlooks(self, prior: Values, information: Values) -> list[Outlook]:
         foresight = self.foresight
-        slopes = foresight.slopes_si()
-        names, guess = foresight.unknowns.names, foresight.unknowns.guess(foresight.start)
-        was_known, will_be = (
-            np.sqrt(np.diag(slopes @ invert(each) @ slopes.T))
-            for each in (prior, prior + foresight.reduce(information))
-        )
+        unknowns = foresight.unknowns[: len(foresight.names)]
+        slopes = np.array([abs(one.slope(one.start)) for one in unknowns])
+        after = prior + foresight.reduce(information)
+        was_known, will_be = (slopes * np.sqrt(np.diag(invert(each))) for each in (prior, after))
         tolds = [
-            variances <= _TOLD
-            for variances in (
-                self._variances(prior, np.zeros_like(information)),
-                self._variances(prior, information),
+            self._variances(prior, each) <= _TOLD
+            for each in (np.zeros_like(information), information)
+        ]
+        return [
+            Outlook(
+                one.name, one.value(one.start), float(before), float(after), bool(was), bool(will)
+            )
+            for one, before, after, was, will in zip(
+                unknowns, was_known, will_be, *tolds, strict=True
             )
         ]
-        outlooks = [
-            Outlook(name, guess.value(name), float(before), float(after), bool(was), bool(will))
-            for name, before, after, was, will in zip(
-                names, was_known, will_be, *tolds, strict=True
-            )
-        ]
-        return [*outlooks, *self._spool_outlooks(setpoints, states)]
-
-    def _spool_outlooks(self, setpoints: Values, states: Values) -> list[Outlook]:
-        """Return the outlooks of what is fitted to the spool's position by itself."""
-        if not self.spool:
-            return []
-        found = self.foresight.spool_deviations(setpoints, states)
-        outlooks = []
-        for name, before in self.spool.items():
-            value = float(getattr(self.foresight.twin.parameters, name))
-            limit = kind_of(name).told_within * value
-            after = min(before, found.get(name, before))
-            outlooks.append(Outlook(name, value, before, after, before <= limit, after <= limit))
-        return outlooks

@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from hil_bench.abilities.identification.choice import KEYS
 from hil_bench.abilities.identification.design.choosing import Design, Outlook
-from hil_bench.abilities.identification.intervals import REACH
+from hil_bench.abilities.identification.machine import UNITS
 from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND
+
+REACH = 1.96
+"""Standard deviations on each side of a 95 % interval."""
 
 _SHOWN = 8  # candidates
 
@@ -30,7 +32,7 @@ def summarise_design(design: Design, notes: tuple[str, ...] = ()) -> str:
         *(
             (
                 f"{one.name:44} {one.duration:4.1f} s {100.0 * one.left:15.2g} %  "
-                + ", ".join(KEYS[name].name for name in one.best_for)
+                + ", ".join(one.best_for)
             ).rstrip()
             for one in ranking
         ),
@@ -44,7 +46,7 @@ def summarise_design(design: Design, notes: tuple[str, ...] = ()) -> str:
         f"{'parameter':32} {'value':>12} {'95 % today':>14} {'95 % after it':>14}",
         *map(_line, design.outlooks),
     ]
-    vague = [KEYS[one.name].name for one in design.outlooks if not one.is_told_after]
+    vague = [one.name for one in design.outlooks if not one.is_told_after]
     if vague:
         lines += ["", f"not identifiable even then: {', '.join(vague)}"]
     return "\n".join([*lines, "", _motion(design)])
@@ -61,19 +63,19 @@ def design_to_json(design: Design) -> dict[str, Any]:
                 "name": one.name,
                 "duration_s": one.duration,
                 "uncertainty_left": one.left,
-                "best_for": [KEYS[name].name for name in one.best_for],
+                "best_for": [*one.best_for],
             }
             for one in design.ranking
         ],
         "left_the_limits": design.refused,
         "parameters": {
-            KEYS[one.name].name: {
-                "value": KEYS[one.name].unit.from_si(one.value),
-                "standard_deviation_today": KEYS[one.name].unit.from_si(one.before),
-                "standard_deviation_after": KEYS[one.name].unit.from_si(one.after),
+            one.name: {
+                "value": one.value,
+                "standard_deviation_today": one.before,
+                "standard_deviation_after": one.after,
                 "is_told_today": one.is_told_before,
                 "is_told_after": one.is_told_after,
-                "unit": KEYS[one.name].unit.symbol,
+                "unit": UNITS.get(one.name, ""),
             }
             for one in design.outlooks
         },
@@ -81,10 +83,9 @@ def design_to_json(design: Design) -> dict[str, Any]:
 
 
 def _line(one: Outlook) -> str:
-    unit = KEYS[one.name].unit
-    before, after = (unit.from_si(REACH * deviation) for deviation in (one.before, one.after))
+    before, after = REACH * one.before, REACH * one.after
     today = f"+- {before:.2g}" if one.is_told_before else "unknown"
-    return f"{KEYS[one.name].name:32} {unit.from_si(one.value):12.6g} {today:>14} +- {after:11.2g}"
+    return f"{one.name:32} {one.value:12.6g} {today:>14} +- {after:11.2g}"
 
 
 def _motion(design: Design) -> str:

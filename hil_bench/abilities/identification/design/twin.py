@@ -1,14 +1,11 @@
 """The machine as it is known, run under set-points: what its sensors would show without noise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.identification.record import AxisRecord, Session
-from hil_bench.abilities.identification.sensing import sense
-from hil_bench.abilities.identification.spool import recorded_spool
-from hil_bench.abilities.identification.unknowns import PROMPT, Sensors
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
@@ -19,9 +16,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
 )
 
 Values = npt.NDArray[np.float64]
-
-_SPOOL_COUNTS = 1 << 14
-"""Steps of the full opening in which a CiA 408 valve shows its spool (object 0x6301, 16 bits)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +30,6 @@ class Twin:
         interval: between two rows of the recording [s].
         full_opening: spool position that a set-point of 1 stands for [m].
         noise: of position [m], P_A and P_B [Pa], shape (3,); infinite where a sensor is missing.
-        sensors: how far they are behind.
-        has_spool: whether the spool's position is recorded.
     """
 
     axis: str
@@ -47,8 +39,6 @@ class Twin:
     interval: float
     full_opening: float
     noise: Values
-    sensors: Sensors = PROMPT
-    has_spool: bool = True
 
     def run(self, setpoints: Values, position: float) -> Values:
         """Return the states under set-points, from rest.
@@ -85,12 +75,9 @@ class Twin:
             states: of each row, as `run` returns them.
         """
         shown = states[:, [0, 2, 3]]
-        if self.sensors != PROMPT:
-            whole = np.concatenate([shown[:1], shown])[np.newaxis]
-            shown = sense(whole, self.interval, self.sensors, 1)[0]
         has = np.isfinite(self.noise)
         rows = range(len(setpoints))
-        record = AxisRecord(
+        return AxisRecord(
             axis=self.axis,
             times=np.arange(1, len(setpoints) + 1) * np.float64(self.interval),
             interval=self.interval,
@@ -102,8 +89,3 @@ class Twin:
             noise=self.noise,
             sessions=(Session("", rows, has),),
         )
-        if not self.has_spool:
-            return record
-        count = self.full_opening / _SPOOL_COUNTS
-        nu = recorded_spool(self.parameters, record)[:, 0]
-        return replace(record, spool=count * np.rint(nu / count))

@@ -1,19 +1,14 @@
-"""`hil-bench identify`: the plant's parameters from a recording."""
+"""`hil-bench identify`: a plant that predicts your cylinder, from recordings."""
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from hil_bench.abilities.identification.choice import (
-    Choice,
-    choose,
-    find_sensors,
-    with_filters,
-    with_hysteresis,
-)
+from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.columns import (
     ColumnMap,
     check_units,
@@ -21,26 +16,24 @@ from hil_bench.abilities.identification.columns import (
     read_column_map,
     take_sensors,
 )
-from hil_bench.abilities.identification.design.knowledge import Knowledge, read_knowledge
-from hil_bench.abilities.identification.design.report import design_to_json, summarise_design
-from hil_bench.abilities.identification.identify import (
-    Identification,
-    check_options,
-    identify,
+from hil_bench.abilities.identification.errors import (
+    QUANTITIES,
+    Limit,
+    find_exceeded,
+    read_limit,
+    stated_error,
 )
+from hil_bench.abilities.identification.identify import Identification, Options, identify
+from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
-from hil_bench.abilities.identification.plot import draw_trial
+from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord, join_records
-from hil_bench.abilities.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.abilities.identification.report import summarise, to_json
 from hil_bench.abilities.identification.signs import settle_signs
-from hil_bench.abilities.identification.stops import find_stops
-from hil_bench.abilities.identification.unknowns import Sensors
 from hil_bench.abilities.identification.verbs.identify_design import (
-    Question,
     add_design_arguments,
     check_design_arguments,
-    find_design,
-    write_design,
+    run_design,
 )
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
@@ -48,12 +41,11 @@ from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
-from hil_bench.devices.measurement.parameters import ChainParameters
+from hil_bench.config.settings import Settings
+from hil_bench.config.values import find_nearest
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.extras import require_extra
 from hil_bench.figure_style import write_figure
-from hil_bench.kinds.motion_sensor import MotionConfig
-from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.files import read_recording
@@ -65,22 +57,24 @@ _EXAMPLES = """\
 examples:
   hil-bench identify run.mf4
   hil-bench identify run.csv bench.toml --axis lift --output lift
+  hil-bench identify run.csv bench.toml --require "position 1 mm" --require "time 10 ms"
   hil-bench identify slow.csv fast.csv bench.toml --columns rig.toml
   hil-bench identify a.csv bench.toml --map "t=time:s" --map "s=position:mm" \\
       --map "p1=P_A:bar" --map "U=spool_setpoint:V"
   hil-bench identify --design bench.toml --plan plan.toml
-  hil-bench identify --design run.mf4 bench.toml
 """
+
+_LONGEST = 86_400.0  # [s]
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the verb."""
     parser = subparsers.add_parser(
         "identify",
-        description="Estimate the plant's parameters with 95 % intervals from a recording, and\n"
-        "name those that it cannot identify. Writes parameters.toml, a table for bench.toml, and\n"
-        "trial.png and .svg, the model beside the part of the record that was not fitted.\n"
-        "Exit code 1: the model does not explain the record.",
+        description="Fit the plant to whole strokes of a recording, and state how well it\n"
+        "predicts strokes that were left out of the fit. Writes bench.toml with the machine,\n"
+        "and strokes.png and .svg, record and model stroke by stroke.\n"
+        "Exit code 1: a limit of --require is exceeded.",
         epilog=_EXAMPLES,
     )
     parser.add_argument(
@@ -114,63 +108,75 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--axis", metavar="NAME", help="axis to identify (default: the first)")
     for option, help_text in (
         ("--fix", "keys of bench.toml to hold as configured, as in: moving_mass_kg"),
-        ("--free", "keys to estimate beside the usual ones, as in: supply_pressure_bar"),
+        ("--free", "keys to estimate in every model, as in: external_leakage_a_l_min_bar"),
     ):
         parser.add_argument(
             option, nargs="+", action="extend", default=[], metavar="KEY", help=help_text
         )
-    add_output_argument(parser, "hil-bench-identify", "the files")
     parser.add_argument(
-        "--starts",
-        type=int,
-        default=24,
-        metavar="N",
-        help="number of starts of the search (default: 24)",
+        "--require",
+        action="append",
+        default=[],
+        metavar="LIMIT",
+        help="limit on the error of prediction, as in: 'position 1 mm', 'speed 1.5 %%', "
+        "'pressure 1 bar', 'time 10 ms'; repeat it for more",
     )
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=600.0,
+        metavar="S",
+        help="end the search after this time with the best so far (default: 600)",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="runs of the plant at a time (default: 1)",
+    )
+    add_output_argument(parser, "hil-bench-identify", "the files")
     add_design_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify, write and print; `ExitCode.CHECK_FAILED` where the model misses a signal.
+    """Identify, write and print; `ExitCode.CHECK_FAILED` where a limit of the user is exceeded.
 
     Raises:
-        ConfigError: a wrong argument, or a recording that is none or tells nothing.
+        ConfigError: a wrong argument, or a recording that cannot serve.
     """
     for package in ("scipy", "matplotlib"):
         require_extra(package, "hil-bench identify")
-    if not 1 <= args.starts <= 10_000:
-        raise ConfigError(f"--starts {args.starts}: give 1 to 10000")
     check_design_arguments(args)
+    limits = _check_arguments(args)
     files = _sort_files(args.files, is_design=args.design)
     config = load_config(str(files.bench) if files.bench else None)
     axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
-    check_options(axis.options)
-    chains = _find_chains(config, axis)
-    sensors = find_sensors(*chains)
-    choice = _choose(args, config, axis, sensors)
-    asked = Question(config, files.bench, axis, choice.names, sensors, chains, None)
     with output_directory(args.output):
-        return _answer(args, asked, files)
+        if args.design:
+            return run_design(args, config, files.bench, axis)
+        asked = Question(config, axis)
+        settings = _settings(asked)
+        wish = _read_wish(args, settings)
+        record = _read_records(args, files.recordings, asked)
+        found = _identify(args, asked, settings, wish, record)
+        return _finish(args, found, asked, files.recordings, limits)
 
 
-def _answer(args: argparse.Namespace, asked: Question, files: "Files") -> int:
-    """Identify what there are recordings of, write and print."""
-    found: Identification | None = None
-    is_right = True
-    if files.recordings:
-        found, asked = _fit(args, asked, files.recordings)
-        asked = asked._replace(knowledge=Knowledge.of(found))
-        is_right = is_explained(found)
-    elif files.result is not None:
-        asked = asked._replace(knowledge=read_knowledge(files.result))
-    ending = Ending(args)
-    ending.take(ExitCode.DONE if is_right else ExitCode.CHECK_FAILED)
-    _finish(args, found, asked, files.recordings, ending)
-    return ending.code
+class Question(NamedTuple):
+    """The machine that is asked about.
+
+    Attributes:
+        config: of the bench.
+        axis: the axis.
+    """
+
+    config: BenchConfig
+    axis: CylinderConfig
 
 
 class Files(NamedTuple):
@@ -179,94 +185,122 @@ class Files(NamedTuple):
     Attributes:
         recordings: of the machine.
         bench: what is known of it; None for the built-in bench.
-        result: of an identification, as JSON; None for none.
     """
 
     recordings: list[Path]
     bench: Path | None
-    result: Path | None
 
 
-def _choose(
-    args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig, sensors: Sensors
-) -> Choice:
-    settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
-    return choose(settings, sensors, args.fix, args.free)
-
-
-def _fit(
-    args: argparse.Namespace, asked: Question, recordings: Sequence[Path]
-) -> tuple[Identification, Question]:
-    """Estimate parameters from recordings; return the question as they have changed it, too.
+def _check_arguments(args: argparse.Namespace) -> list[Limit]:
+    """Return the limits of the user.
 
     Raises:
-        ConfigError: they cannot serve, or tell nothing.
+        ConfigError: an option makes no sense.
     """
-    record = _read_records(args, recordings, asked)
-    sensors = with_filters(asked.sensors, record.filters, args.fix)
-    choice = _choose(args, asked.config, asked.axis, sensors)
-    names = choice.names
-    if asked.axis.options.end_stop is not None:
-        record = find_stops(record, asked.axis.parameters.h)
-        if record.at_stop is not None and not {"stroke_mm"} & {*args.fix, *args.free}:
-            names = (*names, "h")
-    asked = asked._replace(names=names, sensors=sensors)
-    record = with_hysteresis(record, *asked.chains)
-    held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
-    record = replace(record, notes=(*record.notes, *held))
-    try:
-        return _identify(args, asked, record), asked
-    except ConfigError as error:
-        raise ConfigError(f"{_names(recordings)}: {error}") from None
+    if not 1 <= args.jobs <= 4 * (os.cpu_count() or 1):
+        raise ConfigError(f"--jobs {args.jobs}: give 1 to {4 * (os.cpu_count() or 1)}")
+    if not 1.0 <= args.time_limit <= _LONGEST:
+        raise ConfigError(f"--time-limit {args.time_limit:g}: give 1 to {_LONGEST:g}")
+    return [read_limit(text) for text in args.require]
+
+
+def _settings(asked: Question) -> Settings:
+    table = f"plant.{asked.axis.name}"
+    return {one.key.name: one for one in asked.config.settings if one.table == table}
+
+
+def _read_wish(args: argparse.Namespace, settings: Settings) -> Wish:
+    """Return what the user holds and frees.
+
+    Raises:
+        ConfigError: a key is not one of the axis, or is to be both.
+    """
+    known = [*settings, *ALIASES.values()]
+    for option, keys in (("--fix", args.fix), ("--free", args.free)):
+        for key in keys:
+            if key not in known:
+                nearest = find_nearest(key, known)
+                raise ConfigError(f"{option} {key}: is no unknown; the nearest one is {nearest}")
+    if both := set(args.fix) & set(args.free):
+        raise ConfigError(f"--fix {min(both)}: --free says the contrary")
+    fix = frozenset({*args.fix, *(ALIASES[key] for key in args.fix if key in ALIASES)})
+    return Wish(fix, tuple(ALIASES.get(key, key) for key in args.free))
+
+
+def _identify(
+    args: argparse.Namespace,
+    asked: Question,
+    settings: Settings,
+    wish: Wish,
+    record: AxisRecord,
+) -> Identification:
+    with shown_work(args, Work("identify", unit="runs")) as work:
+
+        def tick() -> None:
+            work.done += 1
+
+        def say(stage: str) -> None:
+            work.stage = stage
+
+        options = Options(wish, args.jobs, args.time_limit, tick, say)
+        return identify(record, asked.axis, settings, step=asked.config.dt, options=options)
 
 
 def _finish(
     args: argparse.Namespace,
-    found: Identification | None,
+    found: Identification,
     asked: Question,
     recordings: Sequence[Path],
-    ending: Ending,
-) -> None:
-    """Write and print what was found, and the design where one is wanted and the model is right."""
-    texts: list[str] = []
-    content: dict[str, Any] = {}
+    limits: Sequence[Limit],
+) -> int:
+    """Write and print what was found; return the exit code."""
+    ending = Ending(args)
+    exceeded = find_exceeded(found.ladder.best.errors, limits)
+    ending.take(ExitCode.CHECK_FAILED if exceeded else ExitCode.DONE)
     files: list[Path] = []
-    if found is not None:
-        with ending.going_on():
-            files += _write(args.output, found, ", ".join(path.name for path in recordings))
-        texts += [summarise(found), ""]
-        content |= to_json(found)
-    if args.design and ending.code is not ExitCode.CHECK_FAILED:
-        design, notes = find_design(args, asked)
-        with ending.going_on():
-            files += write_design(args.output, design, asked, args.plan)
-        texts += [summarise_design(design, notes), ""]
-        content["design"] = design_to_json(design)
-    elif args.design:
-        texts += ["no manoeuvre was designed, since the model does not explain the record", ""]
+    with ending.going_on():
+        files += _write(args.output, found, asked, ", ".join(path.name for path in recordings))
     if args.json:
-        print(json.dumps({**content, "files": [str(path) for path in files]}, indent=2))
+        content = {**to_json(found, limits), "files": [str(path) for path in files]}
+        print(json.dumps(content, indent=2))
     elif not args.quiet:
-        print("\n".join([*texts, *(f"wrote {path}" for path in files)]))
+        print("\n".join([summarise(found, limits), "", *(f"wrote {path}" for path in files)]))
+    return ending.code
+
+
+def _write(directory: Path, found: Identification, asked: Question, source: str) -> list[Path]:
+    """Write the bench and the figure; return the files."""
+    bench = directory / "bench.toml"
+    errors = found.ladder.best.errors
+    within = ", ".join(
+        f"{name} {stated_error(errors, name):.3g} {one.unit}" for name, one in QUANTITIES.items()
+    )
+    with about_file(bench, right="give a directory of yours"):
+        text = write_bench(found, asked.config, source, within)
+        with whole_file(bench) as file:
+            file.write_text(text, encoding="utf-8", errors="backslashreplace")
+    return [bench, *write_figure(lambda: draw_strokes(found), directory / "strokes")]
 
 
 def _sort_files(files: Sequence[Path], *, is_design: bool) -> Files:
     """Return the files by what they are.
 
     Raises:
-        ConfigError: there is no recording, or more than one bench, or a result beside a recording.
+        ConfigError: there is no recording, or more than one bench, or one beside --design.
     """
     benches = [path for path in files if path.suffix.lower() == ".toml"]
-    results = [path for path in files if path.suffix.lower() == ".json"]
-    recordings = [path for path in files if path not in {*benches, *results}]
+    recordings = [path for path in files if path not in benches]
+    if is_design and recordings:
+        raise ConfigError(
+            f"{_names(recordings)}: --design takes a bench.toml; identify first, and give the "
+            "bench.toml that this writes"
+        )
     if not recordings and not is_design:
         named = f"{_names(files)}: is no recording; " if files else ""
         raise ConfigError(f"{named}give .csv, .mf4 or .mat too")
     if len(benches) > 1:
         raise ConfigError(f"{_names(benches)}: give one bench.toml")
-    if results and (len(results) > 1 or recordings or not is_design):
-        raise ConfigError(f"{_names(results)}: give one result, with --design, and no recording")
-    return Files(recordings, benches[0] if benches else None, results[0] if results else None)
+    return Files(recordings, benches[0] if benches else None)
 
 
 def _read_records(args: argparse.Namespace, paths: Sequence[Path], asked: Question) -> AxisRecord:
@@ -338,16 +372,6 @@ def name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:
     return {quantity: name for quantity, name in pairs if quantity is not None}
 
 
-def _find_chains(
-    config: BenchConfig, axis: CylinderConfig
-) -> tuple[ChainParameters | None, ChainParameters | None]:
-    """Return the chains of an axis's sensors of position and pressure, as far as it has them."""
-    mine = [node for node in config.nodes if node.axis == axis.name]
-    position = (node.chain for node in mine if isinstance(node, MotionConfig))
-    pressure = (node.chain for node in mine if isinstance(node, PressureConfig))
-    return next(position, None), next(pressure, None)
-
-
 def _about(path: Path, error: ConfigError) -> str:
     text = str(error)
     return text if text.startswith(str(path)) else f"{path}: {text}"
@@ -355,29 +379,3 @@ def _about(path: Path, error: ConfigError) -> str:
 
 def _names(paths: Sequence[Path]) -> str:
     return ", ".join(map(str, paths))
-
-
-def _identify(args: argparse.Namespace, asked: Question, record: AxisRecord) -> Identification:
-    # How long a fit takes shows only when it has converged, so its steps have no total.
-    with shown_work(args, Work("identify", unit="steps")) as work:
-        return identify(
-            record,
-            asked.axis.parameters,
-            asked.axis.options,
-            step=asked.config.dt,
-            names=asked.names,
-            sensors=asked.sensors,
-            starts=args.starts,
-            seed=asked.config.seed,
-            report=work.begin,
-        )
-
-
-def _write(directory: Path, found: Identification, source: str) -> list[Path]:
-    """Write the parameters and the figure; return the files."""
-    parameters = directory / "parameters.toml"
-    with about_file(parameters, right="give a directory of yours"):
-        text = to_toml(found, source)
-        with whole_file(parameters) as file:
-            file.write_text(text, encoding="utf-8", errors="backslashreplace")
-    return [parameters, *write_figure(lambda: draw_trial(found), directory / "trial")]

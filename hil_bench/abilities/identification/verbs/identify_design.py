@@ -1,9 +1,9 @@
 """`hil-bench identify --design`: the manoeuvre that would tell more, as a scenario."""
 
 import argparse
+import json
 import math
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,25 +20,24 @@ from hil_bench.abilities.identification.design.bounds import Bounds
 from hil_bench.abilities.identification.design.choosing import Design, Designer
 from hil_bench.abilities.identification.design.course import shorten_course
 from hil_bench.abilities.identification.design.foresight import Foresight
-from hil_bench.abilities.identification.design.knowledge import Knowledge
+from hil_bench.abilities.identification.design.report import design_to_json, summarise_design
 from hil_bench.abilities.identification.design.twin import Twin
-from hil_bench.abilities.identification.unknowns import (
-    SENSING,
-    SESSION_FLOW,
-    Sensors,
-    Unknowns,
-    kind_of,
-)
+from hil_bench.abilities.identification.fit import require_startable
+from hil_bench.abilities.identification.ladder import ALIASES, PAPER
+from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario, SetStep
 from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
 from hil_bench.cli.arguments import find_cylinder
+from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.kinds.motion_sensor import MotionConfig
+from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.courses import states_without_start
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE, MILLIMETRE_PER_SECOND
 
 Values = npt.NDArray[np.float64]
@@ -47,7 +46,7 @@ Chains = tuple[ChainParameters | None, ChainParameters | None]
 _SCENARIO, _COURSE = "design.scenario.toml", "design.csv"
 _BEGIN = 0.5  # [s], by which the example controller has set the devices up
 _TYPICAL = (3e-6, 5e3)  # [m], [Pa]: noise of sensors of which nothing is said
-_SPOOL, _STOP = ("omega_0", "xi"), "h"
+_STOP = "stroke_mm"
 _LONGEST = 600.0  # [s]
 
 
@@ -59,18 +58,14 @@ class Question(NamedTuple):
         bench: its file; None for the built-in one.
         axis: the axis.
         names: the sought parameters.
-        sensors: how far they are behind.
         chains: of the sensors of position and pressure.
-        knowledge: what an identification has found; None for nothing yet.
     """
 
     config: BenchConfig
     bench: Path | None
     axis: CylinderConfig
     names: tuple[str, ...]
-    sensors: Sensors
     chains: Chains
-    knowledge: Knowledge | None
 
 
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,8 +74,8 @@ def add_design_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--design",
         action="store_true",
-        help="find the manoeuvre that would identify more, and write it as a scenario: from the "
-        "bench.toml alone, from recordings, or from a result of --json",
+        help="find the manoeuvre that would identify most, and write it as a scenario, from the "
+        "bench.toml alone, such as one that identify has written",
     )
     group.add_argument(
         "--duration",
@@ -110,41 +105,20 @@ def check_design_arguments(args: argparse.Namespace) -> None:
 
 
 def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tuple[str, ...]]:
-    """Return the run that would tell most, and what that rests on.
-
-    Raises:
-        ConfigError: none stays within the limits.
-    """
+    """Return the run that would tell most, and what that rests on."""
     _valve(asked)
     plan = None if args.plan is None else load_plan(args.plan)
     limits = _limits(plan, asked)
     twin, notes = _twin(asked, plan)
-    spool = _SPOOL if twin.has_spool else ()
-    names = tuple(name for name in asked.names if name not in {*spool, SESSION_FLOW})
-    if not names:
-        raise ConfigError("--design: the spool alone is sought, and its position shows it")
-    bounds, known, aside = Bounds.of(asked.axis, limits), asked.knowledge, tuple[str, ...]()
-    if bounds.stops and not {_STOP, *args.fix} & {*names, "stroke_mm"}:
+    names, bounds, aside = asked.names, Bounds.of(asked.axis, limits), tuple[str, ...]()
+    if bounds.stops and not {_STOP} & {*args.fix, *names}:
         names, aside = (*names, _STOP), (_STOP,)
-        if known is not None:
-            known = known.beside(_STOP, kind_of(_STOP).spread * asked.axis.parameters.h)
-    unknowns = Unknowns(asked.axis.parameters, names, 1, asked.sensors)
-    is_known = known is not None and set(names) <= set(known.deviations)
+    table = f"plant.{asked.axis.name}"
+    settings = {one.key.name: one for one in asked.config.settings if one.table == table}
+    foresight = Foresight(twin, Template(asked.axis, settings, 1), names)
     with shown_work(args, Work("identify --design", unit="manoeuvres")) as work:
-        designer = Designer(
-            Foresight(twin, unknowns),
-            bounds,
-            known.covariance(names) if known is not None and is_known else None,
-            {name: _spool_deviation(name, twin.parameters, known) for name in spool},
-            aside,
-            work.begin,
-        )
+        designer = Designer(foresight, bounds, aside, work.begin)
         found = designer.design(20.0 if args.duration is None else args.duration)
-    if known is not None and not is_known:
-        notes = (
-            *notes,
-            "today: the result lacks some of the sought parameters, and counts as none",
-        )
     if bounds.stops:
         stops = " and ".join(f"{MILLIMETRE.from_si(stop):g} mm" for stop in bounds.stops)
         speed = MILLIMETRE_PER_SECOND.from_si((limits and limits.contact_speed) or 0.0)
@@ -152,6 +126,42 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
     if plan is None:
         notes = (*notes, "limits: the stroke alone; give --plan for those of speed and pressure")
     return found, notes
+
+
+def run_design(
+    args: argparse.Namespace, config: BenchConfig, bench: Path | None, axis: CylinderConfig
+) -> int:
+    """Find the manoeuvre that would tell most, write and print it.
+
+    Raises:
+        ConfigError: nothing is left to be sought, or no manoeuvre stays within the limits.
+    """
+    require_startable(states_without_start(axis.options))
+    wanted = (*PAPER, "spool_damping_ratio", "orifice_full_opening_mm", *args.free)
+    names = tuple(dict.fromkeys(ALIASES.get(key, key) for key in wanted if key not in args.fix))
+    if not names:
+        raise ConfigError("--fix: nothing is left to be sought")
+    asked = Question(config, bench, axis, names, _find_chains(config, axis))
+    design, notes = find_design(args, asked)
+    files: list[Path] = []
+    ending = Ending(args)
+    with ending.going_on():
+        files += write_design(args.output, design, asked, args.plan)
+    if args.json:
+        content = {"design": design_to_json(design), "files": [str(path) for path in files]}
+        print(json.dumps(content, indent=2))
+    elif not args.quiet:
+        lines = [summarise_design(design, notes), "", *(f"wrote {path}" for path in files)]
+        print("\n".join(lines))
+    return ending.code
+
+
+def _find_chains(config: BenchConfig, axis: CylinderConfig) -> Chains:
+    """Return the chains of an axis's sensors of position and pressure, as far as it has them."""
+    mine = [node for node in config.nodes if node.axis == axis.name]
+    position = (node.chain for node in mine if isinstance(node, MotionConfig))
+    pressure = (node.chain for node in mine if isinstance(node, PressureConfig))
+    return next(position, None), next(pressure, None)
 
 
 def write_design(directory: Path, design: Design, asked: Question, plan: Path | None) -> list[Path]:
@@ -189,47 +199,28 @@ def _limits(plan: CommissioningPlan | None, asked: Question) -> Limits | None:
 
 def _twin(asked: Question, plan: CommissioningPlan | None) -> tuple[Twin, tuple[str, ...]]:
     """Return the twin in place of the machine, and notes on it."""
-    config, axis, known = asked.config, asked.axis, asked.knowledge
+    config, axis = asked.config, asked.axis
     noise, note = _noise(asked)
-    parameters = axis.parameters
-    if known is not None:
-        fields = set(PlantParameters.__slots__)
-        found = {name: value for name, value in known.values.items() if name in fields}
-        parameters = replace(parameters, **found)
-        late = {name: value for name, value in known.values.items() if name in SENSING}
-        sensors = asked.sensors._replace(**late)
-    else:
-        sensors = asked.sensors
     twin = Twin(
         axis=axis.name,
-        parameters=parameters,
+        parameters=axis.parameters,
         options=axis.options,
         step=config.dt,
         interval=config.tick_ns * 1e-9 if plan is None else plan.period,
         full_opening=config.full_scale(axis),
         noise=noise,
-        sensors=sensors,
-        has_spool=known is None or known.has_spool,
     )
-    today = (
-        "today: nothing identified yet"
-        if known is None
-        else f"today: {len(known.values)} of {len(known.deviations)} parameters identified"
-    )
-    return twin, (today, note)
+    return twin, (note,)
 
 
 def _noise(asked: Question) -> tuple[Values, str]:
     """Return the noise of each signal, and where it comes from."""
-    if asked.knowledge is not None:
-        noise, source = asked.knowledge.noise, "as recorded"
-    else:
-        position, pressure = map(_chain_noise, asked.chains)
-        source = "by the chains of the sensors" if position and pressure else "in part assumed"
-        pressure = pressure or _TYPICAL[1]
-        noise = np.array([position or _TYPICAL[0], pressure, pressure])
-        if not any(map(_chain_noise, asked.chains)):
-            source = "assumed"
+    position, pressure = map(_chain_noise, asked.chains)
+    source = "by the chains of the sensors" if position and pressure else "in part assumed"
+    pressure = pressure or _TYPICAL[1]
+    noise = np.array([position or _TYPICAL[0], pressure, pressure])
+    if not any(map(_chain_noise, asked.chains)):
+        source = "assumed"
     texts = [f"position {MICROMETRE.from_si(noise[0]):.3g} um"]
     texts += [
         f"{name} {BAR.from_si(value):.3g} bar"
@@ -250,13 +241,6 @@ def _chain_noise(chain: ChainParameters | None) -> float:
         0.5 * chain.hysteresis,
     )
     return math.hypot(*parts)
-
-
-def _spool_deviation(name: str, parameters: PlantParameters, known: Knowledge | None) -> float:
-    """Return the standard deviation of a parameter of the spool so far."""
-    if known is not None and name in known.deviations:
-        return known.deviations[name]
-    return kind_of(name).spread * float(getattr(parameters, name))
 
 
 def _scenario(path: Path, design: Design, asked: Question, plan: Path | None) -> Scenario:

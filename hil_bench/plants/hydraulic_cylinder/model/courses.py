@@ -1,7 +1,7 @@
-"""Runs of one plant with extensions from many starts, for whoever compares runs beside each other.
+"""Whole courses of motion of one plant, for whoever compares runs beside each other.
 
-Extensions with states of their own would need their starts, too; loads, air in the oil, metering
-lands, leakage to the tank, compensator and cushions have none.
+A course begins at rest, so the extensions with states of their own begin as a plant that starts
+has them. Lines with waves and loads over time have more than that, and are not among them.
 """
 
 from typing import cast
@@ -9,12 +9,11 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, SEEN, Cuts
+from hil_bench.plants.hydraulic_cylinder.model.batch import SEEN
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN, WHOLE, part_at
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     ExtendedConstants,
-    pack_extended,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import Others, try_extended
@@ -22,7 +21,6 @@ from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel, make_row
 from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
-from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.parts import (
     PARTS,
     RATIO,
@@ -32,19 +30,15 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
     shorten,
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
-from hil_bench.plants.hydraulic_cylinder.model.state import PlantState
 
 Values = npt.NDArray[np.float64]
-
-_STATES = len(PlantState._fields)
+CourseCuts = npt.NDArray[np.int64]
+"""Where each step of a course is cut, as `model.cuts` has it, shape (steps,)."""
 
 
 def states_without_start(options: PlantOptions) -> list[str]:
-    """Return the extensions that are on and that a start of six states does not determine."""
+    """List the extensions that are on and that a start at rest does not determine."""
     hidden = {
-        "LuGre friction": options.bristles is not None,
-        "the supply unit": options.supply is not None,
-        "the counterbalance valve": options.counterbalance is not None,
         "lines with waves": options.has_lines,
         "a load over time": any(isinstance(load, LoadSeries) for load in options.loads),
     }
@@ -88,42 +82,30 @@ def move_extended_along(
 
 
 @long_kernel
-def run_extended_lane(
-    start: Floats,
-    constants: Floats,
-    setpoints: Floats,
-    cuts: Cuts,
-    seen: Floats,
-    lane: int,
-    every: int,
+def follow_course(
+    start: Floats, constants: Floats, setpoints: Floats, cuts: CourseCuts, seen: Floats, every: int
 ) -> None:
-    """Run a plant from one start.
+    """Run a plant along its set-points.
 
     Args:
-        start: the fields of `PlantState`, then P_S.
+        start: the fields of `PlantState`, then P_S, openings of the counterbalance valves, Q_P.
         constants: as `pack_extended` gives them.
-        setpoints: u [m] of each step and lane.
-        cuts: likewise, which are followed; what is `OPEN` is found and taken down. Empty: all are
-            found, and none is kept.
+        setpoints: u of each step [m].
+        cuts: of each step, which are followed; what is `OPEN` is found and taken down.
         seen: takes, after each `every`-th step, the fields of `SEEN`.
-        lane: of the set-points and cuts.
         every: steps between two rows.
     """
-    steps = len(setpoints) // LANES
     groups, extension = unpack(constants), unpack_extended(constants)
-    keeps = len(cuts) > 0
     cylinder = (start[0], start[1], start[2], start[3], start[6], start[7])
     nu, nu_dot = start[4], start[5]
-    others = (0.0, start[8], (0.0, 0.0, 0.0))
-    for step in range(steps):
+    others = (0.0, start[8], (start[9], start[10], start[11]))
+    for step in range(len(setpoints)):
         before = nu
-        nu, nu_dot = move_spool(nu, nu_dot, setpoints[step * LANES + lane], groups[3])
-        known = cuts[step * LANES + lane] if keeps else OPEN
+        nu, nu_dot = move_spool(nu, nu_dot, setpoints[step], groups[3])
         cylinder, others, made = move_extended_along(
-            cylinder, (before, nu), others, groups, extension, known
+            cylinder, (before, nu), others, groups, extension, cuts[step]
         )
-        if keeps:
-            cuts[step * LANES + lane] = made
+        cuts[step] = made
         if (step + 1) % every == 0:
             place = ((step + 1) // every - 1) * 5
             seen[place], seen[place + 1] = cylinder[0], cylinder[1]
@@ -131,42 +113,33 @@ def run_extended_lane(
             seen[place + 4] = orifice_state(nu, groups[2])
 
 
-def run_extended_starts(
-    plant: tuple[PlantParameters, PlantOptions],
-    starts: Values,
-    setpoints: Values,
-    *,
-    dt: float,
-    every: int,
-    cuts: Cuts,
+def run_course(
+    constants: Floats, start: Values, setpoints: Values, *, every: int, cuts: CourseCuts
 ) -> Values:
-    """Run a plant with extensions from at most `LANES` states, as `model.batch.run_starts` does.
+    """Run a plant along its set-points; other threads run meanwhile.
 
     Args:
-        plant: without `states_without_start`; it is not checked here.
-        starts: the fields of `PlantState`, shape (starts, 8); without cavities (starts, 6).
-        setpoints: as `model.batch.spread_setpoints` gives them.
-        dt: step [s].
+        constants: as `pack_extended` gives them, without `states_without_start`; not checked here.
+        start: the fields of `PlantState`, then P_S, openings of the counterbalance valves, Q_P.
+        setpoints: u of each step, shape (steps,) [m].
         every: steps between two rows.
-        cuts: are followed; what is `OPEN` there is found and taken down. Empty: none is kept.
+        cuts: of each step, which are followed; what is `OPEN` there is found and taken down.
 
     Returns:
-        The fields of `SEEN` after each `every`-th step, shape (starts, steps // every, 5).
+        The fields of `SEEN` after each `every`-th step, shape (steps // every, 5).
     """
-    parameters, options = plant
-    constants = make_row(pack_extended(parameters, options, dt))
-    steps = len(setpoints)
-    seen = np.empty((len(starts), steps // every, len(SEEN)))
-    given, taken = setpoints.reshape(-1), cuts.reshape(-1)
-    for lane, state in enumerate(starts.tolist()):
-        cavities = [0.0] * (_STATES - len(state))
-        run_extended_lane(
-            make_row([*state, *cavities, parameters.P_S]),
-            constants,
-            cast("Floats", given),
-            taken,
-            cast("Floats", seen[lane].reshape(-1)),
-            lane,
-            every,
-        )
+    seen = np.empty((len(setpoints) // every, len(SEEN)))
+    follow_course(
+        make_row(start.tolist()),
+        constants,
+        cast("Floats", setpoints),
+        cuts,
+        cast("Floats", seen.reshape(-1)),
+        every,
+    )
     return seen
+
+
+def open_cuts(steps: int) -> CourseCuts:
+    """Return cuts that are all still to be found."""
+    return np.full(steps, OPEN, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Runs with extensions from many starts: the bits of a single plant, and cuts that are followed."""
+"""Whole courses of one plant: the bits of a single plant, and cuts that are followed."""
 
 from dataclasses import replace
 
@@ -19,12 +19,13 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, NO_CUTS, spread_setpoints
-from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN
-from hil_bench.plants.hydraulic_cylinder.model.extended_batch import (
-    run_extended_starts,
+from hil_bench.plants.hydraulic_cylinder.model.courses import (
+    open_cuts,
+    run_course,
     states_without_start,
 )
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
 
 STEP, STEPS, EVERY = 1e-4, 400, 10
@@ -49,14 +50,7 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
     starts = [balanced_state(PARAMETERS, x=x) for x in (0.0, 0.05, 0.1995)]  # the last hits a stop
     openings = np.repeat(source.uniform(-1.3e-3, 1.3e-3, (len(starts), STEPS // 100)), 100, axis=1)
 
-    seen = run_extended_starts(
-        (PARAMETERS, options),
-        np.array(starts),
-        spread_setpoints(openings),
-        dt=STEP,
-        every=EVERY,
-        cuts=NO_CUTS,
-    )
+    constants = make_row(pack_extended(PARAMETERS, options, STEP))
 
     for number, state in enumerate(starts):
         plant = FullOrderPlant(
@@ -71,20 +65,26 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
             output = plant.step(PlantInput(u))
             if step % EVERY == 0:
                 alone.append((output.x, output.v, output.P_A, output.P_B, output.z))
-        assert np.array_equal(seen[number], np.array(alone))
+        seen = run_course(
+            constants,
+            np.array([*state, PARAMETERS.P_S, 0.0, 0.0, 0.0]),
+            openings[number],
+            every=EVERY,
+            cuts=open_cuts(STEPS),
+        )
+        assert np.array_equal(seen, np.array(alone))
 
 
 def test_cuts_are_taken_down_and_followed() -> None:
-    starts = np.array([balanced_state(PARAMETERS, x=0.1995)])
-    setpoints = spread_setpoints(np.full((1, STEPS), 1.3e-3))
-    cuts = np.full((STEPS, LANES), OPEN, dtype=np.int64)
-    plant, how = (PARAMETERS, EXTENDED["air"]), {"dt": STEP, "every": 1}
+    start = np.array([*balanced_state(PARAMETERS, x=0.1995), PARAMETERS.P_S, 0.0, 0.0, 0.0])
+    setpoints, cuts = np.full(STEPS, 1.3e-3), open_cuts(STEPS)
+    constants = make_row(pack_extended(PARAMETERS, EXTENDED["air"], STEP))
 
-    found = run_extended_starts(plant, starts, setpoints, cuts=cuts, **how)
-    again = run_extended_starts(plant, starts, setpoints, cuts=cuts.copy(), **how)
-    whole = run_extended_starts(plant, starts, setpoints, cuts=np.zeros_like(cuts), **how)
+    found = run_course(constants, start, setpoints, every=1, cuts=cuts)
+    again = run_course(constants, start, setpoints, every=1, cuts=cuts.copy())
+    whole = run_course(constants, start, setpoints, every=1, cuts=np.zeros_like(cuts))
 
-    assert (cuts[:, 0] > 0).any()  # where the stop is hit
+    assert (cuts > 0).any()  # where the stop is hit
     assert np.array_equal(found, again)
     assert not np.array_equal(found, whole)
 

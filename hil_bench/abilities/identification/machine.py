@@ -1,0 +1,297 @@
+"""The machine that is fitted: keys of `bench.toml` that are free, and the plant that they make.
+
+An unknown is a key of the axis' table in its own unit, or one of a few names beside them: dead
+volumes, the excess of static friction, delay and lag of the sensors, offsets of the pressure
+sensors and the flow of each recording. A free variable is a multiple of the unknown's scale, or
+the logarithm of its ratio to it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.config.settings import Settings
+from hil_bench.errors import ConfigError
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, build_axis
+from hil_bench.plants.hydraulic_cylinder.keys import Supply
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, make_row
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.units import BAR, LITRE_PER_MINUTE, LITRE_PER_MINUTE_BAR, MILLIMETRE, NEWTON
+
+Values = npt.NDArray[np.float64]
+
+DEAD = {
+    "dead_a": ("piston_side_volume_cm3", "piston_area_cm2"),
+    "dead_b": ("rod_side_volume_cm3", "rod_side_area_cm2"),
+}
+"""Dead volumes beside what the piston sweeps, with the keys that they make up."""
+
+STICTION, DROOP = "stiction_n", "supply_droop_bar_min_l"
+DELAY, LAG = "position_delay_ms", "pressure_lag_ms"
+FLOW = "session_flow"
+OVERLAPS = ("land_overlap_pa_mm", "land_overlap_at_mm", "land_overlap_pb_mm", "land_overlap_bt_mm")
+UNITS = {
+    "dead_a": "cm3",
+    "dead_b": "cm3",
+    STICTION: "N",
+    DROOP: "bar min/l",
+    DELAY: "ms",
+    LAG: "ms",
+    "offset_a": "bar",
+    "offset_b": "bar",
+    FLOW: "-",
+}
+"""Units of the unknowns that are no keys."""
+
+_LINE_CM3 = 500.0  # between the droop's source and the valve
+_RESERVE = 3.0  # times the valve's largest flow that the droop's pump gives
+
+
+class Unknown(NamedTuple):
+    """An unknown and its free variable.
+
+    Attributes:
+        name: key or name; one for each recording ends in its number, as in ``offset_a:0``.
+        is_log: whether the variable is the logarithm of the ratio to the scale.
+        scale: in the unit of the key.
+        low: bound of the variable.
+        high: bound of the variable.
+        spread: standard deviation of the variable about its start before anything is recorded.
+        start: of the variable.
+    """
+
+    name: str
+    is_log: bool
+    scale: float
+    low: float
+    high: float
+    spread: float
+    start: float = 0.0
+
+    def value(self, variable: float) -> float:
+        """Return the value of the unknown in its unit."""
+        return self.scale * (math.exp(variable) if self.is_log else variable)
+
+    def slope(self, variable: float) -> float:
+        """Return the slope of the value by the variable."""
+        return self.scale * (math.exp(variable) if self.is_log else 1.0)
+
+    @property
+    def step(self) -> float:
+        """Of the variable, for slopes."""
+        return 2e-3 if self.is_log else 2e-3 * max(self.spread, 1.0)
+
+
+class Running(NamedTuple):
+    """A machine that runs.
+
+    Attributes:
+        parameters: of the plant.
+        options: of the plant.
+        constants: of the kernel, one row a recording.
+        offsets: of both pressure sensors in each recording, shape (recordings, 2) [Pa].
+        delay: of the position sensor [s].
+        lag: of the pressure sensors [s].
+        supply: pressure at rest [Pa].
+    """
+
+    parameters: PlantParameters
+    options: PlantOptions
+    constants: tuple[Floats, ...]
+    offsets: Values
+    delay: float
+    lag: float
+    supply: float
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """The machine as it is configured, in which unknowns take other values.
+
+    Attributes:
+        axis: as configured.
+        settings: of the axis.
+        sessions: how many recordings there are.
+        held: values that were found before, by the name of the unknown.
+    """
+
+    axis: CylinderConfig
+    settings: Settings
+    sessions: int
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    def keys(self, values: Mapping[str, float]) -> dict[str, float | str]:
+        """Return the keys of `bench.toml` that unknowns make, in their units."""
+        values = {**self.held, **values}
+        own: dict[str, float | str] = {k: v for k, v in values.items() if k in self.settings}
+        for name, (volume, area) in DEAD.items():
+            moved = {volume, area, "stroke_mm"} & set(own)
+            if name in values or moved - {volume}:
+                dead = values.get(name, self.dead(name))
+                swept = self._get(own, area) * self._get(own, "stroke_mm") * 0.05
+                own[volume] = dead + swept
+        if "spool_overlap_mm" in own and "orifice_full_opening_mm" not in own:
+            # What 100 % stands for stays, so that the table of the valve's node need not change.
+            full = self._get({}, "orifice_full_opening_mm") + self._get({}, "spool_overlap_mm")
+            own["orifice_full_opening_mm"] = full - float(own["spool_overlap_mm"])
+        coulomb = self._get(own, "coulomb_friction_n")
+        if STICTION in values:
+            own["static_friction_n"] = coulomb + values[STICTION]
+        elif "static_friction_n" not in own and "coulomb_friction_n" in own:
+            before = self._get({}, "coulomb_friction_n")
+            ratio = self._get({}, "static_friction_n") / before if before else 1.0
+            own["static_friction_n"] = max(ratio, 1.0) * coulomb
+        if values.get(DROOP, 0.0) > 0.0:
+            own |= self._droop(values[DROOP], self._get(own, "supply_pressure_bar"))
+        return own
+
+    def dead(self, name: str) -> float:
+        """Return a dead volume as configured [cm³]."""
+        volume, area = DEAD[name]
+        return self._get({}, volume) - self._get({}, area) * self._get({}, "stroke_mm") * 0.05
+
+    def run(self, values: Mapping[str, float], dt: float) -> Running:
+        """Return the machine that unknowns make; `ParameterError` where none does."""
+        keys = self.keys(values)
+        settings = self.settings | {
+            key: self.settings[key]._replace(value=value) for key, value in keys.items()
+        }
+        axis = build_axis(self.axis.kind, self.axis.name, settings)
+        parameters, options = axis.parameters, axis.options
+        values = {**self.held, **values}
+        rows = []
+        for session in range(self.sessions):
+            flow = values.get(f"{FLOW}:{session}", 1.0)
+            changed = parameters
+            if flow != 1.0:
+                width = {"orifice_width_mm": MILLIMETRE.from_si(parameters.w) * flow}
+                part = {k: settings[k]._replace(value=v) for k, v in width.items()}
+                changed = build_axis(self.axis.kind, self.axis.name, settings | part).parameters
+            rows.append(make_row(pack_extended(changed, options, dt)))
+        offsets = np.array(
+            [
+                [BAR.to_si(values.get(f"offset_{side}:{session}", 0.0)) for side in "ab"]
+                for session in range(self.sessions)
+            ]
+        )
+        supply = parameters.P_S
+        if options.supply is not None and options.supply.variable is None:
+            unit = options.supply
+            supply = unit.relief_pressure + unit.pump_flow / unit.relief_gradient
+        return Running(
+            parameters,
+            options,
+            tuple(rows),
+            offsets,
+            1e-3 * values.get(DELAY, 0.0),
+            1e-3 * values.get(LAG, 0.0),
+            supply,
+        )
+
+    def unknown(self, name: str) -> Unknown:
+        """Return an unknown.
+
+        Raises:
+            ConfigError: no number of the axis has this name.
+        """
+        base = name.partition(":")[0]
+        p = self.axis.parameters
+        force = NEWTON.from_si(0.02 * p.P_S * p.mean_area)
+        opening = MILLIMETRE.from_si(p.full_opening)
+        leak = LITRE_PER_MINUTE_BAR.from_si(1e-3 * p.K * p.alpha / math.sqrt(p.P_S - p.P_T))
+        ratios = {
+            "bulk_modulus_mpa": (4.0, 2.0),
+            "moving_mass_kg": (3.0, 0.5),
+            "spool_natural_frequency_rad_s": (3.0, 0.7),
+            "spool_damping_ratio": (1.5, 0.3),
+            "stribeck_velocity_mm_s": (3.0, 1.0),
+            "supply_pressure_bar": (0.7, 0.1),
+            "relief_pressure_bar": (0.7, 0.1),
+            "piston_area_cm2": (0.1, 0.02),
+            "rod_side_area_cm2": (0.1, 0.02),
+            "stroke_mm": (0.1, 0.01),
+            "dead_a": (5.0, 1.5),
+            "dead_b": (5.0, 1.5),
+            FLOW: (0.7, 0.05),
+            **{f"land_gain_{edge}": (1.2, 0.3) for edge in ("pa", "at", "pb", "bt")},
+        }
+        lines = {
+            "spool_overlap_mm": (0.1 * opening, 0.0, 5.0, 1.0),
+            "coulomb_friction_n": (force, 0.0, 30.0, 2.0),
+            STICTION: (force, 0.0, 30.0, 2.0),
+            "viscous_friction_n_s_m": (10.0 * force, 0.0, 100.0, 5.0),
+            "load_n": (force, -30.0, 30.0, 2.0),
+            "internal_leakage_l_min_bar": (leak, 0.0, 500.0, 10.0),
+            "external_leakage_a_l_min_bar": (leak, 0.0, 500.0, 10.0),
+            "external_leakage_b_l_min_bar": (leak, 0.0, 500.0, 10.0),
+            "flow_saturation": (1.0, 0.0, 30.0, 3.0),
+            "entrained_air_percent": (1.0, 0.0, 30.0, 3.0),
+            "null_opening_um": (10.0 * opening, 0.0, 10.0, 1.0),
+            "tank_pressure_bar": (1.0, -0.9, 60.0, 3.0),
+            DROOP: (0.1, 0.0, 50.0, 3.0),
+            DELAY: (1.0, 0.0, 30.0, 3.0),
+            LAG: (1.0, 0.0, 30.0, 3.0),
+            "offset_a": (1.0, -20.0, 20.0, 1.0),
+            "offset_b": (1.0, -20.0, 20.0, 1.0),
+            **dict.fromkeys(OVERLAPS, (0.1 * opening, -4.0, 5.0, 1.0)),
+        }
+        if base in lines:
+            scale, low, high, spread = lines[base]
+            start = min(max(self.start(name) / scale, low), high)
+            return Unknown(name, False, scale, low, high, spread, start)
+        if base in ratios or self._is_number(base):
+            reach, spread = ratios.get(base, (3.0, 1.0))
+            return Unknown(name, True, self.start(name) or 1.0, -reach, reach, spread)
+        raise ConfigError(f"{base}: is no number of this axis that can be estimated")
+
+    def start(self, name: str) -> float:
+        """Return the value from which the search for an unknown starts, in its unit."""
+        if name in self.held:
+            return self.held[name]
+        base = name.partition(":")[0]
+        if base in DEAD:
+            return self.dead(base)
+        if base == FLOW:
+            return 1.0
+        if base == STICTION:
+            static = self._get({}, "static_friction_n")
+            return max(static - self._get({}, "coulomb_friction_n"), 0.0)
+        if base in OVERLAPS and self.settings[base].value is None:
+            return self.held.get("spool_overlap_mm", self._get({}, "spool_overlap_mm"))
+        return self._get({}, base) if base in self.settings else 0.0
+
+    def _is_number(self, name: str) -> bool:
+        setting = self.settings.get(name)
+        value = None if setting is None else setting.value
+        return isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0
+
+    def _get(self, own: Mapping[str, float | str], key: str) -> float:
+        return float(own.get(key, self.held.get(key, self.settings[key].value)))
+
+    def _droop(self, droop: float, pressure: float) -> dict[str, float | str]:
+        """Return the keys of a supply whose pressure falls with the flow."""
+        p = self.axis.parameters
+        most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
+        pump = _RESERVE * most
+        return {
+            "supply": Supply.UNIT,
+            "pump_flow_l_min": pump,
+            "relief_gradient_l_min_bar": 1.0 / droop,
+            "relief_pressure_bar": max(pressure - pump * droop, 0.01),
+            "supply_line_volume_cm3": _LINE_CM3,
+            "accumulator_volume_l": 0.0,
+        }
+
+
+def read_values(unknowns: Sequence[Unknown], variables: Values) -> dict[str, float]:
+    """Return the values that free variables stand for, by the unknown's name."""
+    return {
+        one.name: one.value(variable)
+        for one, variable in zip(unknowns, variables.tolist(), strict=True)
+    }

@@ -1,0 +1,177 @@
+"""The strokes of a record: where the machine goes from rest to rest, and how each begins."""
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.errors import ConfigError
+
+Values = npt.NDArray[np.float64]
+
+_AVERAGED = 0.01  # [s] of rest before a stroke over which its start is averaged
+_SLOW = 0.03  # of the fast motion: slower is rest
+_REST = 0.05  # [s] of rest between two strokes
+_SHORTEST, _LONGEST = 0.3, 4.0  # [s]
+_LIKE = 0.01  # of the full opening, by which a command at rest may change
+_MOST_ROWS = 40_000
+_MOST_STROKES = 60
+
+
+class Stroke(NamedTuple):
+    """One stroke.
+
+    Attributes:
+        number: of the stroke, from 1, in the order of the records.
+        session: the recording that it is from.
+        rows: of the record; the first is where it starts.
+        start: position [m], velocity [m/s], P_A and P_B [Pa]; not a number for what is missing.
+        opening: the largest set-point, as a share of the full opening.
+        is_forth: whether the piston extends.
+    """
+
+    number: int
+    session: int
+    rows: range
+    start: Values
+    opening: float
+    is_forth: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A record in strokes.
+
+    Attributes:
+        record: with a row each so many ms.
+        strokes: of it.
+        dropped: strokes of the record that are left out because there are enough.
+    """
+
+    record: AxisRecord
+    strokes: tuple[Stroke, ...]
+    dropped: int = 0
+
+    def some(self, chosen: list[int]) -> "Course":
+        """Return the course of some strokes, by their places."""
+        return replace(self, strokes=tuple(self.strokes[place] for place in chosen))
+
+
+def make_course(record: AxisRecord, interval: float) -> Course:
+    """Return the strokes of a record, with a row each `interval` or rarer.
+
+    Raises:
+        ConfigError: it has no stroke.
+    """
+    moving = find_motion(record)
+    ranges = [part for stretch in record.stretches for part in _cut(record, stretch, moving)]
+    factor = max(1, round(interval / record.interval), -(-len(record) // _MOST_ROWS))
+    factor = min(factor, max(1, round(8e-3 / record.interval)))
+    thin = record.thinned(factor)
+    strokes = []
+    for part in ranges:
+        rows = range(-(-part.start // factor), (part.stop - 1) // factor + 1)
+        if len(rows) > 10:
+            strokes.append(_make_stroke(record, thin, part, rows))
+    if not strokes:
+        raise ConfigError(
+            "the recording has no stretch of 0.3 s with motion; record strokes both ways, with a "
+            "short rest before each"
+        )
+    strokes = [one._replace(number=number) for number, one in enumerate(strokes, start=1)]
+    total = len(strokes)
+    room = max(4, int(_MOST_ROWS * total / max(1, sum(len(one.rows) for one in strokes))))
+    most = min(_MOST_STROKES, room)
+    if total > most:
+        strokes = [strokes[place] for place in np.linspace(0, total - 1, most).astype(int)]
+    return Course(thin, tuple(strokes), total - len(strokes))
+
+
+def find_motion(record: AxisRecord) -> npt.NDArray[np.bool_]:
+    """Mark the rows in which the piston moves, shape (rows,)."""
+    speed = np.abs(find_speed(record))
+    fast = float(np.quantile(speed, 0.98))
+    noise = 4.0 * record.noise[0] / (_half(record) * record.interval)
+    return np.asarray(speed > max(_SLOW * fast, min(noise, 0.2 * fast)))
+
+
+def find_speed(record: AxisRecord) -> Values:
+    """Return the velocity over some 10 ms on both sides of each row, shape (rows,) [m/s]."""
+    speed, half = np.zeros(len(record)), _half(record)
+    for part in record.stretches:
+        x = record.measured[part.start : part.stop, 0]
+        span = min(half, (len(x) - 1) // 2)
+        if span < 1:
+            continue
+        places = np.arange(len(x))
+        ahead, behind = np.minimum(places + span, len(x) - 1), np.maximum(places - span, 0)
+        speed[part.start : part.stop] = (x[ahead] - x[behind]) / (
+            (ahead - behind) * record.interval
+        )
+    return speed
+
+
+def _half(record: AxisRecord) -> int:
+    return max(1, round(_AVERAGED / record.interval))
+
+
+def _cut(record: AxisRecord, part: range, moving: npt.NDArray[np.bool_]) -> list[range]:
+    """Return the strokes of a stretch: cut at rests, and where they are too long."""
+    u = record.setpoints[part.start : part.stop]
+    is_moving = moving[part.start : part.stop]
+    rest, least = max(2, round(_REST / record.interval)), round(_SHORTEST / record.interval)
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], is_moving, [True]]).astype(np.int8)))
+    cuts = [0]
+    for first, last in edges.reshape(-1, 2).tolist():
+        if last - first < rest:
+            continue
+        place = _steady_place(u[first:last], rest, _LIKE * record.full_opening) + first
+        if place - cuts[-1] >= least:
+            cuts.append(place)
+    longest = round(_LONGEST / record.interval)
+    cuts.append(len(u))
+    edges_all = []
+    for first, last in itertools.pairwise(cuts):
+        count = -(-(last - first) // longest)
+        edges_all += np.linspace(first, last, count + 1).astype(int)[:-1].tolist()
+    edges_all.append(len(u))
+    return [
+        range(part.start + first, part.start + last)
+        for first, last in itertools.pairwise(edges_all)
+        if last - first >= least and is_moving[first:last].any()
+    ]
+
+
+def _steady_place(u: Values, rest: int, like: float) -> int:
+    """Return the last row of a rest behind a steady command, or its middle."""
+    changed = np.flatnonzero(np.abs(np.diff(u)) > like)
+    ends = [*changed.tolist(), len(u) - 1]
+    starts = [0, *(changed + 1).tolist()]
+    fit = [end for start, end in zip(starts, ends, strict=True) if end - start + 1 >= rest // 2]
+    return fit[-1] if fit else len(u) // 2
+
+
+def _make_stroke(record: AxisRecord, thin: AxisRecord, part: range, rows: range) -> Stroke:
+    factor = max(1, round(thin.interval / record.interval))
+    first = rows.start * factor
+    around = slice(max(part.start, first - _half(record)), first + 1)
+    near = record.measured[around]
+    x = near[:, 0]
+    low = max(0, first - _half(record))
+    ahead = record.measured[min(len(record) - 1, first + 1), 0]
+    v = (ahead - record.measured[low, 0]) / ((first + 1 - low) * record.interval)
+    is_rest = abs(v) * _AVERAGED < 4.0 * record.noise[0] + 1e-5
+    start = np.array([x.mean() if is_rest else x[-1], 0.0 if is_rest else v, *near[:, 1:].mean(0)])
+    setpoints = record.setpoints[part.start : part.stop] / record.full_opening
+    way = record.measured[part.start : part.stop, 0]
+    return Stroke(
+        number=0,
+        session=int(record.session_of(np.array([first]))[0]),
+        rows=rows,
+        start=start,
+        opening=float(np.quantile(np.abs(setpoints), 0.98)),
+        is_forth=bool(way[-1] > way[0]),
+    )

@@ -1,259 +1,204 @@
-"""Identification of virtual machines: how often do the intervals hold?
+"""Identification of machines of the model's own kind: do the intervals hold, and what does it cost?
 
-Run: `python benchmarks/identification.py [MACHINES] [--results DIR] [--workers N]`.
+Run: `python benchmarks/identification.py [MACHINES] [--seconds S]`.
 
-Each machine has parameters of its own: all that are sought within 30 % of Table I, leakage up to
-2e-13 m³/(s Pa), and every third machine oil without air (bulk modulus 0.7 to 1.7 GPa). End stops,
-cavitation floor and laminar transition are on, the sensors have noise and the position is rounded
-to a micrometre. The search starts at Table I. Each result is kept as a JSON file in the directory
-of results, and what is there is not done again. Prints Markdown tables of all results there;
-progress goes to standard error.
+Each machine has the parameters of `SOUGHT` drawn within 30 % of Table I. Its record has strokes
+each way at three openings, a row each ms, with the noise of sensors; strokes at openings between
+these are kept apart. The search starts at Table I. Prints Markdown: how often the stated intervals
+hold the truth, the error of prediction that is stated and that of the strokes kept apart, and the
+processor time. Then the cost of a run of all strokes beside that of the solver's steps in it.
+Machines that are not the model's are those of `identification_strangers.py`.
 """
 
 import argparse
-import itertools
-import json
-import os
-import sys
-import tempfile
 import time
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from hil_bench.abilities.identification.unknowns import KINDS
-from scipy.stats import binomtest
 
 import occasion
 from hil_bench.abilities.analysis.simulation import Setup, simulate
 from hil_bench.abilities.analysis.study import make_table
-from hil_bench.abilities.identification.identify import identify
-from hil_bench.abilities.identification.record import SIGNALS, AxisRecord
-from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.abilities.identification.errors import measure_errors, stated_error
+from hil_bench.abilities.identification.fit import Bench
+from hil_bench.abilities.identification.identify import Identification, Options, identify
+from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.strokes import make_course
+from hil_bench.bench.configuration import load_config
+from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import (
+    FullOrderPlant,
+    PlantInput,
     PlantOptions,
     PlantParameters,
     Solver,
+    balanced_state,
     paper_parameters,
 )
 
-MACHINES = 40
-STEP, TICK = 5e-5, 1e-3  # [s]
-NOISE = {"position": 2e-6, "P_A": 5e3, "P_B": 5e3}  # [m], [Pa]
-RESOLUTION = 1e-6  # of the position [m]
+if TYPE_CHECKING:
+    from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+
+STEP, TICK = 1e-4, 1e-3  # [s]
+NOISE = (5e-6, 1e4, 1e4)  # [m], [Pa]
 FULL_OPENING = paper_parameters().full_opening
-# Rounding to steps of q adds noise of q / sqrt(12).
-TRUE_NOISE = np.array([np.hypot(NOISE["position"], RESOLUTION / np.sqrt(12.0)), 5e3, 5e3])
+OPENINGS, APART = (0.4, 0.6, 0.9), (0.5, 0.75)
+SOUGHT = {
+    "orifice_width_mm": ("w", 1e3),
+    "spool_overlap_mm": ("beta", 1e3),
+    "bulk_modulus_mpa": ("E", 1e-6),
+    "coulomb_friction_n": ("F_c", 1.0),
+    "viscous_friction_n_s_m": ("sigma", 1.0),
+    "moving_mass_kg": ("m", 1.0),
+    "spool_natural_frequency_rad_s": ("omega_0", 1.0),
+}
+CONFIG = load_config(None)
+AXIS = cast("CylinderConfig", CONFIG.first_axis)
+SETTINGS = {one.key.name: one for one in CONFIG.settings if one.table == f"plant.{AXIS.name}"}
 
 Values = npt.NDArray[np.float64]
-Result = dict[str, Any]
 
 
-BRIEF_SOUGHT = ("E",)
-"""The only parameter that is drawn and sought with ``--brief``."""
+def draw_machine(number: int) -> PlantParameters:
+    """Return a machine of the model's kind."""
+    source, table_1 = np.random.default_rng(number), paper_parameters()
+    values = {
+        name: getattr(table_1, name) * source.uniform(0.7, 1.3) for name, _ in SOUGHT.values()
+    }
+    return replace(table_1, F_s=1.5 * values["F_c"], **values)
 
 
-def draw_machine(
-    number: int, source: np.random.Generator, sought: Sequence[str] = tuple(KINDS)
-) -> PlantParameters:
-    """Return the parameters of one machine: those that are sought are its own."""
-    table_1 = paper_parameters()
-    values = {name: getattr(table_1, name) * source.uniform(0.7, 1.3) for name in sought}
-    if "C_L" not in sought:
-        return replace(table_1, **values)
-    values["F_s"] = max(values["F_s"], 1.1 * values["F_c"])
-    values["C_L"] = source.uniform(0.0, 2e-13)
-    if number % 3 == 2:
-        values["E"] = source.uniform(7e8, 1.7e9)
-    return replace(table_1, **values)
+def setpoints_of(openings: tuple[float, ...], pairs: int) -> Values:
+    """Return set-points [m]: strokes out and in at each opening, with rests."""
+    parts = [np.zeros(300)]
+    for opening in openings:
+        rows = round(0.28 / opening / TICK)
+        for sign in (1.0, -1.0) * pairs:
+            parts += [np.full(rows, sign * opening * FULL_OPENING), np.zeros(300)]
+    return np.concatenate(parts)
 
 
-def make_setpoints() -> Values:
-    """Return the commands of a commissioning run: slow ramps, steps, a chirp, random steps [m]."""
-    parts = [_hold(0.0, 0.3)]
-    for sign in (1.0, -1.0):
-        ramp = np.linspace(0.0, sign * 0.8e-3, round(2.0 / TICK))
-        parts += [ramp, ramp[::-1], _hold(0.0, 0.3)]
-    for amplitude in (0.4e-3, 0.5e-3, 0.6e-3, 0.8e-3, 1.0e-3, 1.3e-3, 1.9e-3):
-        for opening in (amplitude, -amplitude) * 2:
-            parts += [_hold(opening, 0.25), _hold(0.0, 0.15)]
-    times = np.arange(0.0, 6.0, TICK)
-    parts += [0.7e-3 * np.sin(2.0 * np.pi * (1.0 + 59.0 / 12.0 * times) * times), _hold(0.0, 0.2)]
-    source = np.random.default_rng(5)
-    parts += [_hold(source.uniform(-1e-3, 1e-3), 0.1) for _ in range(60)]
-    return np.concatenate([*parts, _hold(0.0, 0.5)])
-
-
-def record_machine(machine: PlantParameters, source: np.random.Generator) -> Recording:
-    """Return the sensor signals of a machine as a recording."""
-    setpoints = make_setpoints()
+def record_machine(machine: PlantParameters, setpoints: Values, seed: int) -> AxisRecord:
+    """Return the record of a machine behind its sensors."""
     every = round(TICK / STEP)
     setup = Setup(
         parameters=machine,
         options=PlantOptions.bench(),
         solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
         dt=STEP,
+        state=balanced_state(machine, x=-0.05),
     )
     run = simulate(setup, np.repeat(setpoints, every), every=every)
-    shown = {
-        signal: run[name] + NOISE[signal] * source.standard_normal(len(run))
-        for signal, name in zip(SIGNALS, ("x", "P_A", "P_B"), strict=True)
-    }
-    return make_table(
-        {
-            Channel("time", "s"): run["time"],
-            Channel("axis1.position", "m"): RESOLUTION * np.rint(shown["position"] / RESOLUTION),
-            Channel("axis1.P_A", "Pa"): shown["P_A"],
-            Channel("axis1.P_B", "Pa"): shown["P_B"],
-            Channel("axis1.spool_setpoint", "-"): setpoints / FULL_OPENING,
-        }
-    )
+    noise = np.random.default_rng(seed).standard_normal((3, len(run)))
+    columns = {Channel("time", "s"): run["time"]}
+    for place, (quantity, unit, name) in enumerate(
+        (("position", "m", "x"), ("P_A", "Pa", "P_A"), ("P_B", "Pa", "P_B"))
+    ):
+        channel = Channel(f"{AXIS.name}.{quantity}", unit)
+        columns[channel] = run[name] + NOISE[place] * noise[place]
+    columns[Channel(f"{AXIS.name}.spool_setpoint", "-")] = setpoints / FULL_OPENING
+    return AxisRecord.of(make_table(columns), AXIS.name, FULL_OPENING)
 
 
-def try_machine(number: int, results: Path, sought: Sequence[str], starts: int) -> None:
-    """Identify a machine, and write what was found of it."""
-    source = np.random.default_rng(number + 1)
-    machine = draw_machine(number, source, sought)
-    record = AxisRecord.of(record_machine(machine, source), "axis1", FULL_OPENING)
-    start = time.process_time()
-    search = {"step": STEP, "names": sought, "starts": starts}
-    found = identify(record, paper_parameters(), PlantOptions.bench(), **search)
-    result = {
-        "machine": number + 1,
-        "estimates": {
-            estimate.name: {
-                "true": getattr(machine, estimate.name),
-                "value": estimate.value,
-                "deviation": estimate.deviation,
-                "interval": list(estimate.interval),
-                "is_told": estimate.is_told,
-            }
-            for estimate in found.estimates
+def try_machine(number: int, pairs: int, seconds: float) -> dict[str, Any]:
+    """Identify a machine; return what was found beside the truth."""
+    machine = draw_machine(number)
+    record = record_machine(machine, setpoints_of(OPENINGS, pairs), number)
+    begin, first = time.process_time(), 0.0
+
+    def say(stage: str) -> None:
+        nonlocal first
+        if stage.startswith("first answer"):
+            first = time.process_time() - begin
+
+    options = Options(seconds=seconds, say=say)
+    found = identify(record, AXIS, SETTINGS, step=STEP, options=options)
+    spent = time.process_time() - begin
+    estimates = {one.name: one for one in found.estimates}
+    truth = {name: factor * getattr(machine, field) for name, (field, factor) in SOUGHT.items()}
+    told = {name: estimates[name] for name in truth if name in estimates}
+    return {
+        "hits": {
+            name: one.interval[0] <= truth[name] <= one.interval[1] for name, one in told.items()
         },
-        "first_noise": (record.noise / TRUE_NOISE).tolist(),
-        "noise": (found.record.noise / TRUE_NOISE).tolist(),
-        "residual": found.residual.tolist(),
-        "trial": (found.trial.residual * found.record.noise / TRUE_NOISE).tolist(),
-        "is_reached": found.is_reached,
-        "is_white": found.is_white,
-        "left_out": found.left_out,
-        "rivals": [[rival.residual, rival.apart] for rival in found.rivals],
-        "processor_s": time.process_time() - start,
+        "errors": {name: abs(one.value / truth[name] - 1.0) for name, one in told.items()},
+        "stated": stated_error(found.ladder.best.errors, "position"),
+        "apart": predict_apart(found, machine, number),
+        "model": found.ladder.best.title,
+        "first": first,
+        "spent": spent,
+        "rows": len(record),
     }
-    path = results / f"machine-{number + 1:03}.json"
-    path.with_suffix(".part").write_text(json.dumps(result, indent=1), encoding="utf-8")
-    path.with_suffix(".part").rename(path)
-    print(f"{path}: {result['processor_s']:.0f} s of processor", file=sys.stderr, flush=True)
+
+
+def predict_apart(found: Identification, machine: PlantParameters, number: int) -> float:
+    """Return the error of position that nine of ten strokes kept apart are within [mm]."""
+    record = record_machine(machine, setpoints_of(APART, 2), 1000 + number)
+    bench = replace(found.bench, course=make_course(record, TICK))
+    shown = bench.run(bench.machine(found.fit.values), bench.cuts())
+    errors = [
+        measure_errors(model, bench.measured(stroke), TICK)
+        for stroke, model in zip(bench.course.strokes, shown, strict=True)
+    ]
+    return stated_error(errors, "position")
+
+
+def time_runs(pairs: int) -> tuple[float, float]:
+    """Return the processor time of a run of all strokes beside the record, and of its steps [s]."""
+    record = record_machine(paper_parameters(), setpoints_of(OPENINGS, pairs), 1)
+    bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, TICK), STEP)
+    plant = FullOrderPlant(
+        replace(paper_parameters()), options=replace(AXIS.options, C_LA=1e-30), dt=bench.dt
+    )
+    whole, steps = [], []
+    count = sum(len(cut) for cut in bench.cuts())
+    for _ in range(7):  # in turns
+        begin = time.process_time()
+        bench.run(bench.machine({}), bench.cuts())
+        whole.append(time.process_time() - begin)
+        begin = time.process_time()
+        for stroke in bench.course.strokes:
+            plant.step(PlantInput(float(bench.setpoints(stroke)[-1])), steps=1)
+        plant.step(PlantInput(0.5e-3), steps=count)
+        steps.append(time.process_time() - begin)
+    return min(whole), min(steps)
 
 
 def main() -> None:
     """Identify and print."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
-    parser.add_argument("--results", type=Path, default=Path("identification-results"))
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--sought", nargs="+", choices=KINDS, default=tuple(KINDS))
-    parser.add_argument("--starts", type=int, default=24, help="candidates of the search (24)")
-    args = occasion.arguments(parser, machines=1, sought=BRIEF_SOUGHT, starts=1)
-    if args.brief:
-        with tempfile.TemporaryDirectory() as name:
-            run_machines(args, Path(name))
-    else:
-        args.results.mkdir(parents=True, exist_ok=True)
-        run_machines(args, args.results)
-
-
-def run_machines(args: argparse.Namespace, results: Path) -> None:
-    """Identify the machines without a result, and print all results."""
-    missing = [
-        number
-        for number in range(args.machines)
-        if not (results / f"machine-{number + 1:03}.json").exists()
-    ]
-    with ProcessPoolExecutor(args.workers) as pool:
-        search = itertools.repeat(args.sought), itertools.repeat(args.starts)
-        list(pool.map(try_machine, missing, itertools.repeat(results), *search))
-    paths = sorted(results.glob("machine-*.json"))
-    print_tables([json.loads(path.read_text(encoding="utf-8")) for path in paths])
-
-
-def print_tables(tried: list[Result]) -> None:
-    """Print what was found of all machines."""
-    print(f"{len(tried)} machines, {len(make_setpoints()) * TICK:.1f} s of record each\n")
-    print(
-        "| | error, median | worst | standard deviation | truth in the 95 % interval "
-        "| coverage, with 95 % confidence |"
-    )
-    print("|---|---|---|---|---|---|")
-    names = list(tried[0]["estimates"])
-    for name in names:
-        print(_row(name, tried))
-    position = [result["trial"][0] for result in tried]
-    print(
-        f"\nposition where nothing was fitted, in multiples of the sensor's noise: median "
-        f"{np.median(position):.2f}, worst {max(position):.2f}"
-    )
-    for key in ("first_noise", "noise"):
-        ratios = np.array([result[key] for result in tried])
+    parser.add_argument("machines", type=int, nargs="?", default=20)
+    parser.add_argument("--pairs", type=int, default=2, help="strokes each way at an opening (2)")
+    parser.add_argument("--seconds", type=float, default=3600.0, help="time limit of each (3600)")
+    args = occasion.arguments(parser, machines=1, pairs=1, seconds=5.0)
+    tried = [try_machine(number, args.pairs, args.seconds) for number in range(args.machines)]
+    print("| key | in the 95 % interval | error, median | worst |\n|---|---|---|---|")
+    for name in SOUGHT:
+        hits = [one["hits"][name] for one in tried if name in one["hits"]]
+        errors = [one["errors"][name] for one in tried if name in one["errors"]]
+        if hits:
+            print(
+                f"| {name} | {sum(hits)} of {len(hits)} | {np.median(errors):.3%} | "
+                f"{max(errors):.3%} |"
+            )
+    within = sum(one["apart"] <= max(one["stated"], 0.1) for one in tried)
+    print(f"\n{len(tried)} machines, {tried[0]['rows']} rows each")
+    print(f"position of strokes kept apart within what is stated or 0.1 mm: {within}")
+    for key, unit in (("stated", "mm"), ("apart", "mm"), ("first", "s"), ("spent", "s")):
+        values = [one[key] for one in tried]
         print(
-            f"{key}, in multiples of the true one (position, P_A, P_B): median "
-            f"{np.median(ratios, axis=0).round(3)}, least {ratios.min(axis=0).round(3)}, "
-            f"largest {ratios.max(axis=0).round(3)}"
+            f"{key}: median {np.nanmedian(values):.3g} {unit}, most {np.nanmax(values):.3g} {unit}"
         )
-    for key in ("is_reached", "is_white"):
-        print(f"{key}: {sum(result[key] for result in tried)} of {len(tried)}")
-    apart = sum(bool(result["rivals"]) for result in tried)
-    print(f"another start ended elsewhere: {apart} of {len(tried)}")
-    left_out = [result["left_out"] for result in tried]
-    print(f"pieces left out: median {np.median(left_out):g}, most {max(left_out)}")
-    ratios = np.array([ratio for name in names for ratio in _ratios(name, tried)])
+    models = sorted({one["model"] for one in tried})
+    print(f"models taken: {', '.join(models)}")
+    whole, steps = time_runs(args.pairs)
     print(
-        f"{len(ratios)} errors over their stated deviations: root mean square "
-        f"{np.sqrt(np.square(ratios).mean()):.2f}, {(ratios < 1.96).mean():.1%} below 1.96"
+        f"a run of all strokes: {1e3 * whole:.1f} ms, its steps alone: {1e3 * steps:.1f} ms, "
+        f"ratio {whole / steps:.2f}"
     )
-    seconds = [result["processor_s"] for result in tried]
-    print(f"processor time a machine: median {np.median(seconds):.0f} s, most {max(seconds):.0f} s")
-
-
-def _told(name: str, tried: list[Result]) -> list[Result]:
-    """Return the estimates of a parameter on the machines that tell it."""
-    estimates = [result["estimates"][name] for result in tried]
-    return [estimate for estimate in estimates if estimate["is_told"]]
-
-
-def _ratios(name: str, tried: list[Result]) -> list[float]:
-    """Return the error of a parameter on each machine, in stated deviations."""
-    return [
-        abs(estimate["value"] - estimate["true"]) / estimate["deviation"]
-        for estimate in _told(name, tried)
-    ]
-
-
-def _row(name: str, tried: list[Result]) -> str:
-    """Return the row of a parameter; leakage goes by the largest that was drawn."""
-    told = _told(name, tried)
-    if not told:
-        return f"| {name} | | | | 0 of 0 | |"
-    scales = np.array([2e-13 if name == "C_L" else estimate["true"] for estimate in told])
-    errors = np.array([abs(estimate["value"] - estimate["true"]) for estimate in told]) / scales
-    deviations = np.array([estimate["deviation"] for estimate in told]) / scales
-    hits = sum(
-        estimate["interval"][0] <= estimate["true"] <= estimate["interval"][1] for estimate in told
-    )
-    chance = binomtest(hits, len(told)).proportion_ci(0.95)
-    return (
-        f"| {name} | {100.0 * np.median(errors):.3f} % | {100.0 * max(errors):.3f} % | "
-        f"{100.0 * np.median(deviations):.3f} % | {hits} of {len(told)} | "
-        f"{chance.low:.0%} to {chance.high:.0%} |"
-    )
-
-
-def _hold(value: float, duration: float) -> Values:
-    return np.full(round(duration / TICK), value)
 
 
 if __name__ == "__main__":

@@ -58,8 +58,8 @@ DIALECTS: Final = (
                 "scenario check on_bench.scenario.toml",
                 "test on_bench.scenario.toml",
                 "campaign on_bench.scenario.toml --runs 1 --jobs 0 -o out",
-                "identify measured.csv {} --columns columns.toml --starts 1 -o out",
-                "identify --design {} --starts 1 --duration 2 -o out",
+                "identify measured.csv {} --columns columns.toml --time-limit 1 -o out",
+                "identify --design {} --time-limit 1 --duration 2 -o out",
                 "analyse linearisation {}",
                 "analyse root-locus {} -o out",
                 "analyse flow-pressure {}",
@@ -87,7 +87,7 @@ DIALECTS: Final = (
         ".toml",
         verbs_of(
             "commission {} --virtual --json --output out",
-            "identify --design --plan {} --starts 1 --duration 2 -o out",
+            "identify --design --plan {} --time-limit 1 --duration 2 -o out",
         ),
         (("examples", seeds.PLAN),),
     ),
@@ -165,14 +165,14 @@ DIALECTS: Final = (
     Dialect(
         "columns",
         ".toml",
-        verbs_of("identify measured.csv --columns {} --starts 1 -o out"),
+        verbs_of("identify measured.csv --columns {} --time-limit 1 -o out"),
         (("examples", seeds.COLUMNS),),
     ),
     Dialect(
         "map",
         "",
         verbs_of(
-            "identify measured.csv --map {0} --map {1} --map {2} --map {3} --map {4} --starts 1"
+            "identify measured.csv --map {0} --map {1} --map {2} --map {3} --map {4} --time-limit 1"
         ),
         tuple(("examples", text) for text in seeds.MAPS),
         ARGUMENTS,
@@ -208,7 +208,7 @@ DIALECTS: Final = (
             "judge requirements.toml {}",
             "replay {} --virtual",
             "plot {} -o out.png",
-            "identify {} --starts 1 -o out",
+            "identify {} --time-limit 1 -o out",
         ),
         (("examples", seeds.recording()),),
         "cells",
@@ -216,7 +216,7 @@ DIALECTS: Final = (
     Dialect(
         "measured table",
         ".csv",
-        verbs_of("identify {} --columns columns.toml --starts 1 -o out"),
+        verbs_of("identify {} --columns columns.toml --time-limit 1 -o out"),
         (("examples", seeds.measured()),),
         "cells",
     ),

@@ -23,7 +23,7 @@ from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 _GIB = 1 << 30
-_MEASURED = "identify {} --columns columns.toml --starts 1 -o out"
+_MEASURED = "identify {} --columns columns.toml --time-limit 1 -o out"
 _EDS = "decode frames.log --eds 1={}"
 _TRC = """;$FILEVERSION=1.1
 ;$STARTTIME=43008.920986006946
@@ -50,7 +50,7 @@ def binary_dialects(folder: Path) -> tuple[Dialect, ...]:
         "plot {} -o out.png",
     )
     signals = verbs_of(
-        "judge requirements.toml {}", "replay {} --virtual", "identify {} --starts 1 -o out"
+        "judge requirements.toml {}", "replay {} --virtual", "identify {} --time-limit 1 -o out"
     )
     stored = verbs_of(
         "campaign seed.scenario.toml --runs 1 --jobs 0 --merge -o generated",

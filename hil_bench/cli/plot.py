@@ -15,7 +15,8 @@ from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frame_plot import plot_frames
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.plot import has_axis, plot_result
+from hil_bench.outside.recording.mdf_events import read_events
+from hil_bench.outside.recording.plot import Span, has_axis, plot_result
 from hil_bench.outside.recording.signal_plot import plot_signals
 
 _EXAMPLES = """\
@@ -66,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     """Draw the recording and print where."""
     path = _beside(args.recording) if args.output is None else _picture(args.output)
     title = args.recording.name.encode(errors="backslashreplace").decode()
+    is_traffic = False
     if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
         _plot_frames(args, path, title)
     else:
@@ -75,13 +77,27 @@ def run(args: argparse.Namespace) -> int:
         if is_traffic:
             _plot_frames(args, path, title)
         elif has_axis(recording) and not args.signals:
-            plot_result(recording, path, title=title)
+            plot_result(recording, path, title=title, spans=_faults(recording, args.recording))
         elif len(recording_channels(recording)) > 1 or args.signals:
-            plot_signals(recording, path, patterns=args.signals, title=title)
+            spans = _faults(recording, args.recording)
+            plot_signals(recording, path, patterns=args.signals, title=title, spans=spans)
         else:  # of a bench without an axis: time alone
             _plot_frames(args, path, title)
-    print_results(args, [str(path)], {"picture": path})
+    lines = [_traffic_note(args.recording)] if is_traffic and not args.frames else []
+    print_results(args, [*lines, str(path)], {"picture": path})
     return ExitCode.DONE
+
+
+def _faults(recording: Recording, path: Path) -> list[Span]:
+    """Return the faults that a recording carries, within the rows that are drawn."""
+    if path.suffix.lower() != ".mf4" or not len(recording):
+        return []
+    first, last = float(recording[TIME.name][0]), float(recording[TIME.name][-1])
+    return [
+        Span(max(span.begin, first), min(span.end, last), span.label)
+        for span in read_events(path)
+        if span.end >= first and span.begin <= last
+    ]
 
 
 def _has_frames(args: argparse.Namespace) -> bool:
@@ -95,11 +111,13 @@ def _has_frames(args: argparse.Namespace) -> bool:
     if next(read_frames(args.recording, errors=True), None) is None:
         return False
     if args.signals:
-        right = (
-            f"'hil-bench decode {args.recording} bench.toml -o decoded.mf4' makes signals of them"
-        )
-        raise ConfigError(f"{args.recording}: holds frames and no signals; {right}")
+        raise ConfigError(_traffic_note(args.recording))
     return True
+
+
+def _traffic_note(recording: Path) -> str:
+    right = f"'hil-bench decode {recording} bench.toml -o decoded.mf4' makes signals of them"
+    return f"{recording}: holds frames and no signals; {right}"
 
 
 def _beside(recording: Path) -> Path:

@@ -7,8 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_bench.session.fault_ranges import ranges_of, write_faults
 from hil_bench.session.recording import RecordingObserver
 from hil_bench.session.session import Session
 
@@ -75,7 +77,15 @@ class LiveRecording:
             raise ConfigError("record: no recording runs that was begun through the door")
         self._observer.leave()
         self._observer = None
-        return self._begin(self._sink.stop, self._stopped)
+        sink, now = self._sink, self._session.now * 1e-9
+        begins = self._begins * 1e-9
+        faults = ranges_of(self._session.bench.part(Faults).events, now)
+
+        def finish() -> None:
+            sink.stop()
+            write_faults(sink.report, [each for each in faults if each.end >= begins])
+
+        return self._begin(finish, self._stopped)
 
     def look(self) -> None:
         """Go on where a file has been opened or closed; to be called between two ticks."""

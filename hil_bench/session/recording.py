@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
+from hil_bench.session.fault_ranges import ranges_of, write_faults
 from hil_bench.session.session import Session
 from hil_bench.session.telemetry import recording_heading
 
@@ -57,6 +59,7 @@ def recorded(
     finally:
         observer.leave()
         sink.stop()
+        write_faults(sink.report, ranges_of(session.bench.part(Faults).events, session.now * 1e-9))
 
 
 def open_sink(

@@ -205,21 +205,31 @@ def result_figure(recording: Recording, *, title: str = "", spans: Sequence[Span
     for column, axis in zip(grid.T, axes, strict=True):
         for place, panel in zip(column, panels, strict=True):
             _draw_panel(place, recording, axis, panel)
-            for span in spans:
-                place.axvspan(span.begin, span.end, color=RED, alpha=0.12, linewidth=0.0)
-        for span in spans:
-            column[0].annotate(
-                f" {span.label}",
-                (span.begin, 0.04),
-                xycoords=("data", "axes fraction"),
-                rotation=90.0,
-                fontsize=8,
-                color=RED,
-            )
+            shade_spans(place, spans)
+        label_spans(column[0], spans)
         column[0].set_title(axis if len(axes) > 1 else "", loc="left", fontweight="bold")
     figure.align_ylabels()
     figure.suptitle(title)
     return figure
+
+
+def shade_spans(place: "Axes", spans: Sequence[Span]) -> None:
+    """Shade times in which something was otherwise."""
+    for span in spans:
+        place.axvspan(span.begin, span.end, color=RED, alpha=0.12, linewidth=0.0)
+
+
+def label_spans(place: "Axes", spans: Sequence[Span]) -> None:
+    """Write the label of each span at its begin."""
+    for span in spans:
+        place.annotate(
+            f" {span.label}".replace("$", r"\$"),
+            (span.begin, 0.04),
+            xycoords=("data", "axes fraction"),
+            rotation=90.0,
+            fontsize=8,
+            color=RED,
+        )
 
 
 def motion_panels(recording: Recording, preferred: Sequence[str] = ()) -> list[MotionPanel]:

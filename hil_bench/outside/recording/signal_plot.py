@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
-from hil_bench.outside.recording.plot import save_figure
+from hil_bench.outside.recording.plot import Span, label_spans, save_figure, shade_spans
 from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
@@ -38,7 +38,12 @@ def choose_channels(recording: Recording, patterns: Sequence[str]) -> list[Chann
 
 
 def plot_signals(
-    recording: Recording, path: Path, *, patterns: Sequence[str] = (), title: str = ""
+    recording: Recording,
+    path: Path,
+    *,
+    patterns: Sequence[str] = (),
+    title: str = "",
+    spans: Sequence[Span] = (),
 ) -> None:
     """Write signals as a picture; the suffix of `path` is its format.
 
@@ -47,11 +52,15 @@ def plot_signals(
     """
     if not choose_channels(recording, patterns) or not len(recording):
         raise ConfigError(f"{path}: the recording has no signals to plot")
-    save_figure(lambda: signal_figure(recording, patterns=patterns, title=title), path)
+    save_figure(lambda: signal_figure(recording, patterns=patterns, title=title, spans=spans), path)
 
 
 def signal_figure(
-    recording: Recording, *, patterns: Sequence[str] = (), title: str = ""
+    recording: Recording,
+    *,
+    patterns: Sequence[str] = (),
+    title: str = "",
+    spans: Sequence[Span] = (),
 ) -> "Figure":
     """Return signals as a figure; see `plot_signals`."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
@@ -62,6 +71,8 @@ def signal_figure(
     places = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for place, unit in zip(places, units, strict=True):
         _draw_panel(place, recording, [c for c in channels if c.unit == unit], unit)
+        shade_spans(place, spans)
+    label_spans(places[0], spans)
     places[-1].set_xlabel(f"Time [{TIME.unit}]")
     figure.align_ylabels()
     figure.suptitle(title)

@@ -1,0 +1,86 @@
+"""The faults in an MF4 file: they come back, and a damaged or foreign file costs nothing else."""
+
+import shutil
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.cli import main
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.mdf_events import append_events, read_events
+from hil_bench.outside.recording.plot import Span
+from hil_bench.session.recording import RecordingWish
+from hil_bench.session.virtual_bench import VirtualBench
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A recording of 0.2 s in which a sensor freezes and a wire breaks for good."""
+    path = tmp_path_factory.mktemp("faults") / "run.mf4"
+    bench = VirtualBench(load_config(), record=RecordingWish((path,)))
+    bench.run(0.05)
+    bench.faults.freeze("pressure_a", duration=0.05)
+    bench.run(0.1)
+    bench.faults.break_wire("position")
+    bench.run(0.05)
+    bench.close()
+    return path
+
+
+def test_a_recording_carries_its_faults(recording):
+    freeze, wire = read_events(recording)
+    assert (freeze.label, wire.label) == ("freeze pressure_a", "break_wire position")
+    assert freeze.end - freeze.begin == pytest.approx(0.05)
+    assert wire.end == pytest.approx(0.2)  # it lasts until the recording ends
+    assert len(read_recording(recording)) == 200
+
+
+@pytest.mark.parametrize("words", [[], ["--signals", "axis1.P_*"]])
+def test_a_plot_shades_them(recording, tmp_path, words):
+    path = tmp_path / "run.svg"
+    assert main(["plot", str(recording), "-o", str(path), *words]) == 0
+    drawing = path.read_text()
+    panels = drawing.count('id="axes_')
+    assert panels
+    assert drawing.count("fill: #d55e00; opacity: 0.12") == 2 * panels  # the palette's red
+
+
+def test_without_faults_the_file_stays_as_it_is(recording, tmp_path):
+    path = shutil.copy(recording, tmp_path / "copy.mf4")
+    before = path.read_bytes()
+    append_events(path, [])
+    assert path.read_bytes() == before
+
+
+def test_names_are_anybodys(recording, tmp_path):
+    path = shutil.copy(recording, tmp_path / "copy.mf4")
+    append_events(path, [Span(0.5, 1.5, "leak \x1b[2J $x_ <b> ü")])
+    assert read_events(path) == [Span(0.5, 1.5, "leak \ufffd[2J $x_ <b> ü")]
+
+
+def test_a_damaged_chain_ends_where_it_is_damaged(recording, tmp_path):
+    content = bytearray(recording.read_bytes())
+    place = content.rindex(b"##EV")  # the end of the last one
+    content[place : place + 4] = b"####"
+    path = tmp_path / "damaged.mf4"
+    path.write_bytes(content)
+    assert [each.label for each in read_events(path)] == ["freeze pressure_a"]
+
+
+@pytest.mark.parametrize("address", [1, 7, 1 << 40, (1 << 64) - 1])
+def test_an_address_that_leads_nowhere_is_no_event(recording, tmp_path, address):
+    content = bytearray(recording.read_bytes())
+    # ASAM MDF 4.1: the HD block is at 64, its fifth link leads to the first event.
+    content[64 + 24 + 32 : 64 + 24 + 40] = address.to_bytes(8, "little")
+    path = tmp_path / "damaged.mf4"
+    path.write_bytes(content)
+    assert read_events(path) == []
+
+
+def test_a_chain_that_bites_its_tail_ends(recording, tmp_path):
+    content = bytearray(recording.read_bytes())
+    first = int.from_bytes(content[64 + 56 : 64 + 64], "little")
+    content[first + 24 : first + 32] = first.to_bytes(8, "little")  # its next one is itself
+    path = tmp_path / "ring.mf4"
+    path.write_bytes(content)
+    assert read_events(path) == []

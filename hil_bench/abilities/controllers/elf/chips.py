@@ -387,5 +387,5 @@ CHIPS: Final = {chip.name: chip for chip in _CHIPS}
 
 def find_chip(name: str) -> Chip | None:
     """Return the chip of a full or short name, such as STM32F407VGT6; None for one not known."""
-    found = re.match(r"STM32[A-Z][0-9A-Z]{3}", name.upper())
-    return CHIPS.get(found.group()) if found else None
+    found = re.fullmatch(r"(STM32[A-Z][0-9A-Z]{3})([A-Z][0-9A-Z]*)?", name.upper())
+    return CHIPS.get(found[1]) if found else None

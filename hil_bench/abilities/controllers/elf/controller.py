@@ -1,6 +1,7 @@
 """A simulated chip, as the bench asks it."""
 
 import contextlib
+import logging
 import socket
 import subprocess
 import sys
@@ -20,6 +21,8 @@ from hil_bench.abilities.controllers.elf.job import Job, write_job
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.errors import ControllerError
 from hil_bench.session.program import SHOWN_LINES
+
+logger = logging.getLogger(__name__)
 
 _GRACE = 2.0  # that a process has to end [s]
 
@@ -134,10 +137,13 @@ class ElfController:
         if not message:
             raise ControllerError(f"the simulator of {self._name} has ended: {self._epitaph()}")
         answer = unpack_answer(message)
-        if answer.text:
-            self._lines.extend(answer.text.splitlines())
-        if answer.state is State.FAILED:
-            raise ControllerError(self._lines.pop())
+        lines = answer.text.splitlines()
+        reason = lines.pop() if answer.state is State.FAILED else ""
+        self._lines.extend(lines)
+        for line in lines:
+            logger.info("%.3f s: %s: %s", (self._now or 0) * 1e-9, self._name, line)
+        if reason:
+            raise ControllerError("\n".join((reason, *self._lines)))
         return answer
 
     def _epitaph(self) -> str:

@@ -5,7 +5,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
+from support.chip_programs import CAN_BUILD, WHY_NOT, build_example, build_for_chip
 
 from hil_bench.abilities.controllers.elf import kind as elf_kind
 from hil_bench.abilities.controllers.elf.controller import ElfController
@@ -139,3 +139,22 @@ def test_a_killed_simulator_is_a_line_and_leaves_no_process(built: Path) -> None
     controller.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+@needs_compiler
+def test_what_it_prints_is_logged_and_a_fault_has_its_registers(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = 'void program(void) { say("hello"); R32(0x90000000) = 1; rest(); }'
+    job = Job(build_for_chip(source, tmp_path), "STM32F407", 20_000, 8_000_000, (1,), (0,))
+    controller = ElfController(job, MS)
+    try:
+        with caplog.at_level("INFO"), pytest.raises(ControllerError) as raised:
+            controller.advance(MS, ())
+    finally:
+        controller.close()
+    first, hello, registers = str(raised.value).splitlines()
+    assert first.startswith("hard fault in program+0x")
+    assert hello == "hello"
+    assert "=90000000 " in registers
+    assert caplog.messages[0] == "0.001 s: program.elf: hello"

@@ -321,6 +321,7 @@ def test_ready_bits_follow_their_enables() -> None:
 def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
     assert find_chip("stm32f407vgt6") is CHIPS["STM32F407"]
     assert find_chip("LPC1768") is None
+    assert find_chip("STM32F4077") is None
     for family in FAMILIES.values():
         places = [(family.rcc, 0x400), *((can.address, 0x400) for can in family.can)]
         places += [(timer.address, 0x400) for timer in family.timers]

@@ -65,6 +65,13 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> "argparse._ActionsCon
         "--realtime-cpu", type=int, metavar="N", help="run the loop on processor N only, as in 3"
     )
     group.add_argument(
+        "--realtime-spin-us",
+        type=int,
+        metavar="US",
+        help="wait busily for the last microseconds before each tick, as in 200; costs that share "
+        "of the loop's processor",
+    )
+    group.add_argument(
         "--overrun",
         choices=[policy.value for policy in OverrunPolicy],
         help="after a tick that took too long: catch up with the late ticks (count, the default), "

@@ -162,6 +162,7 @@ class PacedRun:
             config.tick_ns,
             overrun=config.realtime.overrun,
             statistics=self._statistics,
+            spin=0 if isinstance(self._clock, VirtualClock) else config.realtime.spin,
         )
         line = StatusLine(
             self._snapshot, self._fields, statistics=self._statistics, wanted=not args.quiet

@@ -38,6 +38,7 @@ REALTIME_KEYS = (
     Key("realtime", choice(RealtimePolicy), RealtimePolicy.OFF, field="policy"),
     Key("realtime_priority", integer(1, 98), 80, field="priority"),
     Key("realtime_cpu", integer(0, 4095), field="cpu"),
+    Key("realtime_spin_us", integer(0, 500_000), 0, CLOCK_MICROSECOND, "spin"),
     Key("overrun", choice(OverrunPolicy), OverrunPolicy.COUNT),
 )
 

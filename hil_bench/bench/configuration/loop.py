@@ -64,6 +64,8 @@ class LoopSection:
             wrong = f'{cpu} with realtime = "deadline", which Linux ties to no processor'
             right = 'leave realtime_cpu out, or give realtime = "fifo"'
             problems.add(problems.place("bench", "realtime_cpu"), f"{wrong}; {right}")
+        if wrong := _no_spin(bench):
+            problems.add(problems.place("bench", "realtime_spin_us"), wrong)
 
     def build(self) -> dict[str, Any]:
         """Return ticks and seed, and the real-time policy."""
@@ -73,6 +75,18 @@ class LoopSection:
     def tables(self) -> Iterable[Settings]:
         """Return the table."""
         return (self.settings,)
+
+
+def _no_spin(bench: Settings) -> str:
+    """Return the error text of a busy wait that no processor can be given; empty for others."""
+    spin, tick = bench["realtime_spin_us"].value, bench["tick_us"].value
+    if not spin:
+        return ""
+    if bench["realtime"].value is not RealtimePolicy.FIFO or bench["realtime_cpu"].value is None:
+        return f'{spin} needs a processor of its own; give realtime = "fifo" and realtime_cpu'
+    if 2 * spin > tick:
+        return f"{spin} is more than half of tick_us = {tick}; give at most {tick // 2}"
+    return ""
 
 
 def _no_multiple(value: int, divisor: str, step: int) -> str:

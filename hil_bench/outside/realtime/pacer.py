@@ -34,6 +34,7 @@ class Pacer:
         backlog: delay [ns] up to which every missed tick is made up for.
         overrun: what to do after a tick that took longer than its period.
         statistics: where to count; new ones where it is None.
+        spin: for how long before each tick to wait busily [ns]; the clock must go by itself.
 
     Attributes:
         period: time between ticks [ns].
@@ -52,6 +53,7 @@ class Pacer:
         backlog: int = ONE_SECOND,
         overrun: OverrunPolicy = OverrunPolicy.COUNT,
         statistics: TickStatistics | None = None,
+        spin: int = 0,
     ) -> None:
         if period <= 0:
             raise ValueError(f"tick period {period} ns: a positive number is right")
@@ -61,6 +63,7 @@ class Pacer:
         self.lateness = 0
         self.statistics = TickStatistics() if statistics is None else statistics
         self._clock = clock
+        self._spin = spin
         self._backlog = 0 if overrun is OverrunPolicy.SKIP else backlog
         self._stops = overrun is OverrunPolicy.STOP
         self._next: int | None = None
@@ -72,8 +75,10 @@ class Pacer:
         now = self._clock.now()
         scheduled = now if self._next is None else self._next
         if now < scheduled:
-            self._clock.sleep_until(scheduled)
+            self._clock.sleep_until(scheduled - self._spin)
             now = self._clock.now()
+            while now < scheduled:
+                now = self._clock.now()
         self._delay = now - scheduled
         if self._delay > self._backlog:
             scheduled += self._skip(self._delay)
@@ -83,8 +88,8 @@ class Pacer:
         return scheduled
 
     def remaining(self) -> int:
-        """Return the time until the next tick is due [ns]; negative where it is late."""
-        return 0 if self._next is None else self._next - self._clock.now()
+        """Return the time until the loop waits for the next tick alone [ns]; negative if late."""
+        return 0 if self._next is None else self._next - self._spin - self._clock.now()
 
     def done(self) -> None:
         """Record the tick that `wait` started: its work is over.

@@ -28,10 +28,12 @@ class RealtimeConfig:
         policy: with which real-time policy.
         priority: of SCHED_FIFO, 1 to 98.
         cpu: the only processor on which it runs, None for any.
+        spin: for how long before each tick it waits busily, in place of being woken [ns].
         overrun: what it does after a tick that took too long.
     """
 
     policy: RealtimePolicy = RealtimePolicy.OFF
     priority: int = 80
     cpu: int | None = None
+    spin: int = 0
     overrun: OverrunPolicy = OverrunPolicy.COUNT

@@ -93,6 +93,8 @@ def undisturbed(realtime: RealtimeConfig, period: int) -> Iterator[Sequence[str]
                 logger.warning("%s; %s", refused, grant if IS_LINUX else NOT_LINUX)
             else:
                 held.append(name)
+        if realtime.spin:
+            held.append(f"busy for {realtime.spin / 1e3:g} of each {period / 1e3:g} us")
         yield held
 
 

@@ -19,7 +19,7 @@ def test_each_value_is_shown_with_its_origin(
     assert main(["check", "bench.toml", "-c", "vcan0", "--bus-kwargs", "port=5"]) == 0
 
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert lines[:18] == [
+    assert lines[:19] == [
         "# bench.toml",
         "",
         "[bench]",
@@ -30,6 +30,7 @@ def test_each_value_is_shown_with_its_origin(
         'realtime = "off" # default',
         "realtime_priority = 80 # default",
         "# realtime_cpu = # none",
+        "realtime_spin_us = 0 # default",
         'overrun = "count" # default',
         "",
         "[bus]",

@@ -44,6 +44,8 @@ ONE_VALUE = [
     ("[bench]\ntick_us = 0", "bench.tick_us: 0 is out of range; give an integer from 100 to 1000000"),
     ("[bench]\nstep_us = 0", "bench.step_us: 0 is out of range; give an integer from 1 to 10000"),
     ('[bench]\nrealtime = "rr"', 'bench.realtime: "rr" is unknown; give one of "off", "fifo", "deadline"'),
+    ('[bench]\nrealtime_spin_us = 50', 'bench.realtime_spin_us: 50 needs a processor of its own; give realtime = "fifo" and realtime_cpu'),
+    ('[bench]\nrealtime = "fifo"\nrealtime_cpu = 1\nrealtime_spin_us = 600', 'bench.realtime_spin_us: 600 is more than half of tick_us = 1000; give at most 500'),
     ('[bench]\nrealtime = "deadline"\nrealtime_cpu = 1', 'bench.realtime_cpu: 1 with realtime = "deadline", which Linux ties to no processor; leave realtime_cpu out, or give realtime = "fifo"'),
     ("[bus]\nbitrate = 2000000", "bus.bitrate: 2000000 is out of range; give an integer from 1 to 1000000"),
     ('[nodes.v]\nprofile = "valve_408"\nnode_id = 0', "nodes.v.node_id: 0 is out of range; give an integer from 1 to 127, or \"unconfigured\""),

@@ -148,3 +148,25 @@ def test_a_period_that_is_not_positive_is_refused(period):
 def test_a_negative_backlog_is_refused():
     with pytest.raises(ValueError, match="0 or more is right"):
         Pacer(VirtualClock(), MS, backlog=-1)
+
+
+class TickingClock(LateClock):
+    """Goes on by 100 ns whenever it is read, as a busy wait needs it."""
+
+    def now(self):
+        self.advance(100)
+        return super().now()
+
+
+def test_a_loop_that_waits_busily_is_not_late_by_a_late_wake_up():
+    """Woken 60 us late it still has 140 of its 200 us; with 250 us it is late by the other 50."""
+    clock = TickingClock(late=[60_000, 250_000])
+    pacer = Pacer(clock, MS, spin=200_000)
+    first = pacer.wait()
+    pacer.done()
+    assert pacer.wait() == first + MS
+    assert 0 <= pacer.lateness <= 100
+    assert pacer.remaining() == pytest.approx(MS - 200_000, abs=300)  # others have so much
+    pacer.done()
+    pacer.wait()
+    assert pacer.lateness == pytest.approx(50_000, abs=200)

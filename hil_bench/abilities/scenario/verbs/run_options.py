@@ -14,6 +14,7 @@ _WITH_A_BUS = (
     "realtime",
     "realtime_priority",
     "realtime_cpu",
+    "realtime_spin_us",
     "overrun",
     "whole_bus",
     "hub_unlimited",

@@ -141,6 +141,24 @@ def test_the_bus_is_read_in_words(page, bench, keep):
     keep(page, "bus")
 
 
+def test_the_bus_says_what_is_wrong(page, bench, keep):
+    bus = view(page, "bus")
+    for name in ("valve", "pressure_a"):
+        bench.session.nodes[name]["0x1017"] = 50
+    senders = bus.get_by_role("region", name="who sends what")
+    for name in ("valve", "pressure_a"):  # ten beats of each show its period
+        beats = re.compile(rf"{name} heartbeat\s*\d\d+\s*20\.0")
+        expect(senders.get_by_role("row").filter(has_text=f"{name} heartbeat")).to_contain_text(
+            beats
+        )
+    bench.session.bench.part(Faults).silence("valve")
+    wrong = bus.get_by_role("region", name="what is wrong on the bus")
+    expect(wrong).to_contain_text("heartbeat lost: valve: no heartbeat after")
+    wrong.get_by_text("heartbeat lost").click()
+    expect(wrong).to_contain_text("bus-off")
+    keep(page, "bus-findings")
+
+
 def test_what_is_clicked_becomes_a_test(page, tmp_path, keep):
     wait_for_rows(page)
     record = view(page, "record")

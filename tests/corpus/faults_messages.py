@@ -71,7 +71,8 @@ def pdo_gap(scene: Scene) -> Found:
 def pdo_without_timer_falls_silent(scene: Scene) -> Found:
     """A TPDO with event timer 0 came again and again, and stops."""
     found, since = _pdo(scene, cyclic=False, timed=True), scene.somewhen()
-    if found is None or scene.end - since < 1200 * MS or len(scene.times(found[1])) < 50:
+    came = [now for now in scene.times(found[1]) if now < since] if found else []
+    if found is None or scene.end - since < 1200 * MS or len(came) < 40:
         return None
     timer = scene.download(found[0], 0x1800, 5)
     frames = list(scene.frames)
@@ -208,7 +209,8 @@ def _follows_sync(each: LoggedFrame) -> bool:
 def sync_stops(scene: Scene) -> Found:
     """SYNC stops, and so do the PDOs; the heartbeats go on."""
     since = scene.somewhen(0.3, 0.4)
-    if not _syncs(scene) or scene.end - since < 1300 * MS:
+    before = [now for now in _syncs(scene) if now < since]
+    if len(before) < 10 or scene.end - since < 1300 * MS:
         return None
     return scene.without(
         lambda each: each.now > since and (is_from(each, 0x080) or _follows_sync(each))

@@ -26,6 +26,8 @@ def supply_fails(scene: Scene) -> Found:
     if node is None or scene.end - since < 5 * scene.period(0x700 + node):
         return None
     left = scene.without(lambda each: each.now > since and sender(each) == node)
+    if left[-1].now - since < 5 * scene.period(0x700 + node):
+        return None  # nobody else is there to show that the log goes on
     return left, _name(node)
 
 

@@ -68,11 +68,7 @@ class J1939Reader:
             self._move(bus, source, frame.data)
         if is_part:
             self._buses.add(bus)
-        elif bus not in self._buses and len(frame.data) == NAME_BYTES and group_name(group):
-            self._named[bus] = self._named.get(bus, 0) + 1
-            if self._named[bus] >= _PROOF:
-                self._buses.add(bus)
-        if bus not in self._buses:
+        if bus not in self._buses and not self._is_proof(frame, group):
             return None
         for each in ended:
             self._last[each.key] = frame
@@ -82,6 +78,14 @@ class J1939Reader:
             self._last[bus, destination, source] = frame
             return sights
         return [*sights, self._of_frame(logged, group, way)]
+
+    def _is_proof(self, frame: Frame, group: int) -> bool:
+        """Return True if enough frames of named parameter groups show that J1939 is spoken."""
+        if len(frame.data) == NAME_BYTES and group_name(group):
+            self._named[frame.bus] = self._named.get(frame.bus, 0) + 1
+        if self._named.get(frame.bus, 0) >= _PROOF:
+            self._buses.add(frame.bus)
+        return frame.bus in self._buses
 
     def expire(self, now: int) -> list[Sight]:
         """Return the long messages that nobody continues."""

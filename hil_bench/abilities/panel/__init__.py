@@ -6,7 +6,7 @@ DEFAULT_PORT = 8408
 
 ABILITY = Ability(
     "panel",
-    needs=("controllers", "scenario"),
+    needs=("controllers", "eyes", "scenario"),
     verbs={
         "panel": Verb(
             "run",

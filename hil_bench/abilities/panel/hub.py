@@ -12,6 +12,7 @@ from collections import deque
 from typing import Any
 
 from hil_bench.abilities.panel.bench_link import BenchLink, open_link
+from hil_bench.abilities.panel.bus_findings import BusFindings
 from hil_bench.abilities.panel.fault_table import fault_choices
 from hil_bench.abilities.panel.frame_news import FrameNews
 from hil_bench.abilities.panel.viewer import Viewer
@@ -59,6 +60,7 @@ class Hub:
         self._rows: list[bytes] = []
         self._frames: list[bytes] = []
         self._news = FrameNews()
+        self._findings: BusFindings | None = None
         self._watched: tuple[bool, bool] | None = None
         self._change = asyncio.Event()
 
@@ -143,6 +145,7 @@ class Hub:
             return
         async with link:
             self.link, self._watched, self._news = link, None, FrameNews()
+            self._findings = None
             self.visited += 1
             self._say(link.name, "", names)
             self._to_all(self._greeting())
@@ -203,6 +206,9 @@ class Hub:
         elif kind == "frames":
             if any(viewer.wants_frames for viewer in self.viewers):
                 self._frames.append(line)
+                self._explain(line)
+            else:
+                self._findings = None
             if any(viewer.wants_marks for viewer in self.viewers):
                 self._mark(line)
         else:
@@ -210,9 +216,29 @@ class Hub:
                 self._state = line
             elif kind == "health":
                 self._health = line
+            elif kind == "lost":
+                self._findings = None  # what it has not heard, nobody was late with
             elif kind in {"event", "command"}:
                 self._events.append(line)
             self._to_all(line, may_be_lost=kind == "health")
+
+    def _explain(self, line: bytes) -> None:
+        """Show what is wrong on the buses to the browsers that show frames.
+
+        Raises:
+            BusError: the bench's message is not what frames are.
+        """
+        if self._findings is None:
+            hello = {} if self.link is None else self.link.hello
+            self._findings = BusFindings(hello.get("devices", {}))
+        try:
+            message = self._findings.take(json.loads(line)["frames"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            raise BusError("the bench's message of frames is not one") from None
+        if message is not None:
+            for viewer in self.viewers:
+                if viewer.wants_frames:
+                    viewer.offer(encode(message))
 
     def _mark(self, line: bytes) -> None:
         """Show the frames that are news to the browsers that mark them.

@@ -103,7 +103,7 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
         _Lead(_OF_SDO | _OF_PDO | {Cause.STATE_LEFT}, _awaited),
         _Lead(frozenset({Cause.SYNC_MISSING}), _awaited),
     ),
-    Cause.EMCY: (_Lead(frozenset({Cause.STATE_LEFT, Cause.PDO_MISSING}), _same_node),),
+    Cause.EMCY: (_Lead(_OF_STATE | {Cause.PDO_MISSING}, _same_node),),
     Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
     Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
     Cause.SYNC_MISSING: (_Lead(_OF_PDO, _anywhere),),

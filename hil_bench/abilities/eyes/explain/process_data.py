@@ -29,7 +29,7 @@ _LATE = 3
 _RPDO_SLACK = 1.05
 _NS_PER_100_US = 100_000
 _KEPT = 16
-_SETTLED = 30
+_SETTLED = 20
 """Intervals alike after which a PDO has a period that nobody has set ..."""
 _MANY = 10
 """... and such periods after which it has fallen silent."""

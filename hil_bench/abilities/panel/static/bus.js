@@ -19,12 +19,14 @@ export class BusView {
     this.count = el("span", { class: "quiet figure" });
     this.trace = el("tbody");
     this.senders = el("tbody");
+    this.findings = el("div", { class: "findings", role: "region", "aria-label": "what is wrong on the bus" });
     this.line = svg("polyline", { class: "load-line", points: "" });
     this.loadText = el("span", { class: "figure" });
     const head = (...texts) => el("thead", {}, el("tr", {}, ...texts.map((text) => el("th", { scope: "col" }, text))));
     root.append(
       el("div", { class: "toolbar" }, this.pauseButton, labelled("filter", this.filter), this.count,
         el("span", { class: "row" }, "load", svg("svg", { viewBox: `0 0 ${LOADS} 40`, class: "load", role: "img", "aria-label": "bus load over the last 30 s" }, this.line), this.loadText)),
+      this.findings,
       el("div", { class: "bus" },
         el("div", { class: "scroller", tabindex: "0", role: "region", "aria-label": "frames" }, el("table", {}, head("time [s]", "", "identifier", "use", "data", "meaning"), this.trace)),
         el("div", { class: "scroller", tabindex: "0", role: "region", "aria-label": "who sends what" }, el("h2", {}, "Who sends what"), el("table", {}, head("identifier", "use", "frames", "per second", "last"), this.senders))),
@@ -35,12 +37,14 @@ export class BusView {
       if (this.loads.length > LOADS) this.loads.shift();
     });
     model.link.on("state", (state) => this.learn(state));
+    model.link.on("findings", ({ findings }) => this.drawFindings(findings));
   }
 
   begin(hello) {
     this.decoder.begin(hello);
     this.states = "";
     this.loads = [];
+    this.findings.replaceChildren();
     if (this.isShown) this.show();
   }
 
@@ -95,6 +99,16 @@ export class BusView {
     const most = Math.max(0.05, ...this.loads);
     this.line.setAttribute("points", this.loads.map((load, i) => `${i},${(39 - (38 * load) / most).toFixed(1)}`).join(" "));
     setText(this.loadText, this.loads.length ? `${(this.loads.at(-1) * 100).toFixed(1)} % of ${(most * 100).toFixed(0)} %` : "");
+  }
+
+  // The causes that `hil-bench explain` finds in the frames since this view was opened.
+  drawFindings(findings) {
+    this.findings.replaceChildren(...findings.map(({ bus, title, text, advice, clause, leads_to: leads }) => el(
+      "details", { class: "finding" },
+      el("summary", {}, `${bus ? `bus ${bus}: ` : ""}${title}: ${text}`),
+      el("p", { class: "quiet" }, `${advice} (${clause})`),
+      ...leads.map((effect) => el("p", {}, `so: ${effect}`)),
+    )));
   }
 
   drawTrace() {

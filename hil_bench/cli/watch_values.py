@@ -95,7 +95,7 @@ class Values:
                 shown.text(value),
                 shown.symbol,
                 shown.text(low),
-                bar(value, low, high),
+                bar(value, low, high) if shown.text(low) != shown.text(high) else "",
                 shown.text(high),
             ]
             least, most = limits.get(name, (None, None))

@@ -80,7 +80,9 @@ class WatchView:
         parts: list[RenderableType] = [self._heading()]
         if work:
             parts += work_parts(work, self._hello.get("work", {}).get("verb", "work"))
-        parts += self._values.tables(list(self._hello["axes"]), limits_of(work or {}))
+        parts += self._values.tables(
+            list(self._hello["axes"]), limits_of(work or {}, self._values.time)
+        )
         if self._is_bench:
             parts += [self._node_table(), self._fault_part()]
             parts.append(f"loop   {health_text(self._health)}")
@@ -124,13 +126,18 @@ class WatchView:
         return Text("\n".join(lines), style="bold red") if lines else Text("fault  none")
 
 
-def limits_of(work: Mapping[str, Any]) -> dict[str, tuple[float | None, float | None]]:
-    """Return the lowest and highest right value of channels, of the work and its requirements."""
+def limits_of(work: Mapping[str, Any], now: float) -> dict[str, tuple[float | None, float | None]]:
+    """Return the lowest and highest right value of channels at a time [s], in SI.
+
+    Those of the work, and of requirements that want them at that time without a condition.
+    """
     limits: dict[str, tuple[float | None, float | None]] = {
         name: (low, high) for name, (low, high) in work.get("limits", {}).items()
     }
     for margin in work.get("margins", ()):
         for band in margin["bands"]:
+            if not band["is_strict"] or not band["begin"] <= now <= (band["end"] or now):
+                continue
             low, high = limits.get(band["channel"], (None, None))
             lows = [each for each in (low, band["low"]) if each is not None]
             highs = [each for each in (high, band["high"]) if each is not None]

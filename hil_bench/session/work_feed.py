@@ -53,11 +53,18 @@ class Band(NamedTuple):
         channel: its name.
         low: the least right value [SI]; None without one.
         high: the largest [SI]; None without one.
+        begin: from when on [s].
+        end: until when [s]; None for the end of the run.
+        is_strict: whether the channel must be in it all that time; else at some time of it, or
+            after a trigger.
     """
 
     channel: str
     low: float | None
     high: float | None
+    begin: float = 0.0
+    end: float | None = None
+    is_strict: bool = True
 
 
 class WorkMargin(NamedTuple):

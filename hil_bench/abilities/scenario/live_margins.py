@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.monitor import Monitor
-from hil_bench.abilities.scenario.nodes import Comparison, Condition, Relation
+from hil_bench.abilities.scenario.nodes import UNBOUNDED, Comparison, Condition, Relation, Window
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.resolve import Requirement
 from hil_bench.abilities.scenario.witness import Witness
@@ -56,7 +57,7 @@ class _Margin:
         self._known: float | None = None
         self._at = 0.0
         self._bands = tuple(bands_of(requirement.condition))
-        comparisons = list(_comparisons(requirement.condition))
+        comparisons = [node for node, _ in _comparisons(requirement.condition, _Place())]
         self._only = comparisons[0] if len(comparisons) == 1 else None
 
     def note(self, ticks: int) -> None:
@@ -81,6 +82,27 @@ class _Margin:
         return WorkMargin(self._id, verdict, self._known, text, self._bands)
 
 
+class _Place(NamedTuple):
+    """The time in which a comparison must hold.
+
+    Attributes:
+        begin: [s].
+        end: [s]; None for the end of the run.
+        is_strict: whether it must hold at each tick of it.
+    """
+
+    begin: float = 0.0
+    end: float | None = None
+    is_strict: bool = True
+
+    def within(self, window: Window, *, is_strict: bool) -> "_Place":
+        """Return the place of what stands in a window that is seen from each time of this one."""
+        if (self.begin, self.end) == (0.0, None) and self.is_strict and window != UNBOUNDED:
+            end = None if window.end is None else window.end * 1e-9
+            return _Place(window.start * 1e-9, end, is_strict)
+        return self._replace(is_strict=self.is_strict and is_strict)
+
+
 def bands_of(condition: Condition) -> Iterator[Band]:
     """Yield the range of each channel that a requirement compares with a constant.
 
@@ -90,23 +112,27 @@ def bands_of(condition: Condition) -> Iterator[Band]:
     Yields:
         The bands, one a comparison.
     """
-    for node in _comparisons(condition):
+    for node, place in _comparisons(condition, _Place()):
         if isinstance(node.right, nodes.Number):
-            yield from _band(node.left, node.relation in _UPPER, node.right.value, node)
+            band = _band(node.left, node.relation in _UPPER, node.right.value, node)
         elif isinstance(node.left, nodes.Number):
-            yield from _band(node.right, node.relation in _LOWER, node.left.value, node)
+            band = _band(node.right, node.relation in _LOWER, node.left.value, node)
+        else:
+            band = None
+        if band is not None:
+            yield band._replace(begin=place.begin, end=place.end, is_strict=place.is_strict)
 
 
-def _band(side: nodes.Value, is_upper: bool, value: float, node: Comparison) -> Iterator[Band]:
+def _band(side: nodes.Value, is_upper: bool, value: float, node: Comparison) -> Band | None:
     if node.relation not in _UPPER | _LOWER:
-        return
+        return None
     if isinstance(side, nodes.Reading):
-        yield Band(side.name, None if is_upper else value, value if is_upper else None)
-        return
+        return Band(side.name, None if is_upper else value, value if is_upper else None)
     found = _deviation(side)
-    if found is not None and is_upper:
-        name, centre = found
-        yield Band(name, centre - value, centre + value)
+    if found is None or not is_upper:
+        return None
+    name, centre = found
+    return Band(name, centre - value, centre + value)
 
 
 def _deviation(side: nodes.Value) -> tuple[str, float] | None:
@@ -126,21 +152,23 @@ def _deviation(side: nodes.Value) -> tuple[str, float] | None:
             return None
 
 
-def _comparisons(condition: Condition) -> Iterator[Comparison]:
+def _comparisons(condition: Condition, place: _Place) -> Iterator[tuple[Comparison, _Place]]:
     """Yield the comparisons that must hold, without triggers, negations and choices.
 
     Yields:
-        Each comparison.
+        Each comparison, and when it must hold.
     """
     match condition:
         case Comparison():
-            yield condition
+            yield condition, place
         case nodes.All(operands=operands):
             for each in operands:
-                yield from _comparisons(each)
+                yield from _comparisons(each, place)
         case nodes.Implies(response=response):
-            yield from _comparisons(response)
-        case nodes.Always(operand=operand) | nodes.Eventually(operand=operand):
-            yield from _comparisons(operand)
+            yield from _comparisons(response, place._replace(is_strict=False))
+        case nodes.Always(window=window, operand=operand):
+            yield from _comparisons(operand, place.within(window, is_strict=True))
+        case nodes.Eventually(window=window, operand=operand):
+            yield from _comparisons(operand, place.within(window, is_strict=False))
         case _:
             return

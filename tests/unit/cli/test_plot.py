@@ -89,6 +89,8 @@ def test_a_recording_of_frames_alone_is_drawn_as_traffic(tmp_path, monkeypatch, 
 
     assert main(["plot", "bus.mf4", "-o", "bus.svg"]) == 0
     assert "0x701" in (tmp_path / "bus.svg").read_text()
-    capsys.readouterr()
+    note, picture = capsys.readouterr().out.splitlines()
+    assert note.startswith("bus.mf4: holds frames and no signals; 'hil-bench decode bus.mf4")
+    assert picture == "bus.svg"
     assert main(["plot", "bus.mf4", "--signals", "axis1.*"]) == 2
     assert "bus.mf4: holds frames and no signals; 'hil-bench decode" in capsys.readouterr().err

@@ -163,3 +163,63 @@ def test_without_its_library_it_says_what_to_install(monkeypatch, capsys):
     assert "watch needs rich, which is missing; pip install 'hil-bench[watch]'" in (
         capsys.readouterr().err
     )
+
+
+def test_axes_stand_side_by_side_in_their_units():
+    channels = [[f"{axis}.{name}", "m"] for axis in ("a", "b") for name in ("position", "stroke")]
+    view = WatchView({**hello(), "axes": {"a": {}, "b": {}}, "channels": [*channels, ["t", "°C"]]})
+    view.take({"type": "rows", "rows": [[1.0, 0.1, 0.2, 0.3, 0.4, 45.0]]})
+    lines = [line.split() for line in drawn(view)]
+    assert ["axis", "position", "[mm]", "stroke", "[mm]"] in lines
+    assert ["a", "100.00", "200.00"] in lines
+    assert ["b", "300.00", "400.00"] in lines
+    assert ["t", "45.0", "°C", "45.0", "45.0"] in lines
+
+
+def margin(**changes):
+    band = {"channel": "axis1.position", "low": None, "high": 0.07, "begin": 0.0, "end": None}
+    band["is_strict"] = True
+    return {
+        "id": "SRS-1",
+        "verdict": "",
+        "margin": 0.25,
+        "text": "0.1 mm, since 1.20 s",
+        "bands": [{**band, **changes}],
+    }
+
+
+def work(**changes):
+    content = {"now": "moves", "detail": "", "done": 1.2, "total": 2.5, "unit": "s", "left": None}
+    rest = {"counts": {}, "items": [], "limits": {}, "margins": [], "verdict": ""}
+    return {"type": "state", "nodes": {}, "faults": [], "work": {**content, **rest, **changes}}
+
+
+def test_a_running_scenario_shows_time_margins_and_limits():
+    view = WatchView({**hello(), "work": {"verb": "scenario", "is_bench": True}})
+    view.take({"type": "rows", "rows": [[1.0, 0.05]]})
+    view.take(work(margins=[margin()]))
+    lines = drawn(view)
+    assert "scenario  1.2 of 2.5 s  moves" in lines
+    assert any(line.split()[:2] == ["SRS-1", "holds"] and "0.1 mm" in line for line in lines)
+    assert any(line.endswith("up to 70 mm") for line in lines)
+
+
+@pytest.mark.parametrize("change", [{"begin": 1.8}, {"end": 0.5}, {"is_strict": False}])
+def test_a_limit_that_does_not_hold_now_is_not_shown(change):
+    view = WatchView({**hello(), "work": {"verb": "scenario", "is_bench": True}})
+    view.take({"type": "rows", "rows": [[1.0, 0.5]]})
+    view.take(work(margins=[margin(**change)]))
+    assert not any("70 mm" in line for line in drawn(view))
+
+
+def test_work_without_a_bench_has_no_nodes_and_its_limits_in_the_chosen_units(monkeypatch):
+    monkeypatch.setenv("HIL_BENCH_UNITS", "in")
+    view = WatchView({**hello(), "work": {"verb": "campaign"}})
+    view.take({"type": "rows", "rows": [[1.0, 0.0508]]})
+    view.take(work(limits={"axis1.position": [0.0254, 0.254]}, left=95.0, counts={"failed": 2}))
+    lines = drawn(view)
+    assert "campaign  1.2 of 2.5 s  moves, 95 s left" in lines
+    assert "so far  2 failed" in lines
+    # By definition an inch is 25.4 mm.
+    assert any("2.0000  in" in line and line.endswith("1 to 10 in") for line in lines)
+    assert not any(line.startswith(("node", "fault", "loop")) for line in lines)

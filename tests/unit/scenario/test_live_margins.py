@@ -79,7 +79,21 @@ def test_nothing_seen_is_no_margin():
     ],
 )
 def test_the_range_of_a_channel_is_that_of_what_must_hold(text, bands):
-    found = [tuple(each) for each in bands_of(condition(text))]
+    found = [tuple(each)[:3] for each in bands_of(condition(text))]
     assert [name for name, *_ in found] == [name for name, *_ in bands]
     for (_, *have), (_, *want) in zip(found, bands, strict=True):
         assert have == [each if each is None else pytest.approx(each) for each in want]
+
+
+@pytest.mark.parametrize(
+    ("text", "when"),
+    [
+        ("always a.position < 70 mm", (0.0, None, True)),
+        ("always from 1.8 s to 2.5 s a.position < 70 mm", (1.8, 2.5, True)),
+        ("within 2 s a.position > 70 mm", (0.0, 2.0, False)),
+        ("always a.P_A > 5 bar implies a.position < 70 mm", (0.0, None, False)),
+    ],
+)
+def test_a_band_has_the_time_in_which_it_must_hold(text, when):
+    (band,) = bands_of(condition(text))
+    assert (band.begin, band.end, band.is_strict) == when

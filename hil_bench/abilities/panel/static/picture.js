@@ -101,12 +101,12 @@ function drawPane(plots, pane, x, top, isLast) {
     parts.push(rect(left, top, Math.max(2, right - left), PANE, { fill: colour("danger"), "fill-opacity": 0.14 }, el("title", fault.text)));
     if (pane === plots.panes[0]) parts.push(text(left + 4, top + PANE - 6, fault.text, { fill: colour("danger"), "font-size": 12 }));
   }
-  for (const { id, low, high, isBad } of plots.bands(pane)) {
+  for (const { id, low, high, isBad, begin: from, end: to } of plots.bands(pane)) {
     const [above, below] = [high === null ? top : clamp(high), low === null ? top + PANE : clamp(low)];
     const paint = colour(isBad ? "danger" : "good");
-    parts.push(rect(LEFT, above, INNER, Math.max(0, below - above), { fill: paint, "fill-opacity": 0.1 }));
+    parts.push(rect(x(from), above, x(to) - x(from), Math.max(0, below - above), { fill: paint, "fill-opacity": 0.1 }));
     for (const limit of [low, high].filter((each) => each !== null && each > min && each < max)) {
-      parts.push(line(LEFT, y(limit), LEFT + INNER, y(limit), { stroke: paint, "stroke-dasharray": "8 6" }), text(LEFT + 6, y(limit) - 4, id, { fill: paint, "font-size": 12 }));
+      parts.push(line(x(from), y(limit), x(to), y(limit), { stroke: paint, "stroke-dasharray": "8 6" }), text(x(from) + 6, y(limit) - 4, id, { fill: paint, "font-size": 12 }));
     }
   }
   for (const value of ticks(min, max, 5)) {

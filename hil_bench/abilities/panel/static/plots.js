@@ -143,8 +143,10 @@ export class Plots {
   bands(pane) {
     const names = new Set(pane.legend.map(({ name }) => name));
     return (this.model.state.work?.margins ?? []).flatMap(({ id, margin, verdict, bands }) =>
-      bands.filter(({ channel }) => names.has(channel)).map(({ channel, low, high }) => ({
+      bands.filter(({ channel, begin, end }) => names.has(channel) && begin <= this.end && (end ?? Infinity) >= this.begin).map(({ channel, low, high, begin, end }) => ({
         id, channel,
+        begin: Math.max(begin, this.begin),
+        end: Math.min(end ?? Infinity, this.end),
         isBad: verdict === "failed" || (margin !== null && margin < 0),
         low: low === null ? null : low / pane.factor,
         high: high === null ? null : high / pane.factor,
@@ -173,20 +175,21 @@ export class Plots {
     ctx.save();
     ctx.textAlign = "left";
     ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
-    for (const { id, low, high, isBad } of this.bands(pane)) {
+    for (const { id, low, high, isBad, begin, end } of this.bands(pane)) {
+      const [left, right] = [begin, end].map((time) => plot.valToPos(time, "x", true));
       const [top, base] = [high === null ? bbox.top : within(high), low === null ? bottom : within(low)];
       ctx.fillStyle = ctx.strokeStyle = colour(isBad ? "danger" : "good");
       ctx.globalAlpha = 0.1;
-      ctx.fillRect(bbox.left, top, bbox.width, base - top);
+      ctx.fillRect(left, top, right - left, base - top);
       ctx.globalAlpha = 1;
       ctx.setLineDash([8 * devicePixelRatio, 6 * devicePixelRatio]);
       for (const [edge, isThere] of [[top, high !== null], [base, low !== null]]) {
         if (!isThere || edge <= bbox.top || edge >= bottom) continue;
         ctx.beginPath();
-        ctx.moveTo(bbox.left, edge);
-        ctx.lineTo(bbox.left + bbox.width, edge);
+        ctx.moveTo(left, edge);
+        ctx.lineTo(right, edge);
         ctx.stroke();
-        ctx.fillText(id, bbox.left + 6 * devicePixelRatio, edge - 4 * devicePixelRatio);
+        ctx.fillText(id, left + 6 * devicePixelRatio, edge - 4 * devicePixelRatio);
       }
     }
     ctx.restore();

@@ -23,11 +23,18 @@ from hil_bench.abilities.identification.errors import (
     read_limit,
     stated_error,
 )
+from hil_bench.abilities.identification.evening import make_even
 from hil_bench.abilities.identification.identify import Identification, Options, identify
 from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
+from hil_bench.abilities.identification.plausibility import check_plausible
 from hil_bench.abilities.identification.plot import draw_strokes
-from hil_bench.abilities.identification.record import AxisRecord, join_records
+from hil_bench.abilities.identification.record import (
+    NEEDED,
+    PRESSURES,
+    AxisRecord,
+    join_records,
+)
 from hil_bench.abilities.identification.report import summarise, to_json
 from hil_bench.abilities.identification.signs import settle_signs
 from hil_bench.abilities.identification.verbs.identify_design import (
@@ -359,10 +366,16 @@ def _record_of(recording: Recording, path: Path, asked: Question) -> AxisRecord:
     axis = asked.axis
     names = [name for name in recording.dtype.names or () if name.startswith(f"{axis.name}.")]
     check_quantities(recording, names)
-    doubts = find_doubts(recording, names, {f"{axis.name}.position": 2.0 * axis.parameters.h})
-    warn_of([f"{path}: {doubt}" for doubt in doubts])
+    highest = {f"{axis.name}.position": 2.0 * axis.parameters.h}
+    doubts = list(find_doubts(recording, names, highest))
+    counted = [f"{axis.name}.{one}" for one in (*NEEDED, *PRESSURES, "spool_position")]
+    recording, notes = make_even(recording, [name for name in counted if name in names])
     full_opening = asked.config.full_scale(axis)
-    return look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
+    record = AxisRecord.of(recording, axis.name, full_opening, path.name)
+    doubts += check_plausible(record, axis.parameters, axis.options)
+    warn_of([f"{path}: {doubt}" for doubt in doubts])
+    record = look_through(record)
+    return replace(record, notes=(*notes, *record.notes))
 
 
 def name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:

@@ -35,7 +35,7 @@ from hil_drivers.modbus.framing import TcpFraming
 pytest_plugins = ["pytester"]
 
 FOLDERS = "docs|examples|benchmarks|device_profiles|drivers|hil_bench|tests|.ci"
-SKETCHES = "docs/design.md"  # its blocks show types, not programs
+SKETCHES = "docs/types.md"  # its blocks show types, not programs
 PYTHON = [block for block in documents.blocks("python") if not str(block).startswith(SKETCHES)]
 IS_REFUSED = re.compile(r"\s*```text\nbench\.toml:")
 

@@ -4,7 +4,7 @@ import io
 import re
 import zlib
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -200,6 +200,7 @@ class LeftOut:
         damaged_lines: of a candump log, which are no frames.
         first_damaged: number of the first of them.
         ending: why the log ends before its end; empty where it does not.
+        channels: frames of other channels than the one that is read, by channel.
     """
 
     error_frames: int = 0
@@ -207,10 +208,15 @@ class LeftOut:
     damaged_lines: int = 0
     first_damaged: int = 0
     ending: str = ""
+    channels: dict[str, int] = field(default_factory=dict)
 
 
 def read_frames(
-    path: Path, left_out: LeftOut | None = None, *, errors: bool = False
+    path: Path,
+    left_out: LeftOut | None = None,
+    *,
+    errors: bool = False,
+    is_one_channel: bool = False,
 ) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
@@ -222,6 +228,7 @@ def read_frames(
         path: the log.
         left_out: counts what is left out.
         errors: whether to yield error frames, too; see `hil_bench.frame.ERROR_FLAG`.
+        is_one_channel: whether to leave out the frames of other channels than that of the first.
 
     Yields:
         The frames, in the order of the file.
@@ -242,10 +249,15 @@ def read_frames(
     with file:
         if suffix == ".blf":
             messages = _messages(path, _BlfReader, file, left_out, errors=errors)
+            if is_one_channel:
+                messages = _one_channel(messages, left_out)
             yield from map(logged_frame_of, messages)
             return
         lines = CompleteLines(file, candump=suffix == ".log")
-        for message in _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors):
+        messages = _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors)
+        if is_one_channel:
+            messages = _one_channel(messages, left_out)
+        for message in messages:
             if errors:
                 yield from lines.take_errors()
             logged = logged_frame_of(message)
@@ -369,6 +381,18 @@ def _messages(
 
 def _begin(reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
     yield from reader(source)
+
+
+def _one_channel(messages: Iterator[can.Message], left_out: LeftOut) -> Iterator[can.Message]:
+    """Yield the messages of the first one's channel, and count those of others."""
+    first: object = None
+    for message in messages:
+        first = message.channel if first is None else first
+        if message.channel == first:
+            yield message
+        else:
+            name = str(message.channel)
+            left_out.channels[name] = left_out.channels.get(name, 0) + 1
 
 
 def logged_frame_of(message: can.Message) -> LoggedFrame:

@@ -11,11 +11,11 @@ from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import (
     Addresses,
-    Cycles,
     LongTransfers,
     Requests,
     TroubleCodes,
 )
+from hil_bench.abilities.eyes.explain.j1939_cycles import Cycles
 from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
 from hil_bench.abilities.eyes.explain.presence import Presence
 from hil_bench.abilities.eyes.explain.process_data import ProcessData

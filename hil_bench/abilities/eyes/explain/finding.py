@@ -106,21 +106,6 @@ class Cause(Enum):
         "CiA 301, 7.2.5 and 7.5.2.6",
         "write one period to the producer and to 0x1006 of all",
     )
-    SDO_LATE = (
-        "SDO answer comes too late",
-        "CiA 301, 7.2.4.3.17",
-        "lengthen the client's time-out, or ask less often",
-    )
-    SDO_ABORT = (
-        "SDO transfer aborted",
-        "CiA 301, 7.2.4.3.17",
-        "correct the request, or the EDS that it was made by",
-    )
-    SDO_NO_ANSWER = (
-        "SDO request not answered",
-        "CiA 301, 7.2.4",
-        "look whether the node has this SDO server, and at its identifiers",
-    )
     NOT_STARTED = (
         "is not started",
         "CiA 301, 7.2.8.3.1",
@@ -140,6 +125,21 @@ class Cause(Enum):
         "a J1939 device falls silent",
         "SAE J1939-71",
         "look at its supply, its plug, and whether it goes bus-off",
+    )
+    SDO_LATE = (
+        "SDO answer comes too late",
+        "CiA 301, 7.2.4.3.17",
+        "lengthen the client's time-out, or ask less often",
+    )
+    SDO_ABORT = (
+        "SDO transfer aborted",
+        "CiA 301, 7.2.4.3.17",
+        "correct the request, or the EDS that it was made by",
+    )
+    SDO_NO_ANSWER = (
+        "SDO request not answered",
+        "CiA 301, 7.2.4",
+        "look whether the node has this SDO server, and at its identifiers",
     )
     EMCY = ("EMCY", "CiA 301, 7.2.7.1", "look the code up in the manual of the device")
     STATE_LEFT = (

@@ -12,7 +12,9 @@ from typing import Final, NamedTuple
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding
 
 _SLACK: Final = 1_500_000_000
-"""Time before a cause is seen in which its consequences may be seen already [ns]."""
+"""Time before a cause is seen in which its consequences may be seen already [ns].
+
+A node that dies has sent its last PDO before its last heartbeat, or the other way round."""
 
 _Bond = Callable[[Finding, Finding], bool]
 
@@ -36,12 +38,12 @@ class _Lead(NamedTuple):
     Attributes:
         effects: the findings that it explains ...
         bond: ... of these nodes, ...
-        is_timed: ... and whether only those that are seen after it, or shortly before.
+        slack: ... that begin after it, or no longer than this before [ns]; None for whenever.
     """
 
     effects: frozenset[Cause]
     bond: _Bond
-    is_timed: bool = True
+    slack: int | None = _SLACK
 
 
 _OF_SDO: Final = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER, Cause.SDO_LATE})
@@ -56,15 +58,15 @@ _OF_TRAFFIC: Final = _OF_SDO | _OF_PDO | _OF_SYNC | _OF_J1939 | {Cause.HEARTBEAT
 _OF_NODE: Final = _OF_SDO | _OF_STATE | _OF_PDO | {Cause.HEARTBEAT_LOST, Cause.EMCY}
 
 _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
-    Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, is_timed=False),),
+    Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, slack=None),),
     Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere),),
     Cause.ERROR_FRAMES: (
         _Lead(_OF_TRAFFIC | {Cause.BUS_SILENT, Cause.PDO_LOST, Cause.PDO_REPEATED}, _anywhere),
     ),
     Cause.BUS_LOAD: (_Lead(_OF_TRAFFIC | {Cause.PDO_LOST}, _anywhere),),
     Cause.NO_BOOT_UP: (
-        _Lead(_OF_NODE, _awaited, is_timed=False),
-        _Lead(frozenset({Cause.SYNC_MISSING}), _awaited, is_timed=False),
+        _Lead(_OF_NODE, _awaited, slack=None),
+        _Lead(frozenset({Cause.SYNC_MISSING}), _awaited, slack=None),
     ),
     Cause.NODE_ID_CLASH: (
         _Lead(
@@ -72,30 +74,30 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
             | {Cause.RESTART, Cause.OTHER_DEVICE, Cause.PDO_LENGTH, Cause.MAPPING}
             | {Cause.PDO_REPEATED, Cause.PDO_LOST},
             _same_node,
-            is_timed=False,
+            slack=None,
         ),
     ),
     Cause.IDENTIFIER_CLASH: (
         _Lead(
             _OF_PDO | {Cause.PDO_LENGTH, Cause.PDO_LOST, Cause.PDO_REPEATED},
             _awaited,
-            is_timed=False,
+            slack=None,
         ),
     ),
     Cause.ADDRESS_CLASH: (_Lead(_OF_J1939, _same_node),),
     Cause.RESTART: (_Lead(_OF_NODE, _awaited), _Lead(frozenset({Cause.SYNC_MISSING}), _awaited)),
     Cause.OTHER_DEVICE: (
-        _Lead(_OF_SDO | _OF_PDO | {Cause.PDO_LENGTH, Cause.MAPPING}, _same_node, is_timed=False),
+        _Lead(_OF_SDO | _OF_PDO | {Cause.PDO_LENGTH, Cause.MAPPING}, _same_node, slack=None),
     ),
     Cause.MAPPING: (_Lead(frozenset({Cause.PDO_LENGTH, Cause.EMCY}), _same_node),),
-    Cause.PDO_TIMERS: (_Lead(frozenset({Cause.PDO_MISSING}), _same_node, is_timed=False),),
+    Cause.PDO_TIMERS: (_Lead(frozenset({Cause.PDO_MISSING}), _same_node, slack=None),),
     Cause.SYNC_PERIOD: (_Lead(frozenset({Cause.EMCY, *_OF_SYNC}), _anywhere),),
     Cause.SDO_LATE: (
-        _Lead(frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER}), _same_node, is_timed=False),
+        _Lead(frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER}), _same_node, slack=None),
         _Lead(_OF_STATE, _same_node),
     ),
-    Cause.SDO_ABORT: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node),),
-    Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node),),
+    Cause.SDO_ABORT: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node, 0),),
+    Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node, 0),),
     Cause.NOT_STARTED: (_Lead(_OF_PDO, _awaited),),
     Cause.START_REFUSED: (_Lead(_OF_PDO, _awaited),),
     Cause.STATE_LEFT: (_Lead(_OF_PDO, _awaited),),
@@ -103,7 +105,10 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
         _Lead(_OF_SDO | _OF_PDO | {Cause.STATE_LEFT}, _awaited),
         _Lead(frozenset({Cause.SYNC_MISSING}), _awaited),
     ),
-    Cause.EMCY: (_Lead(_OF_STATE | {Cause.PDO_MISSING}, _same_node),),
+    Cause.EMCY: (
+        _Lead(_OF_STATE, _same_node, 0),
+        _Lead(frozenset({Cause.PDO_MISSING}), _same_node),
+    ),
     Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
     Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
     Cause.SYNC_MISSING: (_Lead(_OF_PDO, _anywhere),),
@@ -157,7 +162,7 @@ def _leads(cause: Finding, effect: Finding) -> bool:
     return any(
         effect.cause in lead.effects
         and lead.bond(cause, effect)
-        and (not lead.is_timed or effect.begin >= cause.begin - max(_SLACK, effect.span))
+        and (lead.slack is None or effect.begin >= cause.begin - max(lead.slack, effect.span))
         for lead in _LEADS.get(cause.cause, ())
     )
 

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.counters import Counters
@@ -14,25 +13,22 @@ from hil_bench.abilities.eyes.explain.finding import (
     milliseconds,
     seconds,
 )
+from hil_bench.abilities.eyes.explain.pdo_courses import (
+    Course,
+    Gap,
+    fell_silent,
+    gap_of,
+    settle,
+    silence_finding,
+)
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN
 from hil_bench.frame import address_of
 
-_NS_PER_MS = 1_000_000
-_LATE = 3
-"""Event times, or SYNCs it waits for, after which a TPDO counts as missing."""
-
-_RPDO_SLACK = 1.05
-_NS_PER_100_US = 100_000
 _KEPT = 16
-_SETTLED = 20
-"""Intervals alike after which a PDO has a period that nobody has set ..."""
-_MANY = 10
-"""... and such periods after which it has fallen silent."""
 
 _PATIENCE = 1_000_000_000
 """Time that a controller may take to its first set-point [ns]."""
@@ -42,25 +38,8 @@ _LENGTH_EMCYS = frozenset({0x8210, 0x8220})
 _CYCLIC = range(1, 241)
 _HEARTBEAT_CONSUMERS = range(1, 128)
 
-_Gap = tuple[int, int, Sight | None]
 _Key = tuple[int, str]
 """Address of a PDO and name of its node."""
-
-
-@dataclass(slots=True)
-class _Course:
-    """When a PDO came, and the first time that it stayed out: since when, until when."""
-
-    owner: PdoOwner
-    last: int
-    sight: Sight | None = None
-    syncs: int = 0
-    gap: _Gap | None = None
-    gaps: int = 0
-    settled: int = 0
-    """Intervals alike: the PDO comes with a period ..."""
-    usual: int = 0
-    """... of this [ns]."""
 
 
 class ProcessData:
@@ -77,7 +56,7 @@ class ProcessData:
         self._counters = Counters()
         self._lengths: dict[_Key, Evidence] = {}
         self._unknown: dict[_Key, Evidence] = {}
-        self._courses: dict[_Key, _Course] = {}
+        self._courses: dict[_Key, Course] = {}
         self._running: dict[tuple[int, int], int] = {}
         self._emergencies: dict[str, deque[Sight]] = {}
         self._seen: dict[int, Sight] = {}
@@ -122,12 +101,12 @@ class ProcessData:
         for (address, _), course in self._courses.items():
             gap, gaps = course.gap, course.gaps
             is_left = course.owner in self._decoder.pdos.get(address, [])
-            if is_left and (last := self._gap(course, end, None)) is not None:
+            if is_left and (last := gap_of(course, end, None)) is not None:
                 gap, gaps = gap or last, gaps + 1
             if gap is not None:
                 yield self._gap_finding(course.owner, gap, gaps)
-            elif is_left and self._fell_silent(course, end):
-                yield _silence(course)
+            elif is_left and fell_silent(course, end):
+                yield silence_finding(course)
         yield from self._absences(end)
 
     def _follow_states(self, keys: list[tuple[int, int]]) -> None:
@@ -139,7 +118,7 @@ class ProcessData:
                 self._running[key] = self._now
                 for owner in self._owners_of(node):
                     if owner.pdo.direction is Direction.TPDO:
-                        self._courses[owner.address, node.name] = _Course(owner, self._now)
+                        self._courses[owner.address, node.name] = Course(owner, self._now)
             elif not is_running and self._running.pop(key, None) is not None:
                 self._counters.forget(node)
                 for place, course in list(self._courses.items()):
@@ -181,12 +160,12 @@ class ProcessData:
         is_lost = self._counters.take(owner, sight)
         if course is not None and course.last >= 0:
             is_same = course.owner.pdo is owner.pdo  # or configured anew meanwhile
-            gap = self._gap(course, sight.now, sight) if is_same and not is_lost else None
+            gap = gap_of(course, sight.now, sight) if is_same and not is_lost else None
             if gap is not None:
                 course.gap, course.gaps = course.gap or gap, course.gaps + 1
-            _settle(course, sight.now - course.last)
+            settle(course, sight.now - course.last)
         elif course is None or owner.node.state is NmtState.OPERATIONAL:
-            course = course or _Course(owner, sight.now)
+            course = course or Course(owner, sight.now)
             self._courses[address, owner.node.name] = course
         course.owner, course.last, course.sight, course.syncs = owner, sight.now, sight, 0
 
@@ -194,36 +173,6 @@ class ProcessData:
         for course in self._courses.values():
             if course.owner.node.bus == sight.frame.bus:
                 course.syncs += 1
-
-    def _gap(self, course: _Course, now: int, sight: Sight | None) -> _Gap | None:
-        """Return where a PDO came too late, or not at all; None where it did not."""
-        owner, last = course.owner, course.last
-        if last < 0 or owner.node.state is not NmtState.OPERATIONAL:
-            return None
-        pdo, gap = owner.pdo, now - last
-        event_time = pdo.event_time_ms * _NS_PER_MS
-        if pdo.direction is Direction.RPDO:
-            is_late = event_time > 0 and gap > event_time * _RPDO_SLACK
-        elif pdo.transmission_type in _CYCLIC:
-            is_late = course.syncs > _LATE * pdo.transmission_type
-        else:
-            is_event = pdo.transmission_type in EVENT_DRIVEN
-            due = max(event_time, pdo.inhibit_time_100us * _NS_PER_100_US)
-            is_late = is_event and event_time > 0 and gap > _LATE * due
-        return (last, now, sight) if is_late else None
-
-    def _fell_silent(self, course: _Course, end: int) -> bool:
-        """Return True if a TPDO that nothing makes come had a period all the same, and stopped."""
-        node, pdo = course.owner
-        return (
-            pdo.direction is Direction.TPDO
-            and pdo.transmission_type in EVENT_DRIVEN
-            and not pdo.event_time_ms
-            and course.last >= 0
-            and node.state is NmtState.OPERATIONAL
-            and course.settled >= _SETTLED
-            and end - course.last > max(_MANY * course.usual, _PATIENCE)
-        )
 
     def _length_findings(self) -> Iterator[Finding]:
         for (_, node), sights in self._lengths.items():
@@ -271,7 +220,7 @@ class ProcessData:
                 node = senders[-1].node.name
                 yield Finding(Cause.IDENTIFIER_CLASH, node, sight.now, text, (sight,))
 
-    def _gap_finding(self, owner: PdoOwner, gap: _Gap, gaps: int) -> Finding:
+    def _gap_finding(self, owner: PdoOwner, gap: Gap, gaps: int) -> Finding:
         (node, pdo), (begin, end, sight) = owner, gap
         is_rpdo = pdo.direction is Direction.RPDO
         what = (
@@ -342,23 +291,6 @@ class ProcessData:
 
     def _reported(self, node: str, codes: frozenset[int]) -> list[Sight]:
         return [sight for sight in self._emergencies.get(node, ()) if sight.emcy_code in codes]
-
-
-def _settle(course: _Course, interval: int) -> None:
-    """Follow whether a PDO comes with a period."""
-    if 0.5 * course.usual <= interval <= 1.6 * course.usual:
-        course.settled += 1
-        course.usual += (interval - course.usual) // 8
-    else:
-        course.settled, course.usual = 0, interval
-
-
-def _silence(course: _Course) -> Finding:
-    (node, pdo), last = course.owner, course.last
-    text = f"{node.name} {pdo.name}: none after {seconds(last)}, though it came every "
-    text += f"{milliseconds(course.usual)} before; its event timer is 0, so nothing makes it come"
-    shown = () if course.sight is None else (course.sight,)
-    return Finding(Cause.PDO_MISSING, node.name, last, text, shown)
 
 
 def _address(sight: Sight) -> int:

@@ -13,6 +13,9 @@ _MOST = 4096
 _NOT_THERE = frozenset({0x0602_0000, 0x0609_0011})
 """Abort codes of an object or a sub-index that the device does not have."""
 
+_OF_PROFILES = 0x2000
+"""First object that CiA 301 does not describe: of it, nobody looks whether it is there."""
+
 _CUT_OFF = 500_000_000
 """A request within this time before the end of the log may still be answered [ns]."""
 
@@ -85,7 +88,7 @@ class Transfers:
         """Return True if somebody has merely looked whether a device has an object."""
         node = self._decoder.nodes.get((sight.frame.bus, sight.node_id or 0))
         is_absent = transfer.way is Way.UPLOAD and transfer.abort in _NOT_THERE
-        if not is_absent or node is None:
+        if not is_absent or node is None or transfer.index >= _OF_PROFILES:
             return False
         return not node.has_eds or node.objects.find(transfer.index, transfer.subindex) is None
 

@@ -1,10 +1,12 @@
 """`hil-bench explain`: what went wrong in a log, causes first."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.explain.explain import Explanation, explain
 from hil_bench.abilities.eyes.explain.finding import Finding
+from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_log_arguments,
     known_ecus,
@@ -23,6 +25,7 @@ examples:
   hil-bench explain trace.log bench.toml
   hil-bench explain trace.asc --eds 5=vendor.eds -b 250000
   hil-bench explain trace.log bench.toml --json
+  hil-bench explain trace.log --dbc vehicle.dbc            frames of others in its words
 
 exit code 1 where something is wrong, 0 where nothing was found
 """
@@ -42,6 +45,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
     )
     add_log_arguments(parser, assumes=False)
+    add_dbc_argument(parser, "shown")
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -56,24 +60,28 @@ def run(args: argparse.Namespace) -> int:
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
     found = explain(
-        read_frames(args.log, left_out, errors=True),
+        read_frames(args.log, left_out, errors=True, is_one_channel=True),
         known_nodes(args, config),
         bitrate,
         known_ecus(args, config),
     )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
-    print_results(args, explanation_lines(found, bitrate), explanation_content(found))
+    lines = explanation_lines(found, bitrate, DbcMessages(args.dbc).explain)
+    print_results(args, lines, explanation_content(found))
     print_losses(args, left_out)
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
 
 
-def explanation_lines(found: Explanation, bitrate: int) -> Iterator[str]:
+def explanation_lines(
+    found: Explanation, bitrate: int, say: Callable[[Sight], Sight] = lambda sight: sight
+) -> Iterator[str]:
     """Yield the lines of an explanation.
 
     Args:
         found: the explanation.
         bitrate: that the load refers to [bit/s].
+        say: words a frame by other knowledge, such as a DBC file.
 
     Yields:
         The lines.
@@ -86,7 +94,7 @@ def explanation_lines(found: Explanation, bitrate: int) -> Iterator[str]:
         yield ""
         yield f"{number}. {finding.cause.title}  ({finding.cause.clause})"
         yield f"   {finding.text}"
-        for sight in finding.sights:
+        for sight in map(say, finding.sights):
             line = f"{sight.now * 1e-9:14.6f}  {sight.frame.can_id:03X}  {sight.name}  {sight.text}"
             yield line.rstrip()
         if finding.unshown:

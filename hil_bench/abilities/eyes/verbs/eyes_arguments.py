@@ -145,6 +145,9 @@ def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
         told = f"line {left_out.first_damaged} is no frame of candump -L"
         more = left_out.damaged_lines - 1
         found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
+    if left_out.channels:
+        others = ", ".join(f"{count} of {name}" for name, count in left_out.channels.items())
+        found.append(f"frames of other channels left out ({others}); a log of each is read alone")
     if left_out.ending:
         found.append(f"ends early: {left_out.ending}")
     for what in () if args.quiet else found:

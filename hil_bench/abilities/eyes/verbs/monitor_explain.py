@@ -4,6 +4,7 @@ import argparse
 import json
 import time
 
+from hil_bench.abilities.eyes.dbc_words import DbcMessages
 from hil_bench.abilities.eyes.explain.explain import Explainer
 from hil_bench.abilities.eyes.explain.live import Change, LiveFindings
 from hil_bench.abilities.eyes.verbs.explain import (
@@ -26,6 +27,7 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     """
     bitrate = config.bus.bitrate or USUAL_BITRATE
     explainer = Explainer(known_nodes(args, config), bitrate, known_ecus(args, config))
+    say = DbcMessages(args.dbc).explain
     live, last = LiveFindings(explainer), time.monotonic_ns()
 
     def look() -> None:
@@ -42,7 +44,7 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     if args.json:
         print(json.dumps(plain(explanation_content(found)), allow_nan=False), flush=True)
     else:
-        print_lines(args, *explanation_lines(found, bitrate))
+        print_lines(args, *explanation_lines(found, bitrate, say))
     if not frames:
         return ExitCode.INCONCLUSIVE
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE

@@ -1,0 +1,157 @@
+"""J1939 messages that come with a period, and the devices and messages that stay out."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Final
+
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
+from hil_bench.abilities.eyes.j1939 import trouble_codes
+from hil_bench.abilities.eyes.sight import J1939Message, Sight
+from hil_bench.devices.j1939.identifier import ADDRESS_CLAIMED, DM1, GLOBAL, NULL
+
+_MS: Final = 1_000_000
+_DM1_PERIOD: Final = 1000 * _MS
+_LATE: Final = 3.0
+"""Periods after which a message stays out."""
+_FEWEST: Final = 6
+_REGULAR: Final = 0.3
+"""How far intervals may be off their median for a period, of it."""
+_MOST: Final = 4096
+
+
+@dataclass(slots=True)
+class _Cycle:
+    """A message that comes again and again.
+
+    Attributes:
+        last: the last one.
+        due_from: when the next one's time began [ns].
+        intervals: the last ones [ns].
+        gap: the first time that it stayed out: the messages before and behind.
+        gaps: how often it stayed out.
+        is_new: whether its sender has claimed its address since, and so may have paused.
+    """
+
+    last: Sight
+    due_from: int
+    intervals: deque[int] = field(default_factory=lambda: deque(maxlen=32))
+    gap: tuple[Sight, Sight] | None = None
+    gaps: int = 0
+    is_new: bool = False
+
+    @property
+    def period(self) -> float:
+        """Its period [ns]; 0 where it has none."""
+        if len(self.intervals) < _FEWEST:
+            return 0.0
+        middle = median(self.intervals)
+        off = max(abs(each - middle) for each in self.intervals)
+        return middle if off <= _REGULAR * middle else 0.0
+
+
+class Cycles(OfJ1939):
+    """Watches messages that come with a period, and DM1 while a code is active."""
+
+    def __init__(self) -> None:
+        self._cycles: dict[tuple[int, int, int], _Cycle] = {}
+        self._heard: dict[Who, Sight] = {}
+        self._paused: dict[Who, int] = {}
+
+    def pause(self, length: int) -> None:
+        """Count from the end of a pause."""
+        for cycle in self._cycles.values():
+            cycle.due_from += length
+        for who in self._heard:
+            self._paused[who] = self._paused.get(who, 0) + length
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        message = sight.message
+        if message is None or message.source == NULL:
+            return
+        bus = sight.frame.bus
+        self._heard[bus, message.source] = sight
+        self._paused.pop((bus, message.source), None)
+        if message.data is None or message.destination != GLOBAL:
+            return
+        if message.group == ADDRESS_CLAIMED:
+            for place, each in self._cycles.items():
+                each.is_new = each.is_new or place[:2] == (bus, message.source)
+            return
+        key = bus, message.source, message.group
+        cycle = self._cycles.get(key)
+        if cycle is None:
+            if len(self._cycles) < _MOST:
+                self._cycles[key] = _Cycle(sight, sight.now)
+            return
+        if cycle.is_new:
+            cycle.last, cycle.due_from, cycle.is_new = sight, sight.now, False
+            return
+        interval, period = sight.now - cycle.due_from, _period(cycle)
+        if period and interval > _LATE * period:
+            cycle.gap = cycle.gap or (cycle.last, sight)
+            cycle.gaps += 1
+        elif message.group != DM1 or _has_codes(cycle.last.message):
+            cycle.intervals.append(interval)
+        cycle.last, cycle.due_from = sight, sight.now
+
+    def findings(self, end: int) -> Iterator[Finding]:
+        """Yield the devices and the messages that stay out.
+
+        Args:
+            end: of the log [ns].
+
+        Yields:
+            The findings.
+        """
+        silent = set()
+        for who, cycles in self._by_sender().items():
+            periods = [period for each in cycles if (period := _period(each))]
+            last = self._heard[who]
+            if periods and end - last.now - self._paused.get(who, 0) > max(
+                _LATE * max(periods), _DM1_PERIOD
+            ):
+                silent.add(who)
+                text = f"{last.node} sends nothing after {seconds(last.now)}"
+                text += f" ({group_title(_group_of(cycles[0]))} every "
+                text += f"{milliseconds(periods[0])} before)"
+                yield Finding(Cause.J1939_SILENT, last.node, last.now, text, (last,))
+        for (bus, source, group), cycle in self._cycles.items():
+            period = _period(cycle)
+            if not period or (bus, source) in silent:
+                continue
+            before, after = cycle.gap or (cycle.last, None)
+            lasts = end - cycle.due_from if after is None else after.now - before.now
+            if lasts <= _LATE * period:
+                continue
+            text = f"{before.node}: no {group_title(group)} after {seconds(before.now)}"
+            text += f" for {milliseconds(lasts)} (every {milliseconds(period)} before)"
+            if group == DM1:
+                text += ", while a trouble code is active"
+            text += f"; {cycle.gaps} such gaps" if cycle.gaps > 1 else ""
+            sights = (before,) if after is None else (before, after)
+            yield Finding(Cause.J1939_MISSING, before.node, before.now, text, sights)
+
+    def _by_sender(self) -> dict[Who, list[_Cycle]]:
+        found: dict[Who, list[_Cycle]] = {}
+        for (bus, source, _), cycle in self._cycles.items():
+            found.setdefault((bus, source), []).append(cycle)
+        return found
+
+
+def _period(cycle: _Cycle) -> float:
+    """Return the period of a message [ns]; of DM1 with an active code that of the standard."""
+    if _group_of(cycle) != DM1:
+        return cycle.period
+    return float(_DM1_PERIOD) if _has_codes(cycle.last.message) else 0.0
+
+
+def _group_of(cycle: _Cycle) -> int:
+    return cycle.last.message.group if cycle.last.message is not None else 0
+
+
+def _has_codes(message: J1939Message | None) -> bool:
+    return message is not None and bool(trouble_codes(message.data or b""))

@@ -1,7 +1,7 @@
 """Wake-up lateness of the paced 1 kHz loop beside `cyclictest`, in the same run.
 
     python benchmarks/lateness.py [--seconds N] [--slice N] [--cpu N] [--policy fifo]
-                                  [--condition "as it is"]
+                                  [--condition "as it is"] [--spin US]
 
 Both wake at 1 kHz on absolute deadlines, on the same processor, in turns of some seconds, so that
 whatever else the machine does meets both; first at normal priority, then with SCHED_FIFO, locked
@@ -9,8 +9,9 @@ memory and processors that are kept awake (`/dev/cpu_dma_latency` at 0). Both ho
 time; the last column says what the loop was given. Both leave out the periods that a hold-up
 covers: one hold-up is one late tick. The loop runs the whole bench of four nodes on a bus without
 traffic: as it is, with the other processors busy, and with a recording, a status line and a Modbus
-server attached that a client asks for its registers 100 times a second. cyclictest is in Debian's
-package rt-tests.
+server attached that a client asks for its registers 100 times a second. With `--spin` the loop
+waits busily for the last microseconds under SCHED_FIFO, which cyclictest does not: that shows what
+it is worth, and compares no equals. cyclictest is in Debian's package rt-tests.
 """
 
 import argparse
@@ -160,7 +161,10 @@ def run_loop(
     session = open_session(config)
     end = statistics.ticks + statistics.skipped + round(seconds * 1e9 / config.tick_ns)
     pacer = Pacer(
-        MonotonicClock(), config.tick_ns, overrun=OverrunPolicy.SKIP, statistics=statistics
+        *(MonotonicClock(), config.tick_ns),
+        overrun=OverrunPolicy.SKIP,
+        statistics=statistics,
+        spin=realtime.spin,
     )
     with contextlib.ExitStack() as stack:
         if folder is not None:
@@ -190,7 +194,8 @@ def measure(
     arguments: argparse.Namespace, policy: RealtimePolicy, *, is_busy: bool, folder: Path | None
 ) -> tuple[TickStatistics, Peer, Sequence[str]]:
     """Measure loop and peer in one condition, in turns; return what the loop was given, too."""
-    realtime = RealtimeConfig(policy=policy, priority=PRIORITY, cpu=arguments.cpu)
+    spin = arguments.spin * 1000 if policy is RealtimePolicy.FIFO else 0
+    realtime = RealtimeConfig(policy=policy, priority=PRIORITY, cpu=arguments.cpu, spin=spin)
     others = os.sched_getaffinity(0) - {arguments.cpu}
     statistics, peer = TickStatistics(is_shared=True), Peer()
     held: Sequence[str] = ()
@@ -228,6 +233,7 @@ def main() -> int:
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
     parser.add_argument("--policy", choices=POLICIES, nargs="+", default=list(POLICIES))
     parser.add_argument("--condition", choices=CONDITIONS, nargs="+", default=CONDITIONS)
+    parser.add_argument("--spin", type=int, default=0, help="busy wait before each tick [us]")
     arguments = occasion.arguments(parser, seconds=1.0, slice=1.0, policy=["off"])
     if shutil.which("cyclictest") is None:
         occasion.missing("cyclictest", "apt-get install rt-tests")

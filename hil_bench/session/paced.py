@@ -114,6 +114,8 @@ def _loop(
     *,
     serves_between_ticks: bool,
 ) -> None:
+    for prepare in session.preparations:
+        prepare()
     start = scheduled = pacer.wait()
     session.start()
     bus.listen()

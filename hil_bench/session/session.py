@@ -54,6 +54,7 @@ class Session:
             give the door some. None lets all frames pass.
         switches: of the power of others on its buses in this process, by name: "start", "kill" or
             "restart".
+        preparations: called before the first tick of a paced run, whatever they take.
         sources: asked at the start of each tick, before `now` moves; what they send acts in it.
     """
 
@@ -73,6 +74,7 @@ class Session:
         self.door = Door(self.controls)
         self.now = 0
         self.intercept: Interceptor | None = None
+        self.preparations: list[Callable[[], None]] = []
         self.sources: list[Source] = []
         self.switches: dict[str, Callable[[str], None]] = {}
         self._commands = self.door.waiting

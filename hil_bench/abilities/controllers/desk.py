@@ -14,6 +14,7 @@ from hil_bench.abilities.controllers.seam import (
     Controller,
     ControllerEnd,
     ControllerKind,
+    PreparingController,
     Surroundings,
     TimedFrame,
 )
@@ -147,6 +148,21 @@ class Desk:
         self._own += [frame for _, frame in sent]
         return sorted(sent, key=_TIME)
 
+    def prepare(self) -> None:
+        """Build the controller that starts with the first tick, and do what needs no time.
+
+        Raises:
+            ControllerError: it cannot be started.
+        """
+        if not self.is_due or self.is_running:
+            return
+        try:
+            self._start(())
+        except ControllerError as error:
+            raise ControllerError(f"{self.place}{error}") from error
+        if isinstance(self._controller, PreparingController):
+            self._controller.prepare()
+
     def switch_off(self, *, at_once: bool = False) -> None:
         """End the controller; a second call does nothing.
 
@@ -260,6 +276,7 @@ class Desks:
             )
         self._tick, self._last, self._skipped = bench.tick_ns, 0, 0
         session.sources.append(self._live)
+        session.preparations.append(self.prepare)
         for desk in self.desks:
             session.switches[desk.name] = partial(self.switch, desk)
 
@@ -304,6 +321,11 @@ class Desks:
 
     def _branching(self) -> list[BranchingController]:
         return [found for desk in self.desks if (found := desk.branching()) is not None]
+
+    def prepare(self) -> None:
+        """Start those that start with the first tick, before time passes."""
+        for desk in self.desks:
+            desk.prepare()
 
     def leave_off(self) -> None:
         """Leave all off until they are started."""

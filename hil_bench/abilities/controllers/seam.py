@@ -7,7 +7,7 @@ flashed, of the keys of a ``[controller]`` table. See docs/firmware.md.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
@@ -71,6 +71,17 @@ class Controller(Protocol):
 
     def close(self) -> None:
         """End it; a second call does nothing. No process and no file of it stays."""
+
+
+@runtime_checkable
+class PreparingController(Controller, Protocol):
+    """A controller with work to do before bench time begins."""
+
+    def prepare(self) -> None:
+        """Do what needs no bench time; called at most once, before the first `advance`.
+
+        What fails here, `advance` says.
+        """
 
 
 class BranchingController(Controller, Protocol):

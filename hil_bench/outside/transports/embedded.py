@@ -60,6 +60,7 @@ class _BenchTime:
         now: bench time [ns].
         to_bench: frames for the next tick, oldest first.
         readers: where frames from the bench go, by the number of their bus.
+        on_first_wait: called before somebody waits or reads for the first time.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class _BenchTime:
     ) -> None:
         self.now = start
         self.to_bench: list[Frame] = []
+        self.on_first_wait: Callable[[], None] | None = None
         self.readers: list[Callable[[Frame, int | None], None]] = []
         self._medium = medium
         self._tick = tick
@@ -93,6 +95,16 @@ class _BenchTime:
             raise can.CanOperationError("the transmission buffer is full")
         if self._on_frame is not None:
             self._on_frame(frame, self.now)
+
+    def begin(self, start: int) -> None:
+        """Let time begin at another moment [ns], before it has passed."""
+        self.now, self._next_tick = start, start + self._period
+
+    def look(self) -> None:
+        """Take note that somebody waits or reads."""
+        if self.on_first_wait is not None:
+            first, self.on_first_wait = self.on_first_wait, None
+            first()
 
     def pass_until(self, deadline: int, is_over: Callable[[], object]) -> bool:
         """Run ticks until `is_over` (True) or the deadline [ns] has come (False)."""
@@ -187,6 +199,7 @@ class EmbeddedPort(can.BusABC):
             can.CanTimeoutError: `timeout` is None and no frame came for `LONGEST_WAIT`.
         """
         self._check_open()
+        self._time.look()
         # Rounded up: a wait that is not over must move the time, or a caller's loop never ends.
         wait = LONGEST_WAIT if timeout is None else math.ceil(timeout * _NS_PER_S)
         if not self._to_reader and not self._wait(wait):
@@ -206,6 +219,7 @@ class EmbeddedPort(can.BusABC):
             duration: bench time [s].
         """
         self._check_open()
+        self._time.look()
         self._time.pass_until(self._time.now + round(duration * _NS_PER_S), lambda: False)
 
     def shutdown(self) -> None:
@@ -281,6 +295,16 @@ class EmbeddedBus(EmbeddedPort):
         time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, medium)
         super().__init__(time, can_filters)
         self.channel_info = description
+
+    def begin_later(self, wait: Callable[[], int] | None) -> None:
+        """Let time begin when somebody waits or reads for the first time.
+
+        Args:
+            wait: called then; returns at which bench time the buses begin [ns]. None lets time
+                begin now.
+        """
+        time = self._time
+        time.on_first_wait = None if wait is None else lambda: time.begin(wait())
 
     def hear(self, frames: Sequence[Frame]) -> None:
         """Keep frames that passed before the user came, for `recv`."""

@@ -142,3 +142,85 @@ def test_the_end_of_a_run_says_nothing_of_drivers_that_lose_their_bus(folder, ca
         bench.run(0.5)
         assert bench.nodes["valve"]["0x6041"] & 7 == 7  # enabled: CiA 408, status word
     assert not caplog.records
+
+
+LATER = """
+import can
+
+log = []
+
+def message(number):
+    return can.Message(arbitration_id=number, data=[], is_extended_id=False)
+
+def works(rig):
+    log.append("set up")
+    rig.bus.send(message(0x100 + round(rig.now())))
+    seen = {rig.bus.recv(0.01).arbitration_id for _ in range(4)}
+    rig.bus.send(message(0x110 + len(seen)))
+    log.append("working")
+    rig.sleep(1)
+
+def returns(rig):
+    rig.bus.send(message(0x1FF))
+
+def fails(rig):
+    raise OSError("no model")
+
+class Idle:
+    has_begun = True
+    log = log
+
+    def __init__(self, rig):
+        log.append("made")
+
+    def advance(self, until, received): return ()
+    def reset(self): pass
+    def tail(self): return ""
+    def close(self): pass
+"""
+
+
+def prepared(folder, name):
+    """Return a bench with a controller that is prepared as before a paced run, and its log."""
+    (folder / "later.py").write_text(LATER)
+    bench = make_bench(folder, f"later.py:{name}")
+    for prepare in bench.session.preparations:
+        prepare()
+    desk = bench.session.switches["mine"].args[0]
+    call = desk._controller._call
+    return bench, getattr(call, "log", None) or call.__globals__["log"]
+
+
+def test_what_needs_no_time_is_done_before_the_first_tick_of_a_paced_run(tmp_path):
+    bench, log = prepared(tmp_path, "works")
+    with bench:
+        assert log == ["set up"]
+        bench.run(0.005)
+        assert log == ["set up", "working"]
+        frames = identifiers(bench)
+    with make_bench(tmp_path, "later.py:works") as other:
+        other.run(0.005)
+        assert identifiers(other) == frames  # as without preparation
+    assert [number for _, number in frames] == [0x100, 0x114]
+
+
+def test_a_prepared_class_is_made_once(tmp_path):
+    bench, log = prepared(tmp_path, "Idle")
+    with bench:
+        assert log == ["made"]
+        bench.run(0.005)
+        assert log == ["made"]
+
+
+def test_a_prepared_function_that_returns_has_ended_with_what_it_sent(tmp_path):
+    bench, _ = prepared(tmp_path, "returns")
+    with bench:
+        bench.run(0.005)
+        assert [number for _, number in identifiers(bench)] == [0x1FF]
+        assert not bench.session.switches["mine"].args[0].is_running
+
+
+def test_a_preparation_that_fails_is_said_in_the_first_tick(tmp_path):
+    bench, _ = prepared(tmp_path, "fails")
+    with bench, pytest.raises(ControllerError, match=r"later.py:\d+: OSError: no model"):
+        bench.run(0.005)

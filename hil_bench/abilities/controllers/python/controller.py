@@ -9,6 +9,7 @@ import inspect
 import logging
 import traceback
 from collections.abc import Callable, Generator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -89,6 +90,23 @@ class PythonController:
         self._rig: Rig | None = None
         self.has_begun = True
         self._is_cyclic = self._is_closing = False
+        self._failure: Exception | None = None
+        self._leftover: Sequence[Frame] | None = None
+        self._is_waiting = False
+
+    def prepare(self) -> None:
+        """Run it until it first waits or reads a bus: imports, drivers, a model in a process."""
+        self._bench = greenlet.getcurrent()
+        rig = self._make_rig(self._surroundings.tick_ns, ())
+        rig.bus.begin_later(partial(self._wait_for_power, rig.bus))
+        self._stack = greenlet(self._live)
+        try:
+            sent: Sequence[Frame] = self._stack.switch(rig)
+        except Exception as error:
+            self._failure = error
+        else:
+            self._leftover = sent if self._stack.dead else None
+        rig.bus.begin_later(None)
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let it run until it waits for a time behind `until`.
@@ -115,7 +133,8 @@ class PythonController:
         self.close()
         self.has_begun = True
         self._is_cyclic = self._is_closing = False
-        self._stack = self._made = None
+        self._stack = self._made = self._failure = self._leftover = None
+        self._is_waiting = False
 
     def tail(self) -> str:
         """Return nothing: what it prints goes to the output of the bench."""
@@ -138,15 +157,28 @@ class PythonController:
         """Enter the stack until it is left; forget it where it has come to its end."""
         self._bench = greenlet.getcurrent()
         try:
-            if self._stack is None:
-                self._stack = greenlet(self._live)
-                sent: Sequence[Frame] = self._stack.switch(self._make_rig(until, received))
-            else:
-                sent = self._stack.switch([frame for _, frame in received])
+            sent = self._enter(until, received)
         except Exception as error:
             raise self._ending(error, until) from error
-        if self._stack.dead:
+        if self._stack is not None and self._stack.dead:
             self._stack = None
+        return sent
+
+    def _enter(self, until: int, received: Sequence[TimedFrame]) -> Sequence[Frame]:
+        """Enter the stack until it is left; return what it has sent."""
+        if self._failure is not None:
+            raise self._failure
+        if self._leftover is not None:
+            return self._leftover
+        stack, is_waiting, self._is_waiting = self._stack, self._is_waiting, False
+        sent: Sequence[Frame]
+        if stack is None:
+            self._stack = greenlet(self._live)
+            sent = self._stack.switch(self._make_rig(until, received))
+        elif is_waiting:
+            sent = stack.switch((until, received))
+        else:
+            sent = stack.switch([frame for _, frame in received])
         return sent
 
     def _ending(self, error: Exception, until: int) -> Exception:
@@ -179,6 +211,20 @@ class PythonController:
         elif hasattr(made, "advance"):
             self._made = made
         return rig.bus.take_sent()
+
+    def _wait_for_power(self, bus: EmbeddedBus) -> int:
+        """Leave the stack until bench time begins; return when that is [ns].
+
+        Raises:
+            can.CanOperationError: the run is over.
+        """
+        if self._is_closing or self._bench is None:
+            raise can.CanOperationError("the run is over")
+        self._is_waiting = True
+        until: int
+        until, received = self._bench.switch(())
+        bus.hear([frame for _, frame in received])
+        return until - self._surroundings.tick_ns
 
     def _exchange(self, frames: Sequence[Frame], _now: int) -> Sequence[Frame]:
         """Leave the stack until the bench has ticked; return what came then.

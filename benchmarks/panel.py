@@ -157,7 +157,7 @@ def compare_loop(stand: Stand, options: argparse.Namespace, browser: Any) -> Non
         received += sum(client.bytes for client in clients)
         for client in clients:
             client.close()
-        pages = [_open(browser, stand) for _ in range(3)]
+        pages = [open_page(browser, stand) for _ in range(3)]
         stalled = pages[0].context.new_cdp_session(pages[0])
         stalled.send("Debugger.enable")
         stalled.send("Debugger.pause")  # its script goes no further
@@ -175,7 +175,8 @@ def compare_loop(stand: Stand, options: argparse.Namespace, browser: Any) -> Non
     print(f"bytes a second to a client that reads: {received / 2 / whole:.0f}")
 
 
-def _open(browser: Any, stand: Stand) -> Any:  # noqa: ANN401 - a browser and a page of playwright
+def open_page(browser: Any, stand: Stand) -> Any:  # noqa: ANN401 - a browser and a page of playwright
+    """Return a page that shows the bench."""
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.goto(stand.address)
     page.wait_for_selector("#clock:not(:text('–'))")
@@ -186,20 +187,20 @@ def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa
     """Print what a browser sees."""
     paints = []
     for _ in range(PAINTS):
-        page = _open(browser, stand)
+        page = open_page(browser, stand)
         paints.append(page.evaluate(FIRST_PAINT))
         page.close()
-    page = _open(browser, stand)
+    page = open_page(browser, stand)
     page.click("#tab-scope")
     for box in page.locator(".channel input").all():
         box.check()
     page.wait_for_timeout(3000)
     watch = page.context.new_cdp_session(page)
     watch.send("Performance.enable", {"timeDomain": "threadTicks"})
-    before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(watch)
+    before, used = (script_memory(page), _resident(stand.panel.pid)), page_seconds(watch)
     frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
-    used = _page_seconds(watch) - used
-    after = _state(page), _resident(stand.panel.pid)
+    used = page_seconds(watch) - used
+    after = script_memory(page), _resident(stand.panel.pid)
     clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
     page.close()
     shown = ", ".join(f"{paint:.0f}" for paint in sorted(paints))
@@ -232,7 +233,7 @@ def watch_memory(stand: Stand, minutes: int) -> None:
         print("|---|---|---|---|---|---|---|")
         for minute in range(minutes + 1):
             rows = page.evaluate("() => hilBench.model.store.count")
-            script, whole = _state(page), _renderer_memory(page)
+            script, whole = script_memory(page), _renderer_memory(page)
             rest = " | ".join(f"{each:.1f}" for each in stand.memory().values())
             print(f"| {minute} | {rows} | {script:.2f} | {whole:.1f} | {rest} |", flush=True)
             if minute < minutes:
@@ -305,7 +306,7 @@ def _percentile(counts: dict[float, int], percent: float) -> float:
     raise AssertionError("no ticks")
 
 
-def _state(page: Any) -> float:  # noqa: ANN401 - a page of playwright
+def script_memory(page: Any) -> float:  # noqa: ANN401 - a page of playwright
     """Return the memory that the page's script uses [MB], its garbage left out where possible."""
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
@@ -319,7 +320,7 @@ def _renderer_memory(page: Any) -> float:  # noqa: ANN401 - a page of playwright
     return max(_resident(each["id"]) for each in processes if each["type"] == "renderer")
 
 
-def _page_seconds(session: Any) -> float:  # noqa: ANN401 - a session of playwright
+def page_seconds(session: Any) -> float:  # noqa: ANN401 - a session of playwright
     """Return the processor time of the page's main thread [s]."""
     metrics = session.send("Performance.getMetrics")["metrics"]
     return next(each["value"] for each in metrics if each["name"] == "TaskDuration")

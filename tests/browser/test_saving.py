@@ -36,11 +36,12 @@ def test_csv_and_mf4_hold_the_rows_that_are_shown(page, scope, tmp_path):
     with save(page, scope, "CSV", tmp_path / "scope.csv").open() as file:
         head, *rows = csv.reader(file)
     assert [name.partition(" [")[0] for name in head] == list(table.dtype.names)
-    assert "axis1.speed [m/s]" in head
+    assert "axis1.speed [mm/s]" in head
     assert len(rows) == len(table) > 0
     np.testing.assert_allclose([float(row[0]) for row in rows], table["time"], atol=1e-6)
-    column = head.index("axis1.P_A [Pa]")
-    np.testing.assert_allclose([float(row[column]) for row in rows], table["axis1.P_A"])
+    column = head.index("axis1.P_A [bar]")
+    shown = [1e5 * float(row[column]) for row in rows]
+    np.testing.assert_allclose(shown, table["axis1.P_A"], rtol=1e-6)
     # At rest both chambers share the supply of 100 bar (Table I); a page has single precision.
     assert table["axis1.P_A"] + table["axis1.P_B"] == pytest.approx(100e5, rel=1e-6)
 

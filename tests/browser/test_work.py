@@ -6,7 +6,15 @@ from support.live_bench import live_bench, panel
 from support.live_work import live_work
 from support.patience import GUARD
 
-from hil_bench.session.work_feed import WorkItem, WorkState
+from hil_bench.session.work_feed import (
+    Band,
+    Course,
+    Failure,
+    Histogram,
+    WorkItem,
+    WorkMargin,
+    WorkState,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("folder")]
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -48,7 +56,8 @@ def test_a_commissioning_shows_step_limits_and_values_and_stops(pages, keep):
         expect(position).to_contain_text("190.00")
         # 95 bar are within a tenth of the range of the limit of 100 bar, 50 mm are not.
         expect(work.locator("tr.loud th")).to_have_text("axis1.P_A [bar]")
-        expect(work.locator("tbody").first).to_contain_text("<b>direction</b>")
+        parts = work.get_by_role("region", name="parts and findings")
+        expect(parts).to_contain_text("<b>direction</b>")
         expect(work.get_by_text("2 of 3")).to_be_visible()
         expect(page.locator("#brief")).to_have_text("2 of 3")
         keep(page, "work-commission")
@@ -122,3 +131,95 @@ def test_everybody_can_use_it_on_a_small_screen(pages, scheme, keep):
         assert page.locator("html").evaluate("html => html.scrollWidth") <= 1024
         keep(page, f"work-{scheme}-1024")
         assert serious_problems(page) == []
+
+
+MARGINS = WorkState(
+    now="moves",
+    done=1.2,
+    total=2.5,
+    unit="s",
+    margins=[
+        WorkMargin("SRS-1", "", 0.25, "2.5 mm, since 1.10 s", [Band("axis1.position", None, 0.07)]),
+        WorkMargin("SRS-2", "failed", -0.01, "-0.1 mm, since 0.30 s"),
+        WorkMargin("SRS-3", "", None, ""),
+    ],
+)
+
+
+def test_a_scenario_shows_its_margins_and_their_bands_while_it_runs(pages, keep):
+    with live_work("scenario") as (feed, _), panel() as port:
+        feed.show(MARGINS)
+        page = pages.open(port)
+        work = page.locator("#view-work")
+        expect(work.get_by_text("1.2 of 2.5 s")).to_be_visible()
+        rows = work.locator(".margins tbody tr")
+        expect(rows.nth(0)).to_contain_text("holds")
+        expect(rows.nth(0)).to_contain_text("25 %")
+        expect(rows.nth(1)).to_contain_text("failed")
+        expect(rows.nth(1)).to_contain_text("-0.1 mm, since 0.30 s")
+        expect(rows.nth(2)).to_contain_text("open")
+        expect(rows.nth(1).get_by_role("img")).to_have_accessible_name(
+            "margin of SRS-2: \u22121 % of the tolerance"
+        )
+        feed.wait_for_client(GUARD)
+        show_rows(feed)
+        page.wait_for_function("() => hilBench.model.store.count === 400")
+        bands = """() => {
+          const { view } = hilBench.views.find(({ id }) => id === 'work');
+          const pane = view.plots.panes.find(({ unit }) => unit === 'm');
+          return view.plots.bands(pane).map(({ id, low, high, isBad }) => [id, low, high, isBad]);
+        }"""
+        ((name, low, high, is_bad),) = page.evaluate(bands)
+        assert (name, low, is_bad) == ("SRS-1", None, False)
+        assert high == pytest.approx(70.0)  # 0.07 m in mm
+        keep(page, "work-scenario")
+
+
+RUNS = WorkState(
+    done=700,
+    total=1000,
+    unit="runs",
+    left=95.0,
+    counts={"passed": 690, "failed": 10},
+    histograms=[Histogram("settling SRS-1", -0.2, 0.6, [1, 0, 9, 600, 80], below=4, above=6)],
+    courses=[Course("settling SRS-1", [(1, 0.8), (40, 0.1), (70, -0.3), (700, -0.3)])],
+    failures=[
+        Failure("0f8567fd", "settling target_mm=170", "SRS-1: <b>late</b>", "hil-bench test")
+    ],
+)
+
+
+def test_a_campaign_shows_margins_remaining_time_and_failures(pages, keep):
+    with live_work("campaign", []) as (feed, _), panel() as port:
+        feed.show(RUNS)
+        page = pages.open(port)
+        work = page.locator("#view-work")
+        expect(work.get_by_text("700 of 1000 runs · about 1 min 35 s left")).to_be_visible()
+        expect(work.get_by_text("settling SRS-1: margins of 700 runs")).to_be_visible()
+        expect(work.get_by_text("4 below \u221220 %")).to_be_visible()
+        expect(work.get_by_text("6 above 60 %")).to_be_visible()
+        expect(work.get_by_text("best so far \u221230 % of the tolerance")).to_be_visible()
+        failed = work.get_by_role("region", name="runs that failed")
+        expect(failed).to_contain_text("SRS-1: <b>late</b>")
+        assert serious_problems(page) == []
+        keep(page, "work-runs")
+
+
+PICTURE = "data:image/svg+xml;base64,PHN2ZyB4bWxucz0iaHR0cDovL3d3dy53My5vcmcvMjAwMC9zdmciLz4="
+
+
+def test_a_failure_is_played_again_and_drawn(pages, monkeypatch):
+    async def replay(again, key):
+        assert again == ["campaign", "/c.toml"]
+        verdict = {"id": "SRS-1", "outcome": "failed", "reason": f"run {key} is late"}
+        return {"run": {"verdicts": [verdict], "problem": ""}, "picture": PICTURE}
+
+    monkeypatch.setattr("hil_bench.abilities.panel.desk.replay_run", replay)
+    with live_work("campaign", [], again=["campaign", "/c.toml"]) as (feed, _), panel() as port:
+        feed.show(RUNS)
+        page = pages.open(port)
+        page.get_by_role("button", name="Replay").click()
+        found = page.locator("#view-work .result")
+        expect(found).to_contain_text("SRS-1 failed: run 0f8567fd is late")
+        expect(found.get_by_role("img")).to_be_attached()
+        expect(found).to_contain_text("again in a shell: hil-bench test")

@@ -18,7 +18,7 @@ CHANNELS = [
 
 
 @contextlib.contextmanager
-def live_work(verb="commission", channels=CHANNELS):
+def live_work(verb="commission", channels=CHANNELS, again=()):
     """Yield the feed, and an event that is set when somebody asks for the end."""
     place, stopped = Place(verb), threading.Event()
     hello = {
@@ -29,7 +29,7 @@ def live_work(verb="commission", channels=CHANNELS):
         "channels": channels,
         "nodes": [],
         **{name: {} for name in ("devices", "machines", "axes", "fault_targets")},
-        "work": {"verb": verb, "title": "plan.toml on can0"},
+        "work": {"verb": verb, "title": "plan.toml on can0", "again": list(again)},
     }
     plan = FeedPlan(hello, 1 + len(channels), SharedRing(CAPACITY), SharedRing(MOST_COMMANDS))
     try:

@@ -75,6 +75,7 @@ export class Link {
         return;
       }
       const id = ++this.number;
+      this.asked?.(action, fields);
       const timer = setTimeout(() => {
         this.open.delete(id);
         refuse(new Error("no answer"));

@@ -10,6 +10,7 @@ import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { MachineView } from "./machine.js";
 import { Model } from "./model.js";
+import { Others } from "./others.js";
 import { RecordView } from "./record.js";
 import { ScopeView } from "./scope.js";
 import { takeUnits, UnitsControl } from "./units.js";
@@ -146,6 +147,7 @@ function offerBenches({ bench, benches }) {
 
 const units = new UnitsControl(() => model.hello && views.forEach(({ view }) => (view.changeUnits ?? view.begin)?.call(view, model.hello)));
 document.getElementById("tabs").before(units.root);
+banner.after(new Others(model).line);
 
 link.on("panel", (status) => {
   model.benches = status.benches;

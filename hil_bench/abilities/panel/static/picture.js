@@ -61,8 +61,8 @@ export function csvFile({ channels, columns, from, to, times }) {
   const ways = channels.map(([, unit]) => shown(unit));
   const lines = [["time [s]", ...channels.map(([name], i) => `${name} [${ways[i].symbol}]`)].map(quoted).join(",")];
   for (let row = from; row < to; row += 1) {
-    // Seven digits are what the page holds of a value.
-    const values = columns.map((column, i) => (Number.isFinite(column[row]) ? Number((column[row] / ways[i].factor).toPrecision(7)) : ""));
+    // The page holds values in single precision: nine digits have all of it.
+    const values = columns.map((column, i) => (Number.isFinite(column[row]) ? Number((column[row] / ways[i].factor).toPrecision(9)) : ""));
     lines.push([times[row].toFixed(6), ...values].join(","));
   }
   return new Blob([`${lines.join("\n")}\n`], { type: "text/csv" });

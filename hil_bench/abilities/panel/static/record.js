@@ -123,7 +123,7 @@ export class RecordView {
   }
 }
 
-function describe({ do: action, fields, number }) {
+export function describe({ do: action, fields, number }) {
   const { kind, target, arguments: given = {}, axis, quantity, node, name, value, text } = fields;
   if (action === "begin_fault") return `fault ${number}: ${kind} ${target} ${Object.entries(given).map(([key, each]) => `${key}=${each}`).join(" ")}`;
   if (action === "clear_fault") return fields.number ? `fault ${fields.number} cleared` : "all faults cleared";

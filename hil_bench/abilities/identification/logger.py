@@ -57,7 +57,7 @@ def look_through(record: AxisRecord) -> AxisRecord:
     """
     notes: list[str] = []
     clipped = np.zeros(record.measured.shape, dtype=np.bool_)
-    noise, filters = record.noise.copy(), [0.0, 0.0, 0.0]
+    noise = record.noise.copy()
     for signal, name in enumerate(SIGNALS):
         values = record.measured[:, signal]
         if not np.isfinite(values).all():
@@ -69,13 +69,10 @@ def look_through(record: AxisRecord) -> AxisRecord:
             share = clipped[:, signal].mean()
             notes.append(f"{name} is clipped at {places}: {share:.1%} of its rows do not count")
             noise[signal] = estimate_noise(values[~clipped[:, signal]], FLOORS[signal])
-        filters[signal] = find_filter(values[~clipped[:, signal]], record.interval, FLOORS[signal])
-        if filters[signal]:
-            span = MILLISECOND.from_si(filters[signal])
-            notes.append(
-                f"{name} has noise as behind a first-order filter of about {span:.2g} ms; "
-                "its lag is estimated"
-            )
+        lag = find_filter(values[~clipped[:, signal]], record.interval, FLOORS[signal])
+        if lag:
+            span = MILLISECOND.from_si(lag)
+            notes.append(f"{name} has noise as behind a first-order filter of about {span:.2g} ms")
     jumps = [
         jump
         for part in record.stretches
@@ -99,7 +96,6 @@ def look_through(record: AxisRecord) -> AxisRecord:
         record,
         noise=noise,
         clipped=clipped if clipped.any() else None,
-        filters=(filters[0], filters[1], filters[2]),
         notes=(*record.notes, *notes),
     )
 

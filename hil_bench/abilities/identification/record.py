@@ -25,15 +25,14 @@ SIGNALS = ("position", *PRESSURES)
 FLOORS = (0.3e-6, 1e3, 1e3)
 """Noise of `SIGNALS` below which nothing is gained [m], [Pa]."""
 
-_SHORTEST = 3.0  # [s]
+_SHORTEST = 1.0  # [s]
 _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
 _ROUNDED = 1e-6  # of a row: times in a file are rounded
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
-_SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
-FITTED_SHARE = 0.8
-"""Share of each stretch that is fitted; the rest is for the trial."""
-
+_LOST = 5  # rows between which a signal is straight; a longer gap ends a stretch
+_JITTER = 0.005  # of the steps: above, an uneven column is read at even times
+_BROKEN = 0.2  # of the rows may be no numbers
 _ORDER = 8  # of the differences that show noise
 _BLOCK = 32  # rows over which their power is averaged
 _QUIET = 0.1  # of these blocks
@@ -71,16 +70,12 @@ class AxisRecord:
         setpoints: of the spool, each held over the interval that its row ends, shape (rows,) [m].
         measured: position [m], P_A and P_B [Pa], shape (rows, 3); not a number where a recording
             lacks a pressure.
-        spool: position of the spool [m], shape (rows,), not a number where a recording lacks it;
-            None where all do.
         noise: standard deviation of each of `measured`, shape (3,); infinite where no recording
             has the signal.
         sessions: the recordings, one after the other.
         notes: what was found out about the columns.
         clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3); None
             for none.
-        at_stop: which of `measured` do not count because the piston touches an end stop, likewise.
-        filters: time constant of the filter behind each signal's noise, 0 for none [s].
     """
 
     axis: str
@@ -90,13 +85,10 @@ class AxisRecord:
     full_opening: float
     setpoints: Values
     measured: Values
-    spool: Values | None
     noise: Values
     sessions: tuple[Session, ...] = ()
     notes: tuple[str, ...] = ()
     clipped: npt.NDArray[np.bool_] | None = None
-    at_stop: npt.NDArray[np.bool_] | None = None
-    filters: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not self.sessions:
@@ -125,9 +117,8 @@ class AxisRecord:
     def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
         """Mark the measured and unclipped values of `SIGNALS`, shape (*rows.shape, 3)."""
         counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
-        for without in (self.clipped, self.at_stop):
-            if without is not None:
-                counts = counts & ~without[rows]
+        if self.clipped is not None:
+            counts = counts & ~self.clipped[rows]
         return counts
 
     def split_at(self, rows: Sequence[int]) -> Self:
@@ -156,16 +147,6 @@ class AxisRecord:
         return replace(self, stretches=kept)
 
     @property
-    def fitted(self) -> list[range]:
-        """The rows for the fit, by stretch."""
-        return [range(rows.start + _SETTLED, _split(rows)) for rows in self.stretches]
-
-    @property
-    def tried(self) -> list[range]:
-        """The rows for the trial, by stretch."""
-        return [range(_split(rows), rows.stop) for rows in self.stretches]
-
-    @property
     def moves_both_ways(self) -> bool:
         """Return True if the piston goes each way by a twentieth of its way and more than noise."""
         ways = [
@@ -174,10 +155,6 @@ class AxisRecord:
         way = np.concatenate(ways)
         forth, back = way[way > 0.0].sum(), -way[way < 0.0].sum()
         return bool(min(forth, back) > max(_ONE_WAY * (forth + back), _MOTION))
-
-    def with_noise(self, noise: Values) -> Self:
-        """Return the record with a noise that is known better, above the floors."""
-        return replace(self, noise=np.maximum(noise, FLOORS))
 
     def thinned(self, factor: int) -> Self:
         """Return the record with every `factor`-th row, and the mean set-point between two."""
@@ -193,7 +170,6 @@ class AxisRecord:
             stretches=tuple(_thin(part, factor) for part in self.stretches),
             setpoints=np.concatenate([self.setpoints[:1], means]),
             measured=self.measured[::factor],
-            spool=None if self.spool is None else self.spool[::factor],
             sessions=tuple(
                 session._replace(rows=part)
                 for session, part in zip(self.sessions, rows, strict=True)
@@ -216,12 +192,12 @@ class AxisRecord:
             name: of the recording.
         """
         _check_columns(recording, axis)
+        recording, notes = _even_out(recording, axis)
         times = recording[TIME.name]
         interval = _check_times(times)
         fields = recording.dtype.names or ()
-        known = (*NEEDED, *PRESSURES, "spool_position")
+        known = (*NEEDED, *PRESSURES)
         quantities = [quantity for quantity in known if f"{axis}.{quantity}" in fields]
-        _check_finite(recording, [f"{axis}.{quantity}" for quantity in quantities])
         _check_change(recording, axis, quantities)
         absent = np.full(len(times), np.nan)
         measured = np.column_stack(
@@ -231,7 +207,6 @@ class AxisRecord:
             ]
         )
         _check_motion(measured[:, 0], axis)
-        spool = recording[f"{axis}.spool_position"] if "spool_position" in quantities else None
         has = np.array([signal in quantities for signal in SIGNALS])
         return cls(
             axis=axis,
@@ -241,7 +216,6 @@ class AxisRecord:
             full_opening=full_opening,
             setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
             measured=measured,
-            spool=None if spool is None else full_opening * spool,
             noise=np.array(
                 [
                     estimate_noise(values, floor) if there else np.inf
@@ -249,6 +223,7 @@ class AxisRecord:
                 ]
             ),
             sessions=(Session(name, range(len(times)), has),),
+            notes=notes,
         )
 
 
@@ -274,9 +249,6 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
         np.zeros((len(record), 3), dtype=np.bool_) if record.clipped is None else record.clipped
         for record in records
     ]
-    spools = [
-        np.full(len(record), np.nan) if record.spool is None else record.spool for record in records
-    ]
     return replace(
         first,
         times=np.concatenate([record.times for record in records]),
@@ -284,7 +256,6 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
         stretches=tuple(_shift(rows, start) for start, one in pairs for rows in one.stretches),
         setpoints=np.concatenate([record.setpoints for record in records]),
         measured=np.concatenate([record.measured for record in records]),
-        spool=np.concatenate(spools) if any(one.spool is not None for one in records) else None,
         noise=_pool([record.noise for record in records]),
         sessions=tuple(
             session._replace(rows=_shift(session.rows, start))
@@ -295,11 +266,6 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
             f"{record.sessions[0].name}: {note}" for record in records for note in record.notes
         ),
         clipped=np.concatenate(clipped) if any(each.any() for each in clipped) else None,
-        filters=(
-            max(record.filters[0] for record in records),
-            max(record.filters[1] for record in records),
-            max(record.filters[2] for record in records),
-        ),
     )
 
 
@@ -428,26 +394,50 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
 
 
 def _least_rows(interval: float) -> float:
-    return _LEAST_STRETCH / interval + _SETTLED
+    return _LEAST_STRETCH / interval
 
 
-def _split(rows: range) -> int:
-    return rows.start + int(FITTED_SHARE * len(rows))
-
-
-def _check_finite(recording: Recording, names: list[str]) -> None:
-    """Refuse values that are no numbers.
+def _even_out(recording: Recording, axis: str) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording without broken rows, at even times where its own jitter, and notes on it.
 
     Raises:
-        ConfigError: there is one.
+        ConfigError: too many rows are no numbers.
     """
-    for name in names:
-        wrong = np.flatnonzero(~np.isfinite(recording[name]))
-        if len(wrong):
-            raise ConfigError(
-                f"the recording's {name} is no number in {len(wrong)} rows, first at "
-                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
-            )
+    fields = recording.dtype.names or ()
+    names = [name for name in fields if name.partition(".")[2] in (*NEEDED, *PRESSURES)]
+    names = [name for name in names if name.startswith(f"{axis}.")]
+    is_whole = np.all([np.isfinite(recording[name]) for name in (TIME.name, *names)], axis=0)
+    notes: list[str] = []
+    if len(recording) and not is_whole.all():
+        broken = [name for name in names if not np.isfinite(recording[name]).all()]
+        wrong = f"{', '.join(broken) or TIME.name} is no number in {int((~is_whole).sum())} rows"
+        if is_whole.mean() < 1.0 - _BROKEN:
+            raise ConfigError(f"the recording's {wrong}; give a part without them")
+        notes.append(f"{wrong}, which are left out")
+        recording = recording[is_whole]
+    times = recording[TIME.name]
+    steps = np.diff(times)
+    if len(steps) < 2 or not (steps > 0.0).all():
+        return recording, tuple(notes)
+    interval = float(np.median(steps))
+    uneven = np.abs(steps - interval) > _UNEVEN * interval
+    if uneven.mean() <= _JITTER:
+        return recording, tuple(notes)
+    notes.append(f"{uneven.mean():.1%} of the rows are uneven in time; read each {interval:.4g} s")
+    edges = [0, *(np.flatnonzero(steps > (_LOST + 0.5) * interval) + 1).tolist(), len(times)]
+    parts = []
+    for first, last in itertools.pairwise(edges):
+        own = recording[first:last]
+        even = np.arange(own[TIME.name][0], own[TIME.name][-1] + 1e-9, interval)
+        part = np.zeros(len(even), dtype=recording.dtype)
+        for name in names:
+            part[name] = np.interp(even, own[TIME.name], own[name])
+        # A set-point counts from the row before to its own.
+        held = np.minimum(np.searchsorted(own[TIME.name], even - 1e-9), len(own) - 1)
+        part[f"{axis}.spool_setpoint"] = own[f"{axis}.spool_setpoint"][held]
+        part[TIME.name] = even
+        parts.append(part)
+    return np.concatenate(parts), tuple(notes)
 
 
 def _check_change(recording: Recording, axis: str, quantities: Sequence[str]) -> None:

@@ -30,8 +30,7 @@ def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
 
     Args:
         record: with each signal as its column has it.
-        unknown: the quantities whose polarity is open, of position, P_A, P_B, spool_setpoint and
-            spool_position.
+        unknown: the quantities whose polarity is open, of position, P_A, P_B and spool_setpoint.
 
     Raises:
         ConfigError: an open polarity cannot be decided, or a given one contradicts the motion.
@@ -57,10 +56,6 @@ def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
             f"the piston retracts where spool_setpoint is above zero ({-score:.0f} standard "
             "deviations); turn the polarity of spool_setpoint or of position"
         )
-    if record.spool is not None and "spool_position" in unknown:
-        product = float(record.spool @ record.setpoints)
-        record = replace(record, spool=math.copysign(1.0, product) * record.spool)
-        notes.append(f"polarity of spool_position: {product and math.copysign(1.0, product):+.0f}")
     return replace(record, notes=(*record.notes, *notes))
 
 

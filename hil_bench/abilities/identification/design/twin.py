@@ -85,7 +85,6 @@ class Twin:
             full_opening=self.full_opening,
             setpoints=self.full_opening * setpoints,
             measured=np.where(has, shown, np.nan),
-            spool=None,
             noise=self.noise,
             sessions=(Session("", rows, has),),
         )

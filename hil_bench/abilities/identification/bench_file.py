@@ -85,7 +85,7 @@ def _origin(key: str, estimates: Mapping[str, Estimate], source: str) -> str:
     if one is None:
         return "follows from those that were identified"
     if not one.is_told:
-        return f"hardly told by {source}, +- {one.deviation:.2g}"
+        return f"hardly identifiable from {source}, +- {one.deviation:.2g}"
     unit = " of its dead part" if name in DEAD else ""
     return f"identified from {source}, +- {one.deviation:.2g}{unit}"
 

@@ -57,7 +57,7 @@ class Estimate(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How to identify.
+    """The ways of an identification.
 
     Attributes:
         wish: what is free and what is held.

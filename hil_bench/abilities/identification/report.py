@@ -151,7 +151,7 @@ _SIGNS = {
 
 
 def _looks_like(found: Identification, signal: int) -> str:
-    """Return what the residual of a signal is most like."""
+    """Describe the course that the residual of a signal is most like."""
     bench, record = found.bench, found.record
     parts: dict[str, list[Any]] = {name: [] for name in _SIGNS}
     every = []

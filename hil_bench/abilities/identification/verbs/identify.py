@@ -217,7 +217,7 @@ def _settings(asked: Question) -> Settings:
 
 
 def _read_wish(args: argparse.Namespace, settings: Settings) -> Wish:
-    """Return what the user holds and frees.
+    """Return the names that the user holds and frees.
 
     Raises:
         ConfigError: a key is not one of the axis, or is to be both.

@@ -137,7 +137,7 @@ def _rms(deviations: Values) -> float:
 
 
 def stated_error(errors: Sequence[StrokeError], quantity: str) -> float:
-    """Return the error that nine of ten strokes are within, in the quantity's unit; NaN where none has it.
+    """Return the error that nine of ten strokes are within, in its unit; NaN where none has it.
 
     It is the next larger of the errors that were seen, so that few strokes promise less.
     """

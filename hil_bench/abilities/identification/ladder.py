@@ -188,7 +188,7 @@ def choose_rung(rungs: Sequence[Rung]) -> int:
 
 
 def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
-    """Return the strokes that are left out together, by amplitude and at random, and notes on it."""
+    """Return the strokes that are left out together, by amplitude and at random, and notes."""
     strokes = bench.course.strokes
     if len(strokes) < 2:
         return [], ("one stroke only: nothing can be left out, so no error of prediction is known",)

@@ -30,9 +30,6 @@ _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not se
 _ROUNDED = 1e-6  # of a row: times in a file are rounded
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
-_LOST = 5  # rows between which a signal is straight; a longer gap ends a stretch
-_JITTER = 0.005  # of the steps: above, an uneven column is read at even times
-_BROKEN = 0.2  # of the rows may be no numbers
 _ORDER = 8  # of the differences that show noise
 _BLOCK = 32  # rows over which their power is averaged
 _QUIET = 0.1  # of these blocks
@@ -192,12 +189,12 @@ class AxisRecord:
             name: of the recording.
         """
         _check_columns(recording, axis)
-        recording, notes = _even_out(recording, axis)
         times = recording[TIME.name]
         interval = _check_times(times)
         fields = recording.dtype.names or ()
         known = (*NEEDED, *PRESSURES)
         quantities = [quantity for quantity in known if f"{axis}.{quantity}" in fields]
+        _check_finite(recording, [f"{axis}.{quantity}" for quantity in quantities])
         _check_change(recording, axis, quantities)
         absent = np.full(len(times), np.nan)
         measured = np.column_stack(
@@ -223,7 +220,6 @@ class AxisRecord:
                 ]
             ),
             sessions=(Session(name, range(len(times)), has),),
-            notes=notes,
         )
 
 
@@ -397,47 +393,19 @@ def _least_rows(interval: float) -> float:
     return _LEAST_STRETCH / interval
 
 
-def _even_out(recording: Recording, axis: str) -> tuple[Recording, tuple[str, ...]]:
-    """Return a recording without broken rows, at even times where its own jitter, and notes on it.
+def _check_finite(recording: Recording, names: list[str]) -> None:
+    """Refuse values that are no numbers.
 
     Raises:
-        ConfigError: too many rows are no numbers.
+        ConfigError: there is one.
     """
-    fields = recording.dtype.names or ()
-    names = [name for name in fields if name.partition(".")[2] in (*NEEDED, *PRESSURES)]
-    names = [name for name in names if name.startswith(f"{axis}.")]
-    is_whole = np.all([np.isfinite(recording[name]) for name in (TIME.name, *names)], axis=0)
-    notes: list[str] = []
-    if len(recording) and not is_whole.all():
-        broken = [name for name in names if not np.isfinite(recording[name]).all()]
-        wrong = f"{', '.join(broken) or TIME.name} is no number in {int((~is_whole).sum())} rows"
-        if is_whole.mean() < 1.0 - _BROKEN:
-            raise ConfigError(f"the recording's {wrong}; give a part without them")
-        notes.append(f"{wrong}, which are left out")
-        recording = recording[is_whole]
-    times = recording[TIME.name]
-    steps = np.diff(times)
-    if len(steps) < 2 or not (steps > 0.0).all():
-        return recording, tuple(notes)
-    interval = float(np.median(steps))
-    uneven = np.abs(steps - interval) > _UNEVEN * interval
-    if uneven.mean() <= _JITTER:
-        return recording, tuple(notes)
-    notes.append(f"{uneven.mean():.1%} of the rows are uneven in time; read each {interval:.4g} s")
-    edges = [0, *(np.flatnonzero(steps > (_LOST + 0.5) * interval) + 1).tolist(), len(times)]
-    parts = []
-    for first, last in itertools.pairwise(edges):
-        own = recording[first:last]
-        even = np.arange(own[TIME.name][0], own[TIME.name][-1] + 1e-9, interval)
-        part = np.zeros(len(even), dtype=recording.dtype)
-        for name in names:
-            part[name] = np.interp(even, own[TIME.name], own[name])
-        # A set-point counts from the row before to its own.
-        held = np.minimum(np.searchsorted(own[TIME.name], even - 1e-9), len(own) - 1)
-        part[f"{axis}.spool_setpoint"] = own[f"{axis}.spool_setpoint"][held]
-        part[TIME.name] = even
-        parts.append(part)
-    return np.concatenate(parts), tuple(notes)
+    for name in names:
+        wrong = np.flatnonzero(~np.isfinite(recording[name]))
+        if len(wrong):
+            raise ConfigError(
+                f"the recording's {name} is no number in {len(wrong)} rows, first at "
+                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
+            )
 
 
 def _check_change(recording: Recording, axis: str, quantities: Sequence[str]) -> None:

@@ -64,7 +64,7 @@ static enum outcome control(struct axis *axis, const struct options *options,
         if (is_interrupted())
             return INTERRUPTED;
         report->cycles++;
-        if (!now->is_active) {
+        if (!now->is_active || report->cycles == 1) {
             setpoint = now->position; /* begin from where the piston is */
             command = 0.0;
         } else {

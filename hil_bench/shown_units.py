@@ -53,7 +53,14 @@ class ShownUnit(NamedTuple):
 
     def short(self, value: float) -> str:
         """Return a limit or set-point, given in SI, without zeros at its end, with its unit."""
-        return f"{round(self.unit.from_si(value), 9) + 0.0:.6g} {self.symbol}"
+        return f"{self._bare(value)} {self.symbol}"
+
+    def range_text(self, low: float, high: float) -> str:
+        """Return two limits, given in SI, as in ``10 to 190 mm``."""
+        return f"{self._bare(low)} to {self.short(high)}"
+
+    def _bare(self, value: float) -> str:
+        return f"{round(self.unit.from_si(value), 9) + 0.0:.6g}"
 
 
 _Choices = Mapping[str, Mapping[str, ShownUnit]]

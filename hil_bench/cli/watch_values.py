@@ -116,7 +116,7 @@ def _limit_text(least: float | None, most: float | None, symbol: str) -> str:
     if least is None or most is None:
         word, limit = ("up to", most) if least is None else ("from", least)
         return f"{word} {shown.short(limit or 0.0)}"
-    return f"{shown.short(least).removesuffix(shown.symbol).strip()} to {shown.short(most)}"
+    return shown.range_text(least, most)
 
 
 def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:

@@ -8,6 +8,7 @@ from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.plot import save_figure
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,17 +17,17 @@ if TYPE_CHECKING:
 
 class _Panel(NamedTuple):
     label: str
-    factor: float
+    symbol: str  # of the SI unit
     lines: tuple[tuple[str, str, str, str], ...]  # channel, label, colour, style
 
 
 _PANELS = (
-    _Panel("Position [mm]", 1e3, (("position", "", BLUE, "-"),)),
-    _Panel("Speed [mm/s]", 1e3, (("speed", "", GREEN, "-"),)),
-    _Panel("Pressure [bar]", 1e-5, ((P_A, "$P_A$", ORANGE, "-"), (P_B, "$P_B$", GREEN, "-"))),
+    _Panel("Position", "m", (("position", "", BLUE, "-"),)),
+    _Panel("Speed", "m/s", (("speed", "", GREEN, "-"),)),
+    _Panel("Pressure", "Pa", ((P_A, "$P_A$", ORANGE, "-"), (P_B, "$P_B$", GREEN, "-"))),
     _Panel(
-        "Spool [%]",
-        100.0,
+        "Spool",
+        "-",
         (
             ("spool_setpoint", "set-point", GREY, "--"),
             ("spool_position", "actual", BLUE, "-"),
@@ -57,17 +58,18 @@ def _draw(result: StepResult) -> "Figure":
 
 def _draw_trace(places: "list[Axes]", trace: Recording) -> None:
     for place, panel in zip(places, _PANELS, strict=True):
+        unit = display_unit(panel.symbol)
         for channel, label, colour, style in panel.lines:
             place.plot(
                 trace["time"],
-                trace[channel] * panel.factor,
+                trace[channel] / unit.factor,
                 color=colour,
                 label=label,
                 linestyle=style,
                 linewidth=2.2 if style == "--" else 1.1,
                 zorder=1.5 if style == "--" else 2.0,
             )
-        place.set_ylabel(panel.label)
+        place.set_ylabel(f"{panel.label} [{unit.symbol}]")
         place.margins(x=0.01)
         if len(panel.lines) > 1:
             place.legend(loc="lower right", bbox_to_anchor=(1.0, 0.94), ncols=2, fontsize="small")

@@ -1,14 +1,17 @@
 """Slow sweeps of the spool: dead band, speed against spool, friction against speed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from hil_bench.abilities.commissioning import estimation
 from hil_bench.abilities.commissioning.measures import Curve, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
 from hil_bench.abilities.commissioning.procedure import REST, Procedure
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.shown_units import display_unit
 
 
 class Triangle:
@@ -61,18 +64,20 @@ def dead_band(procedure: Procedure, step: Step) -> StepResult:
     if 0.0 < band.width < 1.8:
         procedure.dead_zone = 0.5 * band.width
     edges = np.array([band.negative, band.positive]) * 100.0
-    result.curves.append(
-        Curve(
-            "Speed against spool position",
-            "Spool [%]",
-            "Speed [mm/s]",
-            spool * 100.0,
-            speed * 1e3,
-            edges,
-            np.zeros(2),
-        )
-    )
+    result.curves.append(replace(_speed_curve(spool, speed), fit_x=edges, fit_y=np.zeros(2)))
     return result
+
+
+def _speed_curve(spool: npt.NDArray[np.float64], speed: npt.NDArray[np.float64]) -> Curve:
+    """Return the speed over the spool's position, in the units that people are shown."""
+    unit = display_unit("m/s")
+    return Curve(
+        "Speed against spool position",
+        "Spool [%]",
+        f"Speed [{unit.symbol}]",
+        spool * 100.0,
+        speed / unit.factor,
+    )
 
 
 def ramp(procedure: Procedure, step: Step) -> StepResult:
@@ -115,10 +120,17 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     ]
     line = np.array([speed.min(), -slowest, math.nan, slowest, speed.max()])
     fit = found.load + np.sign(line) * found.coulomb + found.viscous * line
+    at, by = display_unit("m/s"), display_unit("N")
     result.curves += [
+        _speed_curve(spool, speed),
         Curve(
-            "Speed against spool position", "Spool [%]", "Speed [mm/s]", spool * 100, speed * 1e3
+            "Friction",
+            f"Speed [{at.symbol}]",
+            f"Force [{by.symbol}]",
+            speed / at.factor,
+            force / by.factor,
+            line / at.factor,
+            fit / by.factor,
         ),
-        Curve("Friction", "Speed [mm/s]", "Force [N]", speed * 1e3, force, line * 1e3, fit),
     ]
     return result

@@ -9,6 +9,7 @@ from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.cli.work_side import WorkView
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.session.work_feed import WorkItem
+from hil_bench.shown_units import shown_unit
 
 
 class ShownPlan:
@@ -64,7 +65,10 @@ class ShownPlan:
             )
             for each in self._results
         ]
-        left = [WorkItem(str(step.kind)) for step in self._steps[len(done) :]]
+        left = [
+            WorkItem(str(step.kind), "", limits_text(step.limits))
+            for step in self._steps[len(done) :]
+        ]
         if is_running:
             left[0] = left[0]._replace(verdict="runs")
         return done + left
@@ -82,17 +86,16 @@ def limits_by_channel(axis: str, limits: Limits) -> dict[str, tuple[float, float
 
 def limits_text(limits: Limits) -> str:
     """Return limits in words."""
-    low, high = (1e3 * bound for bound in limits.position)
-    lowest, highest = (1e-5 * bound for bound in limits.pressure)
-    return (
-        f"position {low:g} to {high:g} mm, speed to {1e3 * limits.speed:g} mm/s, "
-        f"pressure {lowest:g} to {highest:g} bar, time to {limits.time:g} s"
-        + (
-            ""
-            if limits.contact_speed is None
-            else f", contact to {1e3 * limits.contact_speed:g} mm/s"
-        )
-    )
+    length, speed, pressure = (shown_unit(symbol) for symbol in ("m", "m/s", "Pa"))
+    parts = [
+        f"position {length.range_text(*limits.position)}",
+        f"speed to {speed.short(limits.speed)}",
+        f"pressure {pressure.range_text(*limits.pressure)}",
+        f"time to {limits.time:g} s",
+    ]
+    if limits.contact_speed is not None:
+        parts.append(f"contact to {speed.short(limits.contact_speed)}")
+    return ", ".join(parts)
 
 
 def result_text(result: StepResult) -> str:

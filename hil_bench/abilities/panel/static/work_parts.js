@@ -27,10 +27,10 @@ export class Margins {
 
 function bar(id, margin) {
   if (margin === null) return null;
-  const share = Math.min(1, Math.abs(margin));
-  const [x, width] = margin < 0 ? [50 - 50 * share, 50 * share] : [50, 50 * share];
+  const width = Math.max(4, 50 * Math.min(1, Math.abs(margin))); // a small violation is seen, too
+  const x = margin < 0 ? 50 - width : 50;
   return svg("svg", { viewBox: "0 0 100 12", class: "margin-bar", role: "img", "aria-label": `margin of ${id}: ${percent(margin)} of the tolerance` },
-    svg("rect", { x, width: Math.max(1, width), y: 2, height: 8, class: margin < 0 ? "bar-bad" : "bar-good" }), svg("line", { x1: 50, x2: 50, y1: 0, y2: 12, class: "scale" }));
+    svg("rect", { x, width, y: 2, height: 8, class: margin < 0 ? "bar-bad" : "bar-good" }), svg("line", { x1: 50, x2: 50, y1: 0, y2: 12, class: "scale" }));
 }
 
 // Histograms of margins: what lies beyond the bins stands beside them, in words and as a bar.
@@ -51,7 +51,8 @@ export class Histograms {
     const place = (share) => LEFT + width * ((below ? 1 : 0) + ((share - low) / (high - low)) * counts.length);
     const bars = bins.map(([count, isBad], i) => {
       const isBeyond = (below && i === 0) || (above && i === bins.length - 1);
-      return svg("rect", { x: LEFT + i * width + 1, width: Math.max(1, width - 2), y: y(count), height: HEIGHT - BASE - y(count), class: `${isBad ? "bar-bad" : "bar-good"}${isBeyond ? " beyond" : ""}` });
+      const height = count ? Math.max(3, HEIGHT - BASE - y(count)) : 0; // one run of thousands is seen, too
+      return svg("rect", { x: LEFT + i * width + 1, width: Math.max(1, width - 2), y: HEIGHT - BASE - height, height, class: `${isBad ? "bar-bad" : "bar-good"}${isBeyond ? " beyond" : ""}` });
     });
     const numbers = ticks(low, high, 6).map((share) => label(place(share), HEIGHT - 6, percent(share)));
     const heights = ticks(0, most, 3).filter(Number.isInteger).map((count) => label(LEFT - 6, y(count) + 4, String(count), "end"));

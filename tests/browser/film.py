@@ -18,10 +18,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.live_bench import SECRET, LiveBench, panel
 
-from hil_bench.abilities.controllers.python.examples import ControllerSettings, position_control
 from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.session.virtual_bench import VirtualBench
-from hil_drivers import DriverError
 
 FRAME = 0.08
 """Bench time between two pictures [s]; they are shown for as long."""
@@ -30,28 +29,32 @@ LENGTH, BREAKS = 4.0, 2.0
 """Of the film, and when the wire breaks in it [s]."""
 
 LEAD = 0.6
-SIZE = {"width": 1080, "height": 760}
+SIZE = {"width": 1080, "height": 900}
 FILM_WIDTH, COLOURS = 720, 64
+
+
+CONTROLLER = """
+from hil_bench.abilities.controllers.python.examples import ControllerSettings, position_control
+
+def control(rig):
+    return position_control(rig, ControllerSettings(target_mm=0.15, speed_mm_s=0.06))
+"""
 
 
 class Course:
     """The bench with its controller, moved on in this thread."""
 
-    def __init__(self):
-        self.bench = VirtualBench(load_config(), recorded_time=0.01, logged_frames=0)
-        settings = ControllerSettings(target_mm=0.15, speed_mm_s=0.06)
-        self.cycles = position_control(self.bench, settings)
+    def __init__(self, folder):
+        (folder / "film_control.py").write_text(CONTROLLER)
+        call = f"{folder / 'film_control.py'}:control"
+        tables = {"controllers": {"axis": {"kind": "python", "call": call}}}
+        config = load_config(tables=tables)
+        self.bench = VirtualBench(config, recorded_time=0.01, logged_frames=0)
 
     def advance(self, seconds):
         end = self.bench.now() + seconds
         while self.bench.now() < end - 1e-9:
-            try:
-                if self.cycles is None:
-                    self.bench.run(0.002)
-                else:
-                    next(self.cycles)
-            except DriverError:
-                self.cycles = None
+            self.bench.run(0.002)
 
 
 def show(page, course, seconds):
@@ -85,7 +88,7 @@ def shoot(page, course, folder):
 def click(page, course):
     """Break the wire; the command acts in a tick, so time has to pass for it."""
     page.get_by_role("button", name="Break wire: position").click()
-    while not course.bench.faults.active:
+    while not course.bench.bench.part(Faults).active:
         course.advance(0.001)
         page.wait_for_timeout(5)
 
@@ -112,7 +115,7 @@ def main():
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-")))
         os.environ["XDG_RUNTIME_DIR"] = str(folder)
-        course = Course()
+        course = Course(folder)
         live = LiveBench(bench=course.bench)
         stack.callback(live.close)
         port = stack.enter_context(panel())

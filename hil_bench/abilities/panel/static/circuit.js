@@ -123,7 +123,7 @@ function drawValve(top, circuit) {
     spool,
     path(`M ${A} ${bottom} v 44`, circuit?.pump ? "pipe" : "pipe set", { "data-stroke": `P_S 0 ${full}` }),
     path(`M ${B} ${bottom} v 44`, "pipe tank"),
-    svg("text", { x: B + 30, y: bottom + 40, class: "valve-state" }),
+    svg("text", { x: B + 30, y: bottom + 42, class: "valve-state" }),
     text(A - 10, bottom + 22, "P", "right"), text(B + 10, bottom + 22, "T"),
     bound(B + 30, bottom + 22, "spool_position", "spool", "value"),
     bound(A - 30, bottom + 22, "spool_setpoint", "set", "value right"),

@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.fmu.export import export_axis
 from hil_bench.abilities.identification.columns import read_column_map
 from hil_bench.abilities.modbus.map_files import load_register_map
+from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
@@ -147,6 +148,10 @@ def test_a_toml_snippet_loads(block, tmp_path):
     if "scenarios = [" in block.text:
         path.write_text(block.text, encoding="utf-8")
         assert read_campaign(path).parameters
+        return
+    if "[[items]]" in block.text:
+        path.write_text(block.text, encoding="utf-8")
+        assert read_layout(path)["items"]
         return
     if "[spool_setpoint]" in block.text:
         path.write_text(block.text, encoding="utf-8")

@@ -25,6 +25,7 @@ class Sort(StrEnum):
     PLAN = "a commissioning plan"
     NETWORK = "a network list"
     REGISTER_MAP = "a register map"
+    LAYOUT = "a layout"
 
 
 _MARKS: Final = {
@@ -34,6 +35,7 @@ _MARKS: Final = {
     Sort.PLAN: {"plan", "limits"},
     Sort.NETWORK: {"slaves"},
     Sort.REGISTER_MAP: {"coils", "discrete_inputs", "input_registers", "holding_registers"},
+    Sort.LAYOUT: {"items"},
 }
 """Tables and keys that no other sort of file has."""
 

@@ -1,4 +1,4 @@
-"""The pictures of the panel in README.md: ``python tests/browser/film.py docs/images``.
+"""The film of the panel in README.md: ``python tests/browser/film.py docs/images``.
 
 A position controller moves the piston; a click breaks the wire of its sensor, the controller sees
 that and closes the valve. Bench time passes only between two pictures, so the film is as smooth on
@@ -70,7 +70,7 @@ def show(page, course, seconds):
 
 
 def shoot(page, course, folder):
-    """Take the picture of each moment, and one to show the page by."""
+    """Take the picture of each moment."""
     pictures = []
     count = round(LENGTH / FRAME)
     broken = round(BREAKS / FRAME)
@@ -82,7 +82,7 @@ def shoot(page, course, folder):
         path = folder / f"{number:03}.png"
         page.screenshot(path=path)
         pictures.append(path)
-    return pictures + [pictures[-1]] * 12, folder / f"{broken - 2:03}.png"
+    return pictures + [pictures[-1]] * 12
 
 
 def click(page, course):
@@ -93,9 +93,8 @@ def click(page, course):
         page.wait_for_timeout(5)
 
 
-def write(pictures, still, target):
-    """Write the film as an animated PNG and the picture."""
-    Image.open(still).convert("RGB").quantize(128).save(target / "panel.png", optimize=True)
+def write(pictures, target):
+    """Write the film as an animated PNG."""
     height = round(SIZE["height"] * FILM_WIDTH / SIZE["width"])
     images = [Image.open(path).convert("RGB").resize((FILM_WIDTH, height)) for path in pictures]
     palette = images[-1].quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
@@ -126,8 +125,8 @@ def main():
         page = browser.new_page(viewport=SIZE, color_scheme="dark")
         page.goto(f"http://127.0.0.1:{port}/#{SECRET}")
         show(page, course, LEAD)
-        pictures, still = shoot(page, course, folder)
-        write(pictures, still, target)
+        pictures = shoot(page, course, folder)
+        write(pictures, target)
         browser.close()
 
 

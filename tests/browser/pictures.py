@@ -1,7 +1,7 @@
 """The pictures of the page in the documents: ``python tests/browser/pictures.py FOLDER [NAME]``.
 
 Each is the page as it is, in front of a command that runs: machines that move by their scenarios, a
-layout, a telephone, a commissioning. `film.py` makes the film of README and ``panel.png``. Needs
+layout, a telephone, a commissioning. `film.py` makes the film of README. Needs
 ``pip install -e '.[browser]'`` and Debian's chromium. Look at each picture before it is committed.
 """
 
@@ -67,9 +67,11 @@ def address_of(process: "subprocess.Popen[str]") -> str:
 
 @contextlib.contextmanager
 def running(*words: str):
-    """Yield a command of hil-bench that runs in the folder of the project."""
+    """Yield a command of hil-bench that runs in a folder with the examples, and leaves files there."""
     command = [sys.executable, "-u", "-m", "hil_bench", *words]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)  # noqa: S603
+    process = subprocess.Popen(
+        command, cwd=os.environ["XDG_RUNTIME_DIR"], stdout=subprocess.PIPE, text=True
+    )
     try:
         yield process
     finally:
@@ -102,6 +104,7 @@ def main():
         sync_playwright() as playwright,
     ):
         os.environ["XDG_RUNTIME_DIR"] = runtime
+        (Path(runtime) / "examples").symlink_to(ROOT / "examples")
         browser = playwright.chromium.launch(
             executable_path="/usr/bin/chromium", args=["--no-sandbox"]
         )

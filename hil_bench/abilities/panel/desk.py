@@ -181,7 +181,7 @@ class Desk:
         return {"path": str(scenario.path), "remarks": remarks, **found}
 
     def _layout_folder(self) -> Path:
-        """Return where layouts are: beside the bench's file, or where tests are written."""
+        """Return the folder of layouts: that of the bench's file, or that of tests."""
         file = self._hub.bench.hello.get("bench_file")
         return Path(str(file)).parent if file else self._folder
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from hil_bench.config.document import read_document
+from hil_bench.config.document import Sort, read_document
 from hil_bench.config.values import find_nearest
 from hil_bench.errors import ConfigError
 
@@ -147,7 +147,7 @@ def _refuse_unknown(place: str, table: Mapping[str, object], known: tuple[str, .
 
 def read_layout(path: Path) -> dict[str, Any]:
     """Return the layout of a file; `ConfigError` where it cannot be read or is wrong."""
-    return check_layout(read_document(path), str(path))
+    return check_layout(read_document(path, Sort.LAYOUT), str(path))
 
 
 def list_layouts(folder: Path) -> list[str]:

@@ -116,7 +116,7 @@ class _Drawing:
         )
 
     def _ports(self, height: float) -> tuple[tuple[str, float, float], ...]:
-        """Return where the ports of the barrel are, with their names."""
+        """Return name, x and y of the ports of the barrel."""
         # Of a cylinder that stands, A is on the left, so that no line runs over the other port.
         steep = math.copysign(1.0, self._slope) if abs(self._slope) > _STEEP else 0.0
         ends = (
@@ -162,7 +162,7 @@ class _Drawing:
         return "".join(f'<path class="scale" d="M {x:.1f} {-y:.1f} v -6"/>' for x in ends)
 
     def _load(self, x: float) -> str:
-        """Return what the rod moves, with an arrow that points where the load pulls."""
+        """Return the mass at the rod's end, with an arrow in the direction of its load."""
         mass = next((each for each in self._loads if isinstance(each, MassOnSlope)), None)
         drawn = _rect("mass", x, -14.0, 22.0, 28.0)
         if mass is not None and abs(mass.slope) > 1e-3:

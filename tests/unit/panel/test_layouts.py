@@ -35,7 +35,7 @@ def check(*items, **keys):
         (item("plot", channels=["a"] * 17), "channels: give a list of 1 to 16"),
         (item("plot", channels=["a"], seconds=math.nan), "seconds: give 0.1 to 120"),
         (item("plto"), "kind 'plto': give one of bus, button"),
-        (item("plot", channel_s=["a"]), "key 'chanels' is not known; did you mean channels?"),
+        (item("plot", channel_s=["a"]), "key 'channel_s' is not known; did you mean channels?"),
         (item("value"), "channel: give a name"),
         (item("value", channel="a\x1b[31m"), "channel: give a name"),
         (item("gauge", channel="a", low_si=1.0, high_si=1.0), "low_si: give less than high_si"),

@@ -3,11 +3,14 @@
 import argparse
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.identification.against import compare, describe
+from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.columns import (
     ColumnMap,
@@ -68,6 +71,7 @@ examples:
   hil-bench identify slow.csv fast.csv bench.toml --columns rig.toml
   hil-bench identify a.csv bench.toml --map "t=time:s" --map "s=position:mm" \\
       --map "p1=P_A:bar" --map "U=spool_setpoint:V"
+  hil-bench identify today.csv lift/bench.toml --against january.csv
   hil-bench identify --design bench.toml --plan plan.toml
 """
 
@@ -129,6 +133,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "'pressure 1 bar', 'time 10 ms'; repeat it for more",
     )
     parser.add_argument(
+        "--against",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="BEFORE",
+        help="earlier recording of the same machine: name what has changed since, in place of a "
+        "fit; exit code 1 where something has",
+    )
+    parser.add_argument(
         "--time-limit",
         type=float,
         default=600.0,
@@ -170,6 +183,8 @@ def run(args: argparse.Namespace) -> int:
         settings = _settings(asked)
         wish = _read_wish(args, settings)
         record = _read_records(args, files.recordings, asked)
+        if args.against:
+            return _compare(args, asked, settings, wish, record)
         found = _identify(args, asked, settings, wish, record)
         return _finish(args, found, asked, files.recordings, limits)
 
@@ -234,13 +249,33 @@ def _read_wish(args: argparse.Namespace, settings: Settings) -> Wish:
     return Wish(fix, tuple(ALIASES.get(key, key) for key in args.free))
 
 
-def _identify(
+def _compare(
     args: argparse.Namespace,
     asked: Question,
     settings: Settings,
     wish: Wish,
     record: AxisRecord,
-) -> Identification:
+) -> int:
+    """Name what has changed since an earlier recording; return the exit code."""
+    before = _read_records(args, args.against, asked)
+    with _options_of(args, wish) as options:
+        found = compare(before, record, asked.axis, settings, options)
+    ending = Ending(args)
+    ending.take(ExitCode.CHECK_FAILED if found.is_changed else ExitCode.DONE)
+    if args.json:
+        print(json.dumps(comparison_to_json(found), indent=2))
+    elif not args.quiet:
+        print("\n".join(describe(found)))
+    return ending.code
+
+
+@contextmanager
+def _options_of(args: argparse.Namespace, wish: Wish) -> Iterator[Options]:
+    """Show the progress of a search.
+
+    Yields:
+        The options of the search.
+    """
     with shown_work(args, Work("identify", unit="runs")) as work:
 
         def tick() -> None:
@@ -249,7 +284,17 @@ def _identify(
         def say(stage: str) -> None:
             work.stage = stage
 
-        options = Options(wish, args.jobs, args.time_limit, tick, say)
+        yield Options(wish, args.jobs, args.time_limit, tick, say)
+
+
+def _identify(
+    args: argparse.Namespace,
+    asked: Question,
+    settings: Settings,
+    wish: Wish,
+    record: AxisRecord,
+) -> Identification:
+    with _options_of(args, wish) as options:
         return identify(record, asked.axis, settings, step=asked.config.dt, options=options)
 
 

@@ -1,0 +1,77 @@
+"""Two records of a machine: a defect between them is named, and noise is none."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pytest
+from support.machine_record import FULL_OPENING, Machine
+
+from hil_bench.abilities.identification.against import Comparison, compare, describe
+from hil_bench.abilities.identification.identify import Options
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.bench.configuration import load_config
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
+
+if TYPE_CHECKING:
+    from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+
+CONFIG = load_config(None)
+AXIS = cast("CylinderConfig", CONFIG.first_axis)
+SETTINGS = {one.key.name: one for one in CONFIG.settings if one.table == "plant.axis1"}
+SOUND = Machine(tick=4e-3, step=5e-4)
+PARTS = [np.zeros(75)]
+for _opening in (0.5, -0.5, 0.8, -0.8):
+    PARTS += [np.full(100, _opening * FULL_OPENING), np.zeros(75)]
+STROKES = np.concatenate(PARTS)
+
+
+def record_of(machine: Machine) -> AxisRecord:
+    return AxisRecord.of(machine.record(STROKES), "axis1", FULL_OPENING)
+
+
+@pytest.fixture(scope="module")
+def before() -> AxisRecord:
+    return record_of(SOUND)
+
+
+def compared(before: AxisRecord, machine: Machine) -> Comparison:
+    held = {"bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s"}
+    wish = Options().wish._replace(fix=frozenset(held))
+    return compare(before, record_of(machine), AXIS, SETTINGS, Options(wish))
+
+
+def test_the_same_machine_has_not_changed(before: AxisRecord) -> None:
+    found = compared(before, replace(SOUND, state=None))
+
+    assert not found.is_changed
+    assert found.changes == ()
+    assert "nothing has changed" in describe(found)[0]
+
+
+def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> None:
+    found = compared(before, replace(SOUND, offset=1.5e5))
+
+    assert found.is_changed
+    assert found.changes[0].words == "the sensor of P_A reads more"
+    change = found.changes[0].after - found.changes[0].before
+    assert change == pytest.approx(1.5, abs=0.15)  # bar
+
+
+def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> None:
+    leaky = replace(PlantOptions.bench(), C_LA=2e-12)
+
+    found = compared(before, replace(SOUND, options=leaky))
+
+    assert found.changes[0].words == "leakage from A to the tank"
+    # 2e-12 m3/(s Pa) in l/min/bar
+    assert found.changes[0].after == pytest.approx(2e-12 * 6e4 * 1e5, rel=0.1)
+
+
+def test_less_supply_is_named(before: AxisRecord) -> None:
+    weak = replace(paper_parameters(), P_S=9.3e6)
+
+    found = compared(before, replace(SOUND, parameters=weak))
+
+    assert found.changes[0].words == "lower supply pressure"
+    assert found.changes[0].after == pytest.approx(93.0, abs=0.5)

@@ -188,7 +188,7 @@ def choose(text: str) -> None:
 
 
 def shown_unit(symbol: str, choice: Choice | None = None) -> ShownUnit:
-    """Return how people are shown a quantity of an SI unit; most as they are.
+    """Return the way to show people a quantity of an SI unit; most as they are.
 
     Args:
         symbol: of the SI unit.

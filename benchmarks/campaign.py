@@ -3,16 +3,19 @@
     python benchmarks/campaign.py                       # the shortest run there is
     python benchmarks/campaign.py --runs 10000 --scenario examples/scenarios/settling.scenario.toml
     python benchmarks/campaign.py --dask
+    python benchmarks/campaign.py --library --runs 100000   # 5 s each, the example in C
 
 The digests of one process, of two, of three parts in another order, and of a campaign that was
-killed half-way and went on must be the same. `--dask` adds a cluster of two workers, one of which
-is killed half-way.
+killed half-way and went on must be the same. `--library` plays the example in C to and fro as a
+shared library for 5 s; a million such runs are to take 18 core-hours at most. `--dask` adds a
+cluster of two workers, one of which is killed half-way.
 """
 
 import argparse
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -42,6 +45,23 @@ limit_bar = { value = 250.0, range = [1.0, 301.0] }
 id = "R-1"
 that = "always axis1.P_A < limit_bar"
 """
+LIBRARY = """\
+title = "To and fro for 5 s"
+duration_s = 5.0
+[controller]
+kind = "library"
+library = "libposition_control.so"
+settings = { targets_mm = "{target_mm},-20", speed_mm_s = 150, dwell_ms = 2000 }
+[parameters]
+target_mm = { value = 30.0, range = [10.0, 60.0] }
+[[expect]]
+id = "R-1"
+that = "always axis1.P_A < 200 bar"
+[[expect]]
+id = "R-2"
+that = "eventually abs(axis1.position - target_mm) < 0.5 mm"
+"""
+FIRMWARE = Path(__file__).parents[1] / "examples/firmware"
 
 
 def resident_mb() -> float:
@@ -81,9 +101,11 @@ def measure(plan: Plan, folder: Path, jobs: int) -> str:
         execute(plan, store, watched(pool, max(len(plan) // 5, 1)))
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    rate = len(plan) / used
+    rate, hours = len(plan) / used, used / len(plan) * 1e6 / 3600
     print(
-        f"{jobs} processes: {rate:.1f} runs a second of processor time, start included", flush=True
+        f"{jobs} processes: {rate:.1f} runs a second of processor time, {1e3 / rate:.1f} ms a run, "
+        f"start included; a million take {hours:.1f} core-hours",
+        flush=True,
     )
     return collect(plan, store).digest
 
@@ -163,17 +185,33 @@ def scheduler_mb(program: "subprocess.Popen[bytes]") -> float:
     return int(fields["VmRSS"].split()[0]) / 1024
 
 
+def write_library(folder: Path) -> Path:
+    """Build the example in C as a library; return the scenario that plays it."""
+    if not (shutil.which("make") and shutil.which("cc")):
+        occasion.missing("the example in C", "there is no make, or no C compiler")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    goal = str(folder / "libposition_control.so")
+    words = ["make", "--silent", "-C", str(FIRMWARE), f"BUILD={folder}", goal]
+    subprocess.run(words, check=True, env=os.environ | {"PATH": path})  # noqa: S603 - our own
+    scenario = folder / "library.scenario.toml"
+    scenario.write_text(LIBRARY, encoding="utf-8")
+    return scenario
+
+
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=600)
     parser.add_argument("--scenario", type=Path, help="the shortest there is, without it")
     parser.add_argument("--dask", action="store_true", help="a cluster of two workers, too")
+    parser.add_argument("--library", action="store_true", help="the example in C, 5 s a run")
     options = occasion.arguments(parser, runs=20)
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
         folder = Path(name)
         scenario = options.scenario or folder / "rest.scenario.toml"
-        if not options.scenario:
+        if options.library:
+            scenario = write_library(folder)
+        elif not options.scenario:
             scenario.write_text(SHORT, encoding="utf-8")
         plan = Plan(replace(read_campaign(scenario), runs=options.runs))
         digests = {

@@ -17,6 +17,7 @@ from hil_bench.abilities.controllers.seam import (
     PreparingController,
     Surroundings,
     TimedFrame,
+    make_timed,
 )
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
@@ -217,7 +218,7 @@ class Desk:
             elif frame.bus in places:
                 inbox.append(TimedFrame(time, self._to_own(frame)))
         if self._is_on_all:
-            inbox += [TimedFrame(time, frame) for frame in sent]
+            inbox += [make_timed(TimedFrame, (time, frame)) for frame in sent]
             return
         for frame in sent:
             if frame.bus in places:

@@ -7,7 +7,7 @@ flashed, of the keys of a ``[controller]`` table. See docs/firmware.md.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
@@ -24,6 +24,10 @@ class TimedFrame(NamedTuple):
 
     time: int
     frame: Frame
+
+
+make_timed: Final[Callable[[type[TimedFrame], tuple[int, Frame]], TimedFrame]] = tuple.__new__
+"""Return a frame with its time, `make_timed(TimedFrame, fields)`: quicker than `TimedFrame`."""
 
 
 class ControllerEnd(Exception):  # noqa: N818 - no error: a program may come to its end

@@ -9,8 +9,8 @@ from pathlib import Path
 from struct import Struct
 from typing import Any
 
-from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame, make_timed
+from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.errors import ControllerError
 
 VERSION = 1
@@ -170,8 +170,9 @@ class LibraryController:
                 wrong = f"sent no CAN frame: {what}, at {time * 1e-9:g} s"
                 raise ControllerError(f"{self._path}: {wrong}")
             is_remote = bool(flags & _REMOTE)
-            frame = Frame(can_id, b"" if is_remote else data[:length], is_remote, is_extended, bus)
-            frames.append(TimedFrame(time, frame))
+            payload = b"" if is_remote else data[:length]
+            frame = make_frame(Frame, (can_id, payload, is_remote, is_extended, bus))
+            frames.append(make_timed(TimedFrame, (time, frame)))
         return frames
 
     def _look_at(self, state: int, sent: Sequence[TimedFrame]) -> None:

@@ -134,7 +134,7 @@ def by_plain_fit(case: Case) -> Estimate:
     """Fit the bench's plant plainly."""
     strokes = case.logged_strokes()
     half = [one for number, one in enumerate(strokes) if number % 4 < 2]
-    return Estimate(fit(plant_of(case.sheet), half, 1 if case.strokes else 8))
+    return Estimate(fit(plant_of(case.sheet), half, 1 if case.strokes else 20))
 
 
 def by_verb(case: Case) -> Estimate:

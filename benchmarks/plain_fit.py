@@ -132,7 +132,7 @@ def _missed(stroke: Stroke, shown: Shown) -> list[Values]:
     return [(true[::ROWS][: len(model)] - model) / unit for true, model, unit in pairs]
 
 
-def fit(known: BenchPlant, strokes: Sequence[Stroke], evaluations: int = 8) -> BenchPlant:
+def fit(known: BenchPlant, strokes: Sequence[Stroke], evaluations: int = 20) -> BenchPlant:
     """Estimate a machine from its strokes, beginning with the data sheet.
 
     Args:

@@ -135,6 +135,19 @@ def write_records(
     return Records(files, columns, kept)
 
 
+def write_record(
+    stranger: Stranger, logger: Logger, folder: Path, seed: int, strokes: int, take: int
+) -> Path:
+    """Write the strokes at all amplitudes as one file; arguments as of `write_records`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng([seed, stranger.number, take])
+    runs = [run for part in run_machine(stranger, strokes=strokes)[:-1] for run in part]
+    path = folder / "strokes.csv"
+    _write(path, joined(runs), stranger, logger, rng, logger.pressure_offsets[0])
+    (folder / "rig.toml").write_text(column_map(logger, stranger), encoding="utf-8")
+    return path
+
+
 def joined(runs: list[Run]) -> dict[str, np.ndarray]:
     """Strokes one after the other, in rows of `ROW`."""
     names = ("command", "x", "pressure_a", "pressure_b")

@@ -129,6 +129,9 @@ def differences_of_verb(case: Case, folder: Path) -> Iterator[str]:
     files = [str(path) for path in write_case(case, folder)]
     with contextlib.redirect_stdout(io.StringIO()) as written_out:
         code = cli.main(["judge", *files, "--json"])
+    if not written_out.getvalue():
+        yield f"refused with exit code {code}, the referee does not"
+        return
     ((found,),) = json.loads(written_out.getvalue()).values()
     run, _ = run_of_file(case, laid)
     outcome, given = run.rule(case.tree).outcome, found["judgement"]["outcome"]

@@ -146,7 +146,8 @@ def refusals(requirement, tick: Fraction, duration: Fraction | None) -> list[str
 
 
 def is_same(one, other) -> bool:
-    """Return True if two values are written alike."""
+    """Return True if two values are written alike; ``-x`` is ``-1 * x``."""
+    one, other = as_product(one), as_product(other)
     match one, other:
         case Signal(), Signal():
             return one.name == other.name
@@ -158,6 +159,12 @@ def is_same(one, other) -> bool:
             pairs = (one.left, other.left), (one.right, other.right)
             return one.sign == other.sign and all(is_same(*pair) for pair in pairs)
     return False
+
+
+def as_product(tree):
+    """Return ``-x`` as the product that it is, and any other value as it is."""
+    is_negative = isinstance(tree, Function) and tree.name == "-"
+    return Arithmetic("*", Number("-1", Fraction(-1)), tree.of) if is_negative else tree
 
 
 def way_back(tree) -> Fraction:

@@ -61,6 +61,19 @@ def test_commands_that_are_allowed_show_as_such(capsys, tmp_path):
     assert {row["access"] for row in rows if row["table"] == "coils"} == {"rw"}
 
 
+def test_control_characters_of_a_map_do_not_reach_the_terminal(capsys, tmp_path):
+    (tmp_path / "map.toml").write_text(
+        '[device]\nprofile = "pressure_404"\nvendor_name = "m"\nproduct_code = "c"\n'
+        'revision = "1"\n[input_registers.pressure]\naddress = 0\ntype = "float32"\n'
+        'source = "pressure"\ndescription = "bar \\u009b2J"\n'
+    )
+    path = tmp_path / "bench.toml"
+    path.write_text('[modbus.units.pressure_a]\nregisters = "map.toml"\n')
+    assert main(["registers", str(path), "--csv"]) == 0
+    rows = csv.DictReader(capsys.readouterr().out.splitlines())
+    assert [row["description"] for row in rows] == ["bar \\x9b2J"]
+
+
 def test_a_wrong_file_is_2(capsys, tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text("[modbus]\nport = -1\n")

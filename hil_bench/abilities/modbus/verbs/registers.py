@@ -11,7 +11,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import print_lines
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, printable
 
 _EXAMPLES = """\
 examples:
@@ -93,7 +93,7 @@ def describe(unit: ModbusUnitConfig, register: Register) -> dict[str, str]:
         "unit_of_measure": register.unit.symbol if is_number else "",
         "scale": f"{register.scale:g}" if is_number else "",
         "access": "rw" if may_write else "r",
-        "description": register.description,
+        "description": printable(register.description),
     }
 
 

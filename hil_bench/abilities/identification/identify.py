@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import monotonic
 from typing import NamedTuple
@@ -15,7 +15,6 @@ from hil_bench.abilities.identification.fit import (
     Clock,
     Fit,
     Problem,
-    Stopped,
     require_startable,
     search,
 )
@@ -166,10 +165,10 @@ def identify(
 
 def _refine(bench: Bench, found: Fit) -> tuple[Fit, Bench]:
     """Return a fit on fine rows, where that is better, and the bench of it."""
-    fit = search(bench, found.unknowns, found.variables, 6)
+    fit = search(bench, found.unknowns, found.variables, 10)
     if fit.is_whole:
         bench = bench.rescaled(fit.values)
-        fit = search(bench, fit.unknowns, fit.variables, 4)
+        fit = search(bench, fit.unknowns, fit.variables, 8)
     return fit, bench
 
 
@@ -248,11 +247,3 @@ def _ends_at_stop(bench: Bench) -> bool:
         if (stands & near & (np.sign(u) == np.sign(x)) & (np.abs(u) > 0.1)).mean() > 0.02:
             return True
     return False
-
-
-def values_of(found: Identification) -> Mapping[str, Estimate]:
-    """Return the estimates by name."""
-    return {one.name: one for one in found.estimates}
-
-
-__all__ = ["Estimate", "Identification", "Options", "Stopped", "identify", "values_of"]

@@ -1,9 +1,8 @@
-"""Effects of a logger and its inputs: samples lost, channels clipped, channels filtered.
+"""Effects of a logger and its inputs: samples lost, channels clipped.
 
 All of it is found in the columns alone, before any fit, and named.
 """
 
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from hil_bench.abilities.identification.record import (
     estimate_noise,
     quiet_noise,
 )
-from hil_bench.units import BAR, MILLIMETRE, MILLISECOND
+from hil_bench.units import BAR, MILLIMETRE
 
 Values = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
@@ -28,12 +27,6 @@ _JUMP = 12.0  # standard deviations of the noise, beyond that
 _STRUCK = (0.98, 3.0)  # of all changes from step to step, and times that: no change but a jump
 _LONGEST = 8  # rows one after the other at one value that noise hardly gives
 _EQUAL = 0.3  # share of rows like the row before: above, the column is coarse or without noise
-_BLOCK = 64  # rows, in which a machine at rest shows noise and a drift
-_DEGREE = 2  # of that drift
-_QUIET = 0.1  # of the blocks
-_LEAST_BLOCKS = 40
-_COLOURED = (0.3, 0.92)  # autocorrelation of filtered noise from row to row; above, it is motion
-_MOTION = (0.3, 0.05)  # how far the next one may be off that of a first-order filter
 
 
 class Jump(NamedTuple):
@@ -69,10 +62,6 @@ def look_through(record: AxisRecord) -> AxisRecord:
             share = clipped[:, signal].mean()
             notes.append(f"{name} is clipped at {places}: {share:.1%} of its rows do not count")
             noise[signal] = estimate_noise(values[~clipped[:, signal]], FLOORS[signal])
-        lag = find_filter(values[~clipped[:, signal]], record.interval, FLOORS[signal])
-        if lag:
-            span = MILLISECOND.from_si(lag)
-            notes.append(f"{name} has noise as behind a first-order filter of about {span:.2g} ms")
     jumps = [
         jump
         for part in record.stretches
@@ -159,45 +148,6 @@ def find_clipped(values: Values, floor: float) -> tuple[Marks, list[float]]:
         for run in long:
             marks[run.start : run.stop] = True
     return marks, ends
-
-
-def find_filter(values: Values, interval: float, floor: float) -> float:
-    """Return the time constant of a first-order filter behind the noise of a channel, 0 for none.
-
-    Behind y' = f y + (1 - f) x white noise has the autocorrelations f and f² from row to row and
-    over two rows. The quietest blocks count, in which the machine does nothing; motion that is left
-    in them is as like over two rows as over one, and is told apart by that.
-
-    Args:
-        values: of each row.
-        interval: between two rows [s].
-        floor: noise below which nothing can be said.
-
-    Returns:
-        The time constant [s].
-    """
-    blocks = len(values) // _BLOCK
-    if blocks < _LEAST_BLOCKS or (np.diff(values) == 0.0).mean() > _EQUAL:
-        return 0.0
-    cut = values[: blocks * _BLOCK].reshape(blocks, _BLOCK)
-    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _BLOCK), _DEGREE + 1))
-    rest = cut - (cut @ basis) @ basis.T
-    powers = np.square(rest).mean(axis=1)
-    quiet = rest[powers <= np.quantile(powers, _QUIET)]
-    power = float(np.square(quiet).mean())
-    if power <= floor**2:
-        return 0.0
-    # A drift that was taken out takes some of the correlation with it.
-    lost = (_DEGREE + 1) / _BLOCK
-    once, twice = (
-        float((quiet[:, lag:] * quiet[:, :-lag]).mean()) / power * (1.0 - lost) + lost
-        for lag in (1, 2)
-    )
-    share, least = _MOTION
-    is_filter = abs(twice - once**2) < share * once * (1.0 - once) + least
-    if not _COLOURED[0] < once < _COLOURED[1] or not is_filter:
-        return 0.0
-    return -interval / math.log(once)
 
 
 def _runs(marks: Marks) -> list[range]:

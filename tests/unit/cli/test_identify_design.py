@@ -64,10 +64,9 @@ def plan(tmp_path: Path) -> Path:
 def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
     bench: Path, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--plan", plan, "--output", tmp_path / "out", "--duration", 6, "--json"]
-    sought = ["--fix", "bulk_modulus_mpa", "stribeck_velocity_mm_s", "static_friction_n"]
+    words = ["--plan", plan, "--output", tmp_path / "out", "--duration", 30, "--json"]
 
-    assert main(["identify", "--design", *map(str, (bench, *words)), *sought]) == 0
+    assert main(["identify", "--design", *map(str, (bench, *words))]) == 0
 
     found = json.loads(capsys.readouterr().out)
     path = tmp_path / "out" / "design.scenario.toml"
@@ -83,10 +82,9 @@ def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
         "pressure A",
         "pressure B",
     }
-    assert "moving_mass_kg" in found["design"]["parameters"]
-    assert "bulk_modulus_mpa" not in found["design"]["parameters"]
+    assert len(found["design"]["openings"]) == 3
     times = np.loadtxt(path.parent / "design.csv", delimiter=",", skiprows=1)[:, 0]
-    assert 5.0 < times[-1] < 6.5
+    assert 3.0 < times[-1] < 31.0
 
 
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:

@@ -3,16 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy.signal import lfilter
 from support.machine_record import FULL_OPENING, POSITION_NOISE, Machine, random_steps
 
 from hil_bench.abilities.identification.logger import (
     find_clipped,
-    find_filter,
     find_jumps,
     look_through,
 )
-from hil_bench.abilities.identification.record import FLOORS, SIGNALS, AxisRecord, join_records
+from hil_bench.abilities.identification.record import FLOORS, AxisRecord, join_records
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 
@@ -28,11 +26,6 @@ def recording() -> Recording:
     for block in range(0, 40, 3):
         setpoints[150 * block : 150 * (block + 1)] = 0.0
     return Machine().record(setpoints)
-
-
-def behind_a_filter(values: Values, lag: float) -> Values:
-    fade = np.exp(-TICK / lag)
-    return np.asarray(lfilter([1.0 - fade], [1.0, -fade], values - values[0]) + values[0])
 
 
 def test_a_sound_record_has_nothing(recording: Recording) -> None:
@@ -117,33 +110,3 @@ def test_clipped_rows_count_for_nothing(recording: Recording) -> None:
     both = join_records([record, looked])
     assert both.clipped is not None
     assert both.clipped.sum() == looked.clipped.sum()
-
-
-@pytest.mark.parametrize("signal", ["position", "P_A"])
-@pytest.mark.parametrize("lag", [2e-3, 5e-3])
-def test_a_filter_of_the_logger_is_found(recording: Recording, signal: str, lag: float) -> None:
-    values = recording[f"axis1.{signal}"]
-
-    floor = FLOORS[SIGNALS.index(signal)]
-    assert find_filter(values, TICK, floor) == 0.0
-    # A drift that is taken out of blocks of 64 rows shortens what is found.
-    assert 0.35 * lag < find_filter(behind_a_filter(values, lag), TICK, floor) < 1.3 * lag
-
-
-def test_motion_without_noise_is_no_filter() -> None:
-    """As `hil-bench run --record` has the plant's own signals."""
-    setpoints = random_steps(0.3e-3, 1e-3, 40, 150)
-    setpoints[:1500] = 0.0
-    recording = Machine().record(setpoints)
-    smooth = np.convolve(recording["axis1.P_A"], np.hanning(40) / np.hanning(40).sum(), "same")
-
-    assert find_filter(smooth, TICK, FLOORS[1]) == 0.0
-
-
-def test_a_filter_becomes_a_lag_that_is_estimated(recording: Recording) -> None:
-    table = recording.copy()
-    table["axis1.P_A"] = behind_a_filter(table["axis1.P_A"], 3e-3)
-
-    looked = look_through(AxisRecord.of(table, "axis1", FULL_OPENING))
-
-    assert "first-order filter of about" in looked.notes[0]

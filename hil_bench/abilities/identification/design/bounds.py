@@ -27,16 +27,12 @@ class Bounds(NamedTuple):
         speed: highest, either way [m/s].
         pressure: lowest and highest of either chamber [Pa].
         limits: as they were given, without that room; None where only the stroke limits.
-        stops: of the end stops, those that the piston may touch [m].
-        contact_speed: highest towards such a stop, beyond `position` [m/s].
     """
 
     position: tuple[float, float]
     speed: float
     pressure: tuple[float, float]
     limits: Limits | None = None
-    stops: tuple[float, ...] = ()
-    contact_speed: float = 0.0
 
     @classmethod
     def of(cls, axis: CylinderConfig, limits: Limits | None) -> "Bounds":
@@ -48,12 +44,7 @@ class Bounds(NamedTuple):
         if limits is None:
             return cls(position, _NO_LIMIT, (-_NO_LIMIT, _NO_LIMIT))
         speed = (1.0 - _KEPT_FREE) * limits.speed
-        if limits.contact_speed is None or axis.options.end_stop is None:
-            return cls(position, speed, limits.pressure, limits)
-        # Limits that reach beyond a stop allow to touch it.
-        stops = tuple(stop for stop in (-half, half) if low < stop < high)
-        contact = (1.0 - _KEPT_FREE) * limits.contact_speed
-        return cls(position, speed, limits.pressure, limits, stops, contact)
+        return cls(position, speed, limits.pressure, limits)
 
     @property
     def middle(self) -> float:
@@ -72,14 +63,8 @@ class Bounds(NamedTuple):
             states: position, velocity and both pressures of each row, shape (rows, 4).
         """
         x, v, pressures = states[:, 0], states[:, 1], states[:, 2:]
-        for side, end in zip((-1.0, 1.0), self.position, strict=True):
-            is_beyond = side * (x - end) > 0.0
-            if not is_beyond.any():
-                continue
-            if not any(side * stop > 0.0 for stop in self.stops):
-                return "position"
-            if (side * v[is_beyond]).max() > self.contact_speed:
-                return "contact speed"
+        if x.min() < self.position[0] or x.max() > self.position[1]:
+            return "position"
         if np.abs(v).max() > self.speed:
             return "speed"
         if pressures.min() < self.pressure[0] or pressures.max() > self.pressure[1]:

@@ -1,11 +1,10 @@
-"""The machine as it is known, run under set-points: what its sensors would show without noise."""
+"""The machine as it is known, run under set-points."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.record import AxisRecord, Session
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
@@ -20,7 +19,7 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """The model of the machine and of its recording.
+    """The model of the machine.
 
     Attributes:
         axis: its name.
@@ -29,7 +28,6 @@ class Twin:
         step: of the solver [s].
         interval: between two rows of the recording [s].
         full_opening: spool position that a set-point of 1 stands for [m].
-        noise: of position [m], P_A and P_B [Pa], shape (3,); infinite where a sensor is missing.
     """
 
     axis: str
@@ -38,7 +36,6 @@ class Twin:
     step: float
     interval: float
     full_opening: float
-    noise: Values
 
     def run(self, setpoints: Values, position: float) -> Values:
         """Return the states under set-points, from rest.
@@ -66,25 +63,3 @@ class Twin:
                 seen = plant.step(given)
             states[row] = seen.x, seen.v, seen.P_A, seen.P_B
         return states
-
-    def record(self, setpoints: Values, states: Values) -> AxisRecord:
-        """Return the recording of a run, without noise.
-
-        Args:
-            setpoints: of each row, as shares of the full opening, shape (rows,).
-            states: of each row, as `run` returns them.
-        """
-        shown = states[:, [0, 2, 3]]
-        has = np.isfinite(self.noise)
-        rows = range(len(setpoints))
-        return AxisRecord(
-            axis=self.axis,
-            times=np.arange(1, len(setpoints) + 1) * np.float64(self.interval),
-            interval=self.interval,
-            stretches=(rows,),
-            full_opening=self.full_opening,
-            setpoints=self.full_opening * setpoints,
-            measured=np.where(has, shown, np.nan),
-            noise=self.noise,
-            sessions=(Session("", rows, has),),
-        )

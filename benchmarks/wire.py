@@ -8,8 +8,8 @@ import statistics
 import time
 
 import occasion
+from hil_bench.abilities.copper.extension import Copper
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.session.session import Session, open_session
 

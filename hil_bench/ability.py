@@ -19,6 +19,7 @@ OWN = (
     "commissioning",
     "conformance",
     "controllers",
+    "copper",
     "demo",
     "doctor",
     "evidence",
@@ -77,6 +78,8 @@ class Ability(NamedTuple):
             made with the document, the names of all buses, the folder of the file and the problems,
             and builds a `Part` by the table's name. One whose class says ``of_nodes = True`` is
             made with the tables of the nodes, too, and stands behind them in ``check``.
+        bus_tables: of a bus, as ``[bus.wire]``: ``module:function`` by name, that reads one as a
+            `hil_bench.bench.configuration.buses.BusTable`.
         bench_methods: of `hil_bench.VirtualBench`: ``module:function`` by name, of a function that
             gets the bench first.
         fixtures: a module with fixtures for pytest; it is imported in each of its runs.
@@ -91,6 +94,7 @@ class Ability(NamedTuple):
     collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
     tables: Mapping[str, str] = _NOTHING
+    bus_tables: Mapping[str, str] = _NOTHING
     bench_methods: Mapping[str, str] = _NOTHING
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
@@ -105,6 +109,12 @@ def own_abilities() -> list[Ability]:
 def own_tables() -> dict[str, str]:
     """The places of the sections that read tables of ``bench.toml``, by the tables' names."""
     return {name: place for each in own_abilities() for name, place in each.tables.items()}
+
+
+def bus_tables() -> dict[str, Any]:
+    """The readers of tables of a bus, by the tables' names; imported where a file has one."""
+    places = {name: place for each in own_abilities() for name, place in each.bus_tables.items()}
+    return {name: load(place) for name, place in places.items()}
 
 
 def table_sections(names: Iterable[str]) -> dict[str, Any]:

@@ -13,8 +13,6 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.configuration.records import Joining
-from hil_bench.bench.copper import build_wiring
-from hil_bench.bench.copper_ticks import Copper
 from hil_bench.bench.ecus import EcuTable, build_segments
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.power_on import load_objects
@@ -86,11 +84,13 @@ def build_bench(config: BenchConfig) -> Bench:
         sensors=order_sensors(axes, parts, config),
     )
     bench.group([*find_fed(config, supplies), *group_plants(axes, config)])
-    wiring = build_wiring(config, nodes, ecus)
-    plugs = wiring.plugs if wiring else {}
-    wires = {name: plugs[each] for name, each in {**nodes, **ecus}.items() if each in plugs}
-    if wiring is not None:
-        bench.extend(Copper(wiring))
+    devices = {**nodes, **ecus}
+    carrier = next((bus.wire for bus in config.buses.values() if bus.wire is not None), None)
+    if carrier is not None:
+        bench.extend(carrier.medium(config, devices))
+    medium = bench.medium
+    points = {name: medium.point(each) for name, each in devices.items()} if medium else {}
+    wires = {name: point for name, point in points.items() if point is not None}
     bench.extend(EcuTable(segments))
     faults = Faults(
         find_fault_points(axes, nodes, parts, buses, wires, segments, supplies),

@@ -24,6 +24,7 @@ from typing import Protocol, TypeVar
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
+from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.plants.plant import PlantGroup
 
 Act = Callable[[int], None]
@@ -65,6 +66,15 @@ class Medium(Protocol):
 
     def reported(self) -> Sequence[Frame]:
         """Return the error frames of the last tick."""
+
+    def point(self, device: object) -> WirePoint | None:
+        """Return where faults get at a device; None where its bus takes no time."""
+
+    def standing(self, device: object) -> Mapping[str, object] | None:
+        """Return the status of a device's CAN controller; None where its bus takes no time."""
+
+    def lines(self, names: Sequence[str]) -> list[str]:
+        """Return the lines on the buses in the summary of a run, whose names are by number."""
 
 
 ExtensionT = TypeVar("ExtensionT")

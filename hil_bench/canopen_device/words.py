@@ -1,10 +1,17 @@
 """The words of CiA 301 and CiA 305 for the numbers in frames."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
+
+_CAN_COUNTS = {
+    "failed": "repeated",
+    "lost": "lost in a full buffer",
+    "missed": "not read",
+}
+"""The counts of a CAN controller, in words."""
 
 _EMERGENCIES: Final = {
     0x8110: "CAN overrun, objects lost",
@@ -125,3 +132,9 @@ def state_text(number: int) -> str:
 def lss_text(data: bytes) -> str:
     """Return the service of an LSS message; empty where there are no data."""
     return _LSS.get(data[0], f"command {data[0]}") if data else ""
+
+
+def can_text(can: Mapping[str, Any]) -> str:
+    """Return the state of a node's CAN controller on a bus of copper, without zero counts."""
+    counts = "".join(f", {can[key]} {word}" for key, word in _CAN_COUNTS.items() if can[key])
+    return f"{can['state']} TEC {can['tec']} REC {can['rec']}{counts}"

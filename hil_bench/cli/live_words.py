@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from hil_bench.canopen_device.words import can_text
 from hil_bench.errors import printable
 
 
@@ -21,12 +22,6 @@ def ecu_text(ecu: Mapping[str, Any]) -> str:
     codes = "".join(f", SPN {spn} FMI {fmi}" for spn, fmi in ecu["codes"])
     can = f", {can_text(ecu['can'])}" if "can" in ecu else ""
     return printable(f"{ecu['state']}{address}{codes}{can}")
-
-
-def can_text(can: Mapping[str, Any]) -> str:
-    """Return the state of a node's CAN controller on a bus of copper, without zero counts."""
-    counts = "".join(f", {can[key]} {word}" for key, word in _CAN_COUNTS.items() if can[key])
-    return f"{can['state']} TEC {can['tec']} REC {can['rec']}{counts}"
 
 
 def fault_text(fault: Mapping[str, Any]) -> str:
@@ -50,13 +45,6 @@ def health_text(health: Mapping[str, Any]) -> str:
 
 
 _WITH_ADDRESS = ("claiming", "claimed")
-
-_CAN_COUNTS = {
-    "failed": "repeated",
-    "lost": "lost in a full buffer",
-    "missed": "not read",
-}
-"""What a CAN controller counts, in words."""
 
 _COUNTS = {
     "overruns": "overran",

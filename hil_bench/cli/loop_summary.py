@@ -5,9 +5,8 @@ from dataclasses import asdict
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.copper_ticks import Copper
 from hil_bench.bench.ecus import ecus_of
-from hil_bench.cli.live_words import can_text, ecu_text
+from hil_bench.cli.live_words import ecu_text
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.realtime.statistics import DurationSummary, TickSummary
 from hil_bench.outside.transports.bus_load import bitrate_text, load_of
@@ -81,21 +80,8 @@ def fault_lines(bench: Bench) -> list[str]:
 
 
 def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
-    """Return the counts of each bus of copper and the nodes with errors there."""
-    copper = bench.find(Copper)
-    if copper is None:
-        return []
-    names = list(config.buses)
-    lines = [
-        f"wire      {names[number]}: {bus.wire.passed} frames passed, {bus.wire.failed} failed"
-        + (f", {bus.controller.refused} of the controller lost" if bus.controller.refused else "")
-        for number, bus in copper.wiring.buses.items()
-    ]
-    return lines + [
-        f"          {plug.station.name}: {can_text(plug.standing())}"
-        for plug in copper.wiring.plugs.values()
-        if plug.station.errors or plug.station.refused or plug.station.rec
-    ]
+    """Return the lines on the buses on which frames take time."""
+    return [] if bench.medium is None else bench.medium.lines(list(config.buses))
 
 
 def helper_lines(endings: Sequence[str]) -> list[str]:

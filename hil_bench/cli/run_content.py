@@ -2,7 +2,6 @@
 
 from dataclasses import asdict
 
-from hil_bench.bench.copper_ticks import plugs_of
 from hil_bench.bench.ecus import ecus_of
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.histogram_file import figures
@@ -64,7 +63,8 @@ def _common(
     report: RunReport | LockStepReport, setup: RunSetup, helpers: Helpers
 ) -> dict[str, object]:
     bench = setup.session.bench
-    plugs = plugs_of(bench)
+    medium = bench.medium
+    standing = (lambda _device: None) if medium is None else medium.standing
     return {
         "ended_by": None if report.lost is None else str(report.lost),
         "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
@@ -84,7 +84,7 @@ def _common(
                 "node_id": node.node_id,
                 "state": node.state.name.replace("_", "-"),
                 "refused": node.counters,
-                "can": plugs[node].standing() if node in plugs else None,
+                "can": standing(node),
                 "storage_problem": node.storage_problem,
             }
             for settings, node in zip(setup.config.nodes, bench.nodes, strict=True)
@@ -93,7 +93,7 @@ def _common(
             {
                 "name": name,
                 **ecu.standing(),
-                "can": plugs[ecu.ecu].standing() if ecu.ecu in plugs else None,
+                "can": standing(ecu.ecu),
             }
             for name, ecu in ecus_of(bench).items()
         ],

@@ -11,7 +11,6 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.bench.copper_ticks import plugs_of
 from hil_bench.bench.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
@@ -55,7 +54,6 @@ from hil_bench.session.work_feed import WorkState
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from hil_bench.bench.wiring import Plug
     from hil_bench.devices.faults.schedule import FaultEvent
 
 LOOK = 100_000_000
@@ -177,7 +175,8 @@ class Feed:
     def _state(self) -> dict[str, Any]:
         session = self._session
         controls = session.controls
-        plugs = plugs_of(session.bench)
+        medium = session.bench.medium
+        standing = (lambda _device: None) if medium is None else medium.standing
         nodes = {
             name: {
                 "state": node.state.name.replace("_", "-"),
@@ -188,7 +187,7 @@ class Feed:
                     if node.counters.foreign_frames
                     else {}
                 ),
-                **({"can": plugs[node].standing()} if node in plugs else {}),
+                **({"can": can} if (can := standing(node)) is not None else {}),
             }
             for name, node, fitting in zip(
                 session.nodes, session.bench.nodes, session.bench.fittings, strict=True
@@ -206,8 +205,7 @@ class Feed:
         ]
         recording = None if self._recording is None else self._recording.state
         ecus = {
-            name: _ecu_state(ecu, plugs.get(ecu.ecu))
-            for name, ecu in ecus_of(session.bench).items()
+            name: _ecu_state(ecu, standing(ecu.ecu)) for name, ecu in ecus_of(session.bench).items()
         }
         state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
         return state if self._work is None else {**state, "work": self._work().content()}
@@ -282,8 +280,8 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
 }
 
 
-def _ecu_state(ecu: EcuHandle, plug: "Plug | None") -> dict[str, Any]:
-    return ecu.standing() if plug is None else {**ecu.standing(), "can": plug.standing()}
+def _ecu_state(ecu: EcuHandle, can: Mapping[str, object] | None) -> dict[str, Any]:
+    return ecu.standing() if can is None else {**ecu.standing(), "can": can}
 
 
 def _seconds(time: int | None) -> float | None:

@@ -3,8 +3,8 @@
 import can
 import pytest
 
+from hil_bench.abilities.copper.extension import Copper
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.copper_ticks import Copper
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from hil_bench.outside.bits import exact_bits
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.wire.bits import exact_bits
 
 _NS = 1_000_000_000
 

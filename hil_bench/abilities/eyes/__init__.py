@@ -4,6 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "eyes",
+    needs=("copper",),
     verbs={
         "monitor": Verb(
             "bus",

@@ -7,7 +7,7 @@ from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.abilities.eyes.response_times import Message
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.outside.wire.bits import worst_bits
+from hil_bench.outside.bits import worst_bits
 
 _NS_PER_S: Final = 1_000_000_000
 _NS_PER_MS: Final = 1_000_000

@@ -2,18 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Protocol
 
+from hil_bench.ability import bus_tables
 from hil_bench.bench.configuration.keys import BUS_KEYS
-from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig
-from hil_bench.bench.configuration.wires import (
-    WIRE_TABLE,
-    WireSettings,
-    build_wire,
-    check_wire,
-    read_wire,
-    wire_settings,
-)
+from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig, Carrier
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import bus_option, describe
@@ -24,8 +17,25 @@ MOST_BUSES = 8
 _KNOWN = tuple(key.name for key in BUS_KEYS)
 
 
-_Wires = dict[str, WireSettings | None]
-"""What is given of the wire of each bus, by the name of the bus."""
+WIRE_TABLE = "wire"
+"""The table of a bus by which frames take time there; an ability reads it."""
+
+
+class BusTable(Protocol):
+    """A table of a bus that an ability has read."""
+
+    def check(self, nodes: Iterable[str], problems: Problems) -> None:
+        """Note what does not fit the nodes of the bus."""
+
+    def build(self) -> Carrier:
+        """Return the record of the checked table."""
+
+    def tables(self) -> Iterable[Settings]:
+        """Return it, and those in it, as a person would write them."""
+
+
+_Wires = dict[str, BusTable | None]
+"""The table ``wire`` of each bus, by the name of the bus."""
 
 
 class BusesSection:
@@ -64,7 +74,7 @@ class BusesSection:
             if wire is not None:
                 there = [name for name, node in nodes.items() if node["bus"].value == bus]
                 there += [name for name, its in ecus.items() if its == bus]
-                check_wire(wire, there, self._problems)
+                wire.check(there, self._problems)
 
     @property
     def wired(self) -> list[str]:
@@ -82,7 +92,12 @@ class BusesSection:
 
     def tables(self) -> Iterable[Settings]:
         """Return the table of each bus."""
-        return (self._first, *self._further.values(), *wire_settings(self._wires))
+        wires = (wire for wire in self._wires.values() if wire is not None)
+        return (
+            self._first,
+            *self._further.values(),
+            *(table for wire in wires for table in wire.tables()),
+        )
 
 
 def _read_bus(
@@ -90,7 +105,7 @@ def _read_bus(
 ) -> Settings:
     """Return the settings of ``[bus]``, which the command line may override."""
     given = read_section(document, FIRST_BUS, problems)
-    wires[FIRST_BUS] = read_wire(FIRST_BUS, given.pop(WIRE_TABLE, None), problems)
+    wires[FIRST_BUS] = _read_wire(FIRST_BUS, given, problems)
     if overrides["interface"] is not None:
         # The further keys are for the bus class of the file's interface; another would refuse them.
         given = {key: value for key, value in given.items() if key in _KNOWN}
@@ -99,6 +114,15 @@ def _read_bus(
             place = f"--{key}" if key in _KNOWN else f"--bus-kwargs {key}"
             given[key] = Given(value, Origin.COMMAND_LINE, place)
     return _read(FIRST_BUS, given, problems)
+
+
+def _read_wire(bus: str, given: dict[str, Given], problems: Problems) -> BusTable | None:
+    """Return the table of a bus by which frames take time; None where it has none."""
+    read = bus_tables().get(WIRE_TABLE) if WIRE_TABLE in given else None
+    if read is None:
+        return None
+    table: BusTable = read(f"{bus}.{WIRE_TABLE}", given.pop(WIRE_TABLE), problems)
+    return table
 
 
 def _read_further_buses(
@@ -113,7 +137,7 @@ def _read_further_buses(
             wrong = f"[{FIRST_BUS}] is the first bus; give a further one another name"
             problems.add(problems.place(f"buses.{name}"), wrong)
             continue
-        wires[name] = read_wire(f"buses.{name}", given.pop(WIRE_TABLE, None), problems)
+        wires[name] = _read_wire(f"buses.{name}", given, problems)
         buses[name] = _read(f"buses.{name}", given, problems)
     return buses
 
@@ -142,11 +166,11 @@ def _check_buses(
     _check_channels(known, problems)
 
 
-def _build_bus(bus: Settings, wire: WireSettings | None) -> BusConfig:
+def _build_bus(bus: Settings, wire: BusTable | None) -> BusConfig:
     """Return the record of a checked bus."""
     known = {name: bus[name].value for name in _KNOWN}
     options = {name: setting.value for name, setting in bus.items() if name not in known}
-    return BusConfig(**known, options=options, wire=build_wire(wire))
+    return BusConfig(**known, options=options, wire=wire.build() if wire else None)
 
 
 def _read(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:

@@ -26,10 +26,8 @@ from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.programs import program_memory
 from hil_bench.kinds.registry import KINDS, kind_name
 from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
-from hil_bench.outside.wire.station import Order
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.units import MILLISECOND
 
 TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes", "j1939", "faults")
 
@@ -55,17 +53,6 @@ BUS_KEYS = (
     Key("interface", interface),
     Key("channel", channel),
     Key("bitrate", integer(1, 1_000_000)),
-)
-
-BUFFER_KEYS = (
-    Key("buffer_frames", integer(1, 100_000), 256, field="depth"),
-    Key("order", choice(Order), Order.PRIORITY),
-)
-
-WIRE_KEYS = (
-    *BUFFER_KEYS,
-    Key("bit_error_rate", number(low=0.0, high=0.01), 0.0),
-    Key("recovery_ms", number(MILLISECOND, low=0.0, high=3.6e6), 0.0, MILLISECOND, "recovery"),
 )
 
 _FIRST_KIND = next(iter(KINDS.built_in))

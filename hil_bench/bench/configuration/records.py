@@ -12,13 +12,19 @@ from hil_bench.errors import ConfigError
 from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
-from hil_bench.outside.wire.config import WireConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.units import Unit
 
 FIRST_BUS = "bus"
 """Name of the bus of the table ``[bus]``."""
+
+
+class Carrier(Protocol):
+    """A wire on which frames take time."""
+
+    def medium(self, config: "BenchConfig", devices: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of layers above
+        """Return the extension for all such buses of a bench with these devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +36,14 @@ class BusConfig:
         channel: the channel of that interface, as in ``vcan0``.
         bitrate: bit rate [bit/s].
         options: further keyword arguments of that interface's bus class.
-        wire: how it behaves as copper; None for a bus that takes no time.
+        wire: of its table ``wire``; None for a bus that takes no time.
     """
 
     interface: str | None = None
     channel: str | int | None = None
     bitrate: int | None = None
     options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-    wire: WireConfig | None = None
+    wire: Carrier | None = None
 
     @property
     def address(self) -> tuple[str | None, str | int | None, int | None, Mapping[str, object]]:

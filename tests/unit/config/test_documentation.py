@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.copper.section import WIRE_KEYS
 from hil_bench.abilities.modbus.records import ModbusConfig
 from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
@@ -19,7 +20,6 @@ from hil_bench.bench.configuration.keys import (
     BUS_KEYS,
     SINK_KEYS,
     SOURCE_KEYS,
-    WIRE_KEYS,
     node_keys,
 )
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS

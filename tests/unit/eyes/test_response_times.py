@@ -5,14 +5,14 @@ import random
 import pytest
 
 from device_profiles import PRESSURE_404
+from hil_bench.abilities.copper.wire.station import Station
+from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.response_times import Message, response_times, utilisation
 from hil_bench.abilities.eyes.traffic import Assumptions, find_streams
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import worst_bits
-from hil_bench.outside.wire.station import Station
-from hil_bench.outside.wire.wire import Wire
+from hil_bench.outside.bits import worst_bits
 
 US = 1000
 MS = 1_000_000

@@ -5,11 +5,11 @@ import pytest
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.outside.bits import exact_bits
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.outside.wire.bits import exact_bits
 from hil_bench.session.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from hil_bench.abilities.copper.measured_traffic import MeasuredTraffic, measure_traffic
 from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.abilities.eyes.response_times import response_times, utilisation
 from hil_bench.abilities.eyes.traffic import SDO_BLOCKING, Assumptions, Stream, find_streams
@@ -14,7 +15,6 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
-from hil_bench.session.measured_traffic import MeasuredTraffic, measure_traffic
 
 _NS_PER_S = 1_000_000_000
 _NS_PER_MS = 1_000_000

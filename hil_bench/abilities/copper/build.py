@@ -3,16 +3,14 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
+from hil_bench.abilities.copper.wire.attempt import Chance
+from hil_bench.abilities.copper.wire.config import CONTROLLER, WireConfig
+from hil_bench.abilities.copper.wire.station import Station
+from hil_bench.abilities.copper.wire.wire import Wire
+from hil_bench.abilities.copper.wiring import Bus, Device, Plug, Wiring
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.wiring import Bus, Device, Plug, Wiring
-from hil_bench.canopen_device.node import Node
-from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.measurement.noise import random_stream
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
-from hil_bench.outside.wire.attempt import Chance
-from hil_bench.outside.wire.config import CONTROLLER, WireConfig
-from hil_bench.outside.wire.station import Station
-from hil_bench.outside.wire.wire import Wire
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -22,41 +20,38 @@ _MOST_BABBLE: Final = 1000
 _NS_PER_S: Final = 1_000_000_000
 
 
-def build_wiring(
-    config: BenchConfig, nodes: Mapping[str, Node], ecus: Mapping[str, Ecu]
-) -> Wiring | None:
-    """Return the buses of copper of a bench; None where it has none.
+def build_wiring(config: BenchConfig, devices: Mapping[str, Device]) -> Wiring:
+    """Return the buses of copper of a bench.
 
     Args:
         config: the bench.
-        nodes: its CANopen nodes by name.
-        ecus: its J1939 devices by name.
+        devices: its CANopen nodes and J1939 devices by name.
     """
-    devices: Mapping[str, Device] = {**nodes, **ecus}
     buses, plugs = list[Bus](), list[Plug]()
     for number, (name, bus) in enumerate(config.buses.items()):
-        if bus.wire is None:
+        wire_config: object = bus.wire
+        if not isinstance(wire_config, WireConfig):
             continue
-        controller = make_station(CONTROLLER, bus.wire)
+        controller = make_station(CONTROLLER, wire_config)
         there = [node.name for node in config.nodes if node.bus == name]
         there += [ecu.name for ecu in config.ecus if ecu.bus == name]
-        stations = {each: make_station(each, bus.wire) for each in there}
+        stations = {each: make_station(each, wire_config) for each in there}
         babbler = Station(_BABBLER, _MOST_BABBLE)
         chance = None
-        if bus.wire.bit_error_rate:
+        if wire_config.bit_error_rate:
             stream = random_stream(config.seed, name, "bit errors")
-            chance = _gaps(stream, bus.wire.bit_error_rate)
+            chance = _gaps(stream, wire_config.bit_error_rate)
         wire = Wire(
             bus.bitrate or USUAL_BITRATE,
             [controller, babbler, *stations.values()],
             chance=chance,
-            recovery=round(bus.wire.recovery * _NS_PER_S),
+            recovery=round(wire_config.recovery * _NS_PER_S),
         )
         buses.append(Bus(number, wire, controller, babbler))
         plugs += [
             Plug(devices[each], buses[-1], station, wire) for each, station in stations.items()
         ]
-    return Wiring(buses, plugs) if buses else None
+    return Wiring(buses, plugs)
 
 
 def _gaps(stream: "Generator", rate: float) -> Chance:

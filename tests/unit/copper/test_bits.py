@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import exact_bits, worst_bits
+from hil_bench.outside.bits import exact_bits, worst_bits
 
 
 def counted(frame):

@@ -3,16 +3,16 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import exact_bits, stuffed_bits
-from hil_bench.outside.wire.broken import (
+from hil_bench.abilities.copper.wire.broken import (
     Broken,
     disturbed,
     length_on_bus,
     misread,
     unacknowledged,
 )
-from hil_bench.outside.wire.station import Rule, Station
+from hil_bench.abilities.copper.wire.station import Rule, Station
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.bits import exact_bits, stuffed_bits
 
 Chance = Callable[[], int]
 """Draws how many bits pass until the next one that is disturbed."""

@@ -2,8 +2,8 @@
 
 import heapq
 
+from hil_bench.abilities.copper.wire.station import Station
 from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.outside.wire.station import Station
 
 _Entry = tuple[int, int, int, Station]
 """Priority, number of the entry, number of the frame in its buffer, and whose it is."""

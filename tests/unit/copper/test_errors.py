@@ -5,12 +5,17 @@ import random
 
 import pytest
 
+from hil_bench.abilities.copper.wire.broken import (
+    ErrorKind,
+    disturbed,
+    misread,
+    unacknowledged,
+)
+from hil_bench.abilities.copper.wire.station import CanState, Station
+from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import exact_bits, stuffed_bits
-from hil_bench.outside.wire.broken import ErrorKind, disturbed, misread, unacknowledged
-from hil_bench.outside.wire.station import CanState, Station
-from hil_bench.outside.wire.wire import Wire
+from hil_bench.outside.bits import exact_bits, stuffed_bits
 
 US = 1000
 LONG = 10**12

@@ -4,15 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from hil_bench.abilities.copper.extension import Copper
+from hil_bench.abilities.copper.part import CopperWire
+from hil_bench.abilities.copper.wire.config import BufferConfig
+from hil_bench.abilities.copper.wire.station import Order
+from hil_bench.abilities.copper.wire.wire import Passage
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.bench.copper_ticks import Copper
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.errors import ConfigError
-from hil_bench.outside.wire.config import BufferConfig, WireConfig
-from hil_bench.outside.wire.station import Order
-from hil_bench.outside.wire.wire import Passage
 from hil_bench.session.session import open_session
 
 _DEPTH: Final = 256
@@ -97,7 +98,7 @@ def measure_traffic(
 def _of_copper(config: BenchConfig, name: str, bitrate: int) -> BenchConfig:
     """Return a bench one of whose buses has a bit rate and a wire."""
     bus = config.buses[name]
-    wire = bus.wire or WireConfig(BufferConfig(_DEPTH, Order.PRIORITY))
+    wire = bus.wire or CopperWire(BufferConfig(_DEPTH, Order.PRIORITY))
     bus = replace(bus, bitrate=bitrate, wire=wire)
     if name == FIRST_BUS:
         return replace(config, bus=bus)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from hil_bench.outside.wire.bits import ENDING, INTERMISSION
+from hil_bench.outside.bits import ENDING, INTERMISSION
 
 FLAG: Final = 6
 """Bits of an error flag."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from hil_bench.outside.wire.station import Order
+from hil_bench.abilities.copper.wire.station import Order
 
 CONTROLLER: Final = "controller"
 """Name of the station that sends what comes from outside the bench."""

@@ -1,16 +1,17 @@
 """The buses of copper of a bench: what a tick hears of them, and what it leaves there."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hil_bench.abilities.copper.wiring import Plug, Wiring
 from hil_bench.bench.bench import Bench, FrameObserver
-from hil_bench.bench.wiring import Device, Plug, Wiring
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.words import can_text
 from hil_bench.frame import address_of
 
 if TYPE_CHECKING:
-    from hil_bench.outside.wire.wire import Passage
+    from hil_bench.abilities.copper.wire.wire import Passage
 
 
 class Copper:
@@ -51,6 +52,36 @@ class Copper:
     def reported(self) -> list[Frame]:
         """Return the error frames of the last tick."""
         return [frame for frame, _ in self.errors]
+
+    def point(self, device: object) -> Plug | None:
+        """Return the plug of a device, where faults get at it; None where it is not on copper."""
+        return self.wiring.plugs.get(device)  # type: ignore[call-overload, no-any-return]
+
+    def standing(self, device: object) -> dict[str, object] | None:
+        """Return the status of the CAN controller of a device; None where it is not on copper."""
+        plug = self.point(device)
+        return None if plug is None else plug.standing()
+
+    def lines(self, names: Sequence[str]) -> list[str]:
+        """Return the counts of each bus of copper and the nodes with errors there.
+
+        Args:
+            names: of the buses, by their numbers.
+        """
+        lines = [
+            f"wire      {names[number]}: {bus.wire.passed} frames passed, {bus.wire.failed} failed"
+            + (
+                f", {bus.controller.refused} of the controller lost"
+                if bus.controller.refused
+                else ""
+            )
+            for number, bus in self.wiring.buses.items()
+        ]
+        return lines + [
+            f"          {plug.station.name}: {can_text(plug.standing())}"
+            for plug in self.wiring.plugs.values()
+            if plug.station.errors or plug.station.refused or plug.station.rec
+        ]
 
     def join(self, bench: Bench) -> None:
         """Put the buses between the nodes and whoever is outside."""
@@ -125,9 +156,3 @@ class Copper:
 def _never(_frame: Frame) -> bool:
     """Return False: no frame is served between two ticks, since it has to pass the bus."""
     return False
-
-
-def plugs_of(bench: Bench) -> Mapping[Device, Plug]:
-    """Return the plugs of a bench's devices on copper, by the devices; nothing without copper."""
-    copper = bench.find(Copper)
-    return copper.wiring.plugs if copper is not None else {}

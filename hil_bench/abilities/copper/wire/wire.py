@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, NamedTuple
 
+from hil_bench.abilities.copper.wire.arbitration import Arbitration
+from hil_bench.abilities.copper.wire.attempt import Attempt, Chance, Disturbances
+from hil_bench.abilities.copper.wire.broken import AFTER_FLAGS, FLAG, Broken, ErrorKind
+from hil_bench.abilities.copper.wire.recovery import Absence, dominant_errors
+from hil_bench.abilities.copper.wire.station import BUS_OFF_FROM, Station
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.arbitration import Arbitration
-from hil_bench.outside.wire.attempt import Attempt, Chance, Disturbances
-from hil_bench.outside.wire.broken import AFTER_FLAGS, FLAG, Broken, ErrorKind
-from hil_bench.outside.wire.recovery import Absence, dominant_errors
-from hil_bench.outside.wire.station import BUS_OFF_FROM, Station
 
 _NS_PER_S: Final = 1_000_000_000
 

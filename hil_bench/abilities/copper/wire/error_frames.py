@@ -5,12 +5,12 @@ The layout is that of SocketCAN (`linux/can/error.h`).
 
 from typing import Final
 
+from hil_bench.abilities.copper.wire.broken import ErrorKind
+from hil_bench.abilities.copper.wire.station import Station
+from hil_bench.abilities.copper.wire.wire import ErrorFrame
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
-from hil_bench.outside.wire.broken import ErrorKind
-from hil_bench.outside.wire.station import Station
-from hil_bench.outside.wire.wire import ErrorFrame
 
 CONTROLLER: Final = 0x004
 PROTOCOL: Final = 0x008

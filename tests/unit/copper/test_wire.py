@@ -4,11 +4,11 @@ import itertools
 
 import pytest
 
+from hil_bench.abilities.copper.wire.station import Order, Station, priority
+from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import exact_bits
-from hil_bench.outside.wire.station import Order, Station, priority
-from hil_bench.outside.wire.wire import Wire
+from hil_bench.outside.bits import exact_bits
 
 US = 1000
 LONG = 10**12

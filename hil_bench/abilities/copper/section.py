@@ -1,0 +1,86 @@
+"""The tables ``[bus.wire]`` and ``[buses.NAME.wire]``: buses that behave as copper."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from hil_bench.abilities.copper.part import CopperWire
+from hil_bench.abilities.copper.wire.config import CONTROLLER, BufferConfig
+from hil_bench.abilities.copper.wire.station import Order
+from hil_bench.config.document import give
+from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
+from hil_bench.config.values import choice, describe, integer, number
+from hil_bench.units import MILLISECOND
+
+_STATIONS = "stations"
+
+BUFFER_KEYS = (
+    Key("buffer_frames", integer(1, 100_000), 256, field="depth"),
+    Key("order", choice(Order), Order.PRIORITY),
+)
+
+WIRE_KEYS = (
+    *BUFFER_KEYS,
+    Key("bit_error_rate", number(low=0.0, high=0.01), 0.0),
+    Key("recovery_ms", number(MILLISECOND, low=0.0, high=3.6e6), 0.0, MILLISECOND, "recovery"),
+)
+
+
+@dataclass(slots=True)
+class WireTable:
+    """The settings of one wire.
+
+    Attributes:
+        table: its name, as in ``bus.wire``.
+        settings: its own keys.
+        stations: those of the stations, by their names.
+    """
+
+    table: str
+    settings: Settings
+    stations: dict[str, Settings] = field(default_factory=dict)
+
+    def check(self, nodes: Iterable[str], problems: Problems) -> None:
+        """Note stations that are not on the bus."""
+        known = [CONTROLLER, *nodes]
+        for name in self.stations:
+            if name not in known:
+                wrong = f"is no node of this bus; give one of {', '.join(known)}"
+                problems.add(problems.place(f"{self.table}.{_STATIONS}.{name}"), wrong)
+
+    def build(self) -> CopperWire:
+        """Return the record of a checked wire."""
+        own = [key for key in WIRE_KEYS if key not in BUFFER_KEYS]
+        return CopperWire(
+            BufferConfig(**convert(self.settings, BUFFER_KEYS)),
+            {
+                name: BufferConfig(**convert(settings, BUFFER_KEYS))
+                for name, settings in self.stations.items()
+            },
+            **convert(self.settings, own),
+        )
+
+    def tables(self) -> tuple[Settings, ...]:
+        """Return its settings, then those of its stations."""
+        return (self.settings, *self.stations.values())
+
+
+def read_wire(table: str, given: Given, problems: Problems) -> WireTable:
+    """Return the settings of the wire of a bus."""
+    values = _table(table, given, problems)
+    stations = values.pop(_STATIONS, None)
+    wire = WireTable(table, read_table(table, values, WIRE_KEYS, problems))
+    if stations is not None:
+        for name, each in _table(f"{table}.{_STATIONS}", stations, problems).items():
+            place = f"{table}.{_STATIONS}.{name}"
+            wire.stations[name] = read_table(
+                place, _table(place, each, problems), BUFFER_KEYS, problems
+            )
+    return wire
+
+
+def _table(table: str, given: Given, problems: Problems) -> dict[str, Given]:
+    if isinstance(given.value, dict):
+        return give(table, given.value, given.origin, problems)
+    wrong = f"{describe(given.value)} is not a table; write it as [{table}]"
+    problems.add(given.place, wrong)
+    return {}

@@ -68,7 +68,7 @@ class Medium(Protocol):
         """Return the error frames of the last tick."""
 
     def point(self, device: object) -> WirePoint | None:
-        """Return where faults get at a device; None where its bus takes no time."""
+        """Return the point at which faults act on a device; None where its bus takes no time."""
 
     def standing(self, device: object) -> Mapping[str, object] | None:
         """Return the status of a device's CAN controller; None where its bus takes no time."""

@@ -145,7 +145,8 @@ def test_a_fault_without_its_amount_is_refused_as_in_a_bench(tmp_path, kind, key
 def test_a_bench_on_which_nothing_can_be_set_says_so():
     """As that of a plug-in's plant without influences, on generic nodes and without Modbus."""
     config = SimpleNamespace(nodes=(), ecus=())
-    session = SimpleNamespace(bench=SimpleNamespace(axes=(), nodes=()), modbus=None, ecus={})
+    bench = SimpleNamespace(axes=(), nodes=(), find=lambda _kind: None)
+    session = SimpleNamespace(bench=bench)
     with pytest.raises(ConfigError) as caught:
         Targets(config, session).find("rig.load")
     assert str(caught.value) == '"rig.load" is nothing to set here; objects are NODE.0x6300.01'

@@ -59,7 +59,7 @@ def test_the_scope_plots_pauses_and_measures(page, keep):
     scope.get_by_label("time of cursor A").fill("0.5")
     scope.get_by_label("time of cursor B").fill("0.75")
     scope.get_by_label("time of cursor B").press("Enter")
-    expect(scope.get_by_text("B - A = 250.00 ms")).to_be_visible()
+    expect(scope.get_by_text("B \u2212 A = 250.00 ms")).to_be_visible()
     row = scope.locator(".cursor-table tbody tr").first
     expect(row).to_contain_text("axis1.position")
     keep(page, "scope-cursors")

@@ -1,9 +1,9 @@
 // The scope: channels against time, live or paused, with zoom, trigger, cursors and export.
 
-import { button, download, el, labelled, select, setText } from "./dom.js";
+import { button, el, labelled, select, setText } from "./dom.js";
 import { FrameMarks } from "./frame_marks.js";
-import { csvFile, drawPicture, pngFile, svgFile } from "./picture.js";
 import { Plots } from "./plots.js";
+import { ScopeFiles } from "./scope_files.js";
 import { Trigger } from "./trigger.js";
 import { shown, valueText } from "./units.js";
 
@@ -41,16 +41,17 @@ export class ScopeView {
     this.difference = el("p", { class: "figure" });
     this.recordButton = button("Record", () => this.record(), { class: "danger", title: "key r: all channels and frames, each tick, into a file", "aria-pressed": "false" });
     this.said = el("span", { class: "quiet", role: "status" });
+    this.files = new ScopeFiles(this);
     this.trigger = new Trigger(model, (time) => this.pauseAround(time));
     root.append(
       el("div", { class: "toolbar" }, this.pauseButton,
         button("◀", () => this.pan(-0.25), { "aria-label": "earlier", title: "arrow left" }),
         button("▶", () => this.pan(0.25), { "aria-label": "later", title: "arrow right" }),
         labelled("show", this.spans), this.scroll,
-        button("PNG", () => this.savePicture("png"), { title: "save the picture with title, legend, units and cursors" }),
-        button("SVG", () => this.savePicture("svg"), { title: "save the same picture as a drawing" }),
-        button("CSV", () => this.saveTable(), { title: "save the rows that are shown, in the units that are shown" }),
-        button("MF4", () => this.saveMeasurement(), { title: "save the rows that are shown as measured data, in SI units" }),
+        button("PNG", () => this.files.savePicture("png"), { title: "save the picture with title, legend, units and cursors" }),
+        button("SVG", () => this.files.savePicture("svg"), { title: "save the same picture as a drawing" }),
+        button("CSV", () => this.files.saveTable(), { title: "save the rows that are shown, in the units that are shown" }),
+        button("MF4", () => this.files.saveMeasurement(), { title: "save the rows that are shown as measured data, in SI units" }),
         this.recordButton, this.said),
       el("div", { class: "scope" },
         el("aside", { class: "stack" },
@@ -303,50 +304,6 @@ export class ScopeView {
     this.table.replaceChildren(...rows);
   }
 
-  async savePicture(form) {
-    const { name, bench, program } = this.model.hello ?? {};
-    const { A: a = null, B: b = null } = this.plots.cursors;
-    const cursors = [["A", a], ["B", b]].filter(([, time]) => time !== null).map(([cursor, time]) => `${cursor} at ${time.toFixed(4)} s`);
-    if (a !== null && b !== null) cursors.push(`B \u2212 A = ${((b - a) * 1e3).toFixed(2)} ms`);
-    const picture = drawPicture(this.plots, {
-      title: `${name}: ${bench ?? ""}`,
-      foot: [cursors.join(" · "), `${program ?? "hil-bench"}, saved ${new Date().toISOString().slice(0, 19).replace("T", " ")} UTC`].filter(Boolean),
-    });
-    try {
-      download(`scope.${form}`, form === "svg" ? svgFile(picture) : await pngFile(picture));
-      setText(this.said, "");
-    } catch (error) {
-      setText(this.said, `scope.${form}: cannot be drawn: ${error.message}`);
-    }
-  }
-
-  // Return the channels that are shown with their units, and the rows between the edges.
-  shownRows() {
-    const { store } = this.model;
-    const channels = this.plots.names.map((name) => [name, this.model.unit(name)]);
-    const columns = channels.map(([name]) => store.columns[store.number(name)]);
-    return { channels, columns, from: store.find(this.begin_s), to: store.find(this.end_s + 1e-9) };
-  }
-
-  async saveMeasurement() {
-    const { channels, columns, from, to } = this.shownRows();
-    const width = 1 + channels.length;
-    const rows = new Float64Array((to - from) * width);
-    for (let row = from; row < to; row += 1) {
-      const begin = (row - from) * width;
-      rows[begin] = this.model.store.times[row];
-      for (let i = 0; i < columns.length; i += 1) rows[begin + 1 + i] = columns[i][row];
-    }
-    const { name, bench } = this.model.hello ?? {};
-    const head = `${JSON.stringify({ comment: `scope of ${name}, ${bench}`, channels })}\n`;
-    try {
-      download("scope.mf4", await this.model.link.post("mf4", new Blob([head, rows])));
-      setText(this.said, "");
-    } catch (error) {
-      setText(this.said, error.message);
-    }
-  }
-
   async record() {
     const isRecording = Boolean(this.model.state.recording);
     const name = `recording-${new Date().toISOString().slice(0, 19).replaceAll(/[:T]/g, "-")}.mf4`;
@@ -364,9 +321,5 @@ export class ScopeView {
     const isRecording = Boolean(this.model.state.recording);
     setText(this.recordButton, isRecording ? "Stop recording" : "Record");
     this.recordButton.setAttribute("aria-pressed", String(isRecording));
-  }
-
-  saveTable() {
-    download("scope.csv", csvFile({ ...this.shownRows(), times: this.model.store.times }));
   }
 }

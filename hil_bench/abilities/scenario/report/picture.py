@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import Span, StreamBuilder
@@ -153,13 +154,25 @@ def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
     left, right = (_values(side, evidence) for side in (node.left, node.right))
     margin = _SIGNS[node.relation] * (left - right) / unit.factor
     place.plot(times, margin, color=BLUE, linewidth=1.3)
-    place.fill_between(times, margin, 0.0, where=margin < 0.0, color=RED, alpha=0.6)
+    counts = (margin < 0.0) & _violates(times, scene)
+    place.fill_between(times, margin, 0.0, where=counts, color=RED, alpha=0.6)
     place.axhline(0.0, color=GREY, linestyle="--", linewidth=1.2)
-    worst = float(np.nanmin(margin, initial=0.0, where=np.isfinite(margin)))
+    worst = float(np.nanmin(margin, initial=0.0, where=np.isfinite(margin) & counts))
     if worst < 0.0:  # a violation is seen however far the signal is from its limit elsewhere
         place.set_ylim(1.3 * worst, -3.0 * worst)
     place.set_ylabel("Margin" if unit is ONE else f"Margin [{unit.symbol}]")
     place.margins(x=0.0)
+
+
+def _violates(times: Floats, scene: Scene) -> npt.NDArray[np.bool_]:
+    """Return the ticks that violate the requirement; all where it says of none that they do."""
+    if not scene.violated:
+        return np.ones(len(times), dtype=np.bool_)
+    inside = np.zeros(len(times), dtype=np.bool_)
+    half = 0.5e-9 * scene.evidence.tick_ns
+    for begin, end in scene.violated:
+        inside |= (times >= begin - half) & (times < end - half)
+    return inside
 
 
 def _times(evidence: Evidence) -> Floats:

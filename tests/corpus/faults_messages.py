@@ -40,6 +40,12 @@ def _due(scene: Scene) -> tuple[int, int] | None:
     return _pdo(scene, cyclic=True) or _pdo(scene, timed=True)
 
 
+def _is_between(scene: Scene, can_id: int, now: int) -> bool:
+    """Return True if a PDO comes eight times before a time, and eight times after it."""
+    times = scene.times(can_id)
+    return sum(each < now for each in times) >= 8 <= sum(each > now for each in times)
+
+
 def _rewritten(frames: Frames, place: int, value: int) -> None:
     data = frames[place].frame.data
     frames[place] = changed(frames[place], data[:4] + struct.pack("<I", value))
@@ -49,7 +55,7 @@ def _rewritten(frames: Frames, place: int, value: int) -> None:
 def pdo_stops(scene: Scene) -> Found:
     """TPDO1 of a node stops in the middle, and its heartbeat goes on."""
     found, since = _due(scene), scene.somewhen()
-    if found is None or scene.end - since < 8 * scene.period(found[1]):
+    if found is None or not _is_between(scene, found[1], since):
         return None
     return scene.without(
         lambda each: each.now > since and is_from(each, found[1])
@@ -60,7 +66,7 @@ def pdo_stops(scene: Scene) -> Found:
 def pdo_gap(scene: Scene) -> Found:
     """TPDO1 of a node stays out for six periods."""
     found, since = _due(scene), scene.somewhen()
-    if found is None:
+    if found is None or not _is_between(scene, found[1], since):
         return None
     until = since + 6 * scene.period(found[1])
     left = scene.without(lambda each: since < each.now < until and is_from(each, found[1]))

@@ -1,4 +1,4 @@
-"""What is wrong on the buses of a bench, for the page's view of them, as `explain` says it."""
+"""Faults on the buses of a bench, as `explain` names them, for the page's view of the bus."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final

@@ -133,7 +133,7 @@ class Explainer:
         return self.explanation()
 
     def explanation(self, end: int | None = None) -> Explanation:
-        """Return what is wrong so far.
+        """Return the causes so far.
 
         Args:
             end: the present [ns]; None for the last frame.

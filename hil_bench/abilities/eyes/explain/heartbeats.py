@@ -8,6 +8,7 @@ from statistics import median
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
 from hil_bench.abilities.eyes.sight import Service, Sight
+from hil_bench.abilities.eyes.transfers import Way
 from hil_bench.canopen_device.nmt import RESTORED, NmtRequest
 
 LATE = 2.5
@@ -60,7 +61,8 @@ class Heartbeats:
         elif sight.emcy_code == _HEARTBEAT_EMCY:
             self._emergencies.append(sight)
         elif sight.service is Service.SDO and sight.transfer is not None:
-            if sight.transfer.index == 0x1017 and sight.node_id is not None:
+            is_set = sight.transfer.index == 0x1017 and sight.transfer.way is Way.DOWNLOAD
+            if is_set and sight.node_id is not None:
                 self._forget(sight.frame.bus, sight.node_id)
         elif sight.service is Service.HEARTBEAT and sight.node_id is not None:
             self._hear_pulse(sight, sight.node_id)

@@ -33,7 +33,7 @@ def _awaited(cause: Finding, effect: Finding) -> bool:
 
 
 class _Lead(NamedTuple):
-    """Where a cause leads to.
+    """Consequences of a cause.
 
     Attributes:
         effects: the findings that it explains ...

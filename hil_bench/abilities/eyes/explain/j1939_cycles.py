@@ -112,7 +112,7 @@ class Cycles(OfJ1939):
             periods = [period for each in cycles if (period := _period(each))]
             last = self._heard[who]
             if periods and end - last.now - self._paused.get(who, 0) > max(
-                _LATE * max(periods), _DM1_PERIOD
+                _LATE * min(periods), _DM1_PERIOD
             ):
                 silent.add(who)
                 text = f"{last.node} sends nothing after {seconds(last.now)}"

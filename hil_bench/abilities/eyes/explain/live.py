@@ -1,4 +1,4 @@
-"""What is wrong on a bus while it goes on: causes that come, and causes that go again."""
+"""Causes that come and go on a bus that goes on."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple

@@ -43,7 +43,7 @@ class Course:
 
 
 def gap_of(course: Course, now: int, sight: Sight | None) -> Gap | None:
-    """Return where a PDO came too late, or not at all; None where it did not."""
+    """Return the time in which a PDO was too late, or did not come; None for no such time."""
     owner, last = course.owner, course.last
     if last < 0 or owner.node.state is not NmtState.OPERATIONAL:
         return None

@@ -217,7 +217,9 @@ class ProcessData:
             if len(senders) > 1 and sight is not None:
                 names = " and ".join(f"{o.node.name} {o.pdo.name}" for o in senders)
                 text = f"{names} are both sent as 0x{senders[0].pdo.can_id:03X}"
-                node = senders[-1].node.name
+                own = function_of(senders[0].pdo.can_id).node_id
+                strange = [each for each in senders if each.node.node_id != own]
+                node = (strange or senders)[-1].node.name
                 yield Finding(Cause.IDENTIFIER_CLASH, node, sight.now, text, (sight,))
 
     def _gap_finding(self, owner: PdoOwner, gap: Gap, gaps: int) -> Finding:

@@ -107,7 +107,7 @@ class Silence:
             yield Finding(Cause.BUS_SILENT, "", since, text)
 
     def _due(self, now: int, gap: int) -> int:
-        """Return how many senders are late together; 0 where they stopped because they shall."""
+        """Return the number of senders that are late together; 0 if they were to stop."""
         begin = now - gap
         if begin - self._commanded < _COMMANDED:
             return 0

@@ -191,6 +191,10 @@ def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa
         paints.append(page.evaluate(FIRST_PAINT))
         page.close()
     page = open_page(browser, stand)
+    print(f"shipped: {page.evaluate(SHIPPED)}")
+    page.wait_for_timeout(3000)
+    frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
+    print(f"pictures a second of the machine, its plots beside it: {frames:.1f}")
     page.click("#tab-scope")
     for box in page.locator(".channel input").all():
         box.check()
@@ -242,6 +246,16 @@ def watch_memory(stand: Stand, minutes: int) -> None:
 
 SLOW_PICTURES = """window.requestAnimationFrame = (draw) =>
   setTimeout(() => draw(performance.now()), 200);"""
+
+SHIPPED = """() => {
+  const sizes = {};
+  for (const { name, decodedBodySize } of performance.getEntriesByType("resource")) {
+    const kind = name.includes("/vendor/") ? "vendored" : name.split(".").pop();
+    sizes[kind] = (sizes[kind] ?? 0) + decodedBodySize;
+  }
+  const words = Object.entries(sizes).map(([kind, size]) => `${kind} ${(size / 1e3).toFixed(1)} kB`);
+  return words.join(", ");
+}"""
 
 FIRST_PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
 

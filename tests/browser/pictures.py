@@ -67,9 +67,9 @@ def address_of(process: "subprocess.Popen[str]") -> str:
 
 @contextlib.contextmanager
 def running(*words: str):
-    """Yield a command of hil-bench that runs in a folder with the examples, and leaves files there."""
+    """Yield a command of hil-bench that runs in a folder of its own, beside the examples."""
     command = [sys.executable, "-u", "-m", "hil_bench", *words]
-    process = subprocess.Popen(
+    process = subprocess.Popen(  # noqa: S603 - this program
         command, cwd=os.environ["XDG_RUNTIME_DIR"], stdout=subprocess.PIPE, text=True
     )
     try:

@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.reports.page import svg_of
 from hil_bench.abilities.campaign.running import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs
 from hil_bench.figure_style import STYLE
+from hil_bench.outside.page import POLICY
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")
@@ -55,6 +56,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
     page = Page(html)
     assert all(each.startswith("data:") for each in page.loaded)
     assert "script" not in page.tags
+    assert POLICY in html
     assert HOSTILE in page.words
     for part in html.split("<svg")[1:]:
         ET.fromstring("<svg" + part.partition("</svg>")[0] + "</svg>")  # noqa: S314 - our own

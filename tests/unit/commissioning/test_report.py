@@ -17,6 +17,7 @@ from hil_bench.abilities.commissioning.measures import (
 )
 from hil_bench.abilities.commissioning.report import ReportHead, write_report
 from hil_bench.abilities.commissioning.session import Commissioning
+from hil_bench.outside.page import POLICY
 from hil_bench.outside.recording.channels import TIME, recording_dtype
 
 HEAD = ReportHead("Report of <axis 1>", {"date": "2026-01-02", "plan": "a|b.toml"})
@@ -55,6 +56,7 @@ def no_plot(monkeypatch):
 def test_both_say_the_same(tmp_path):
     markdown, page = write_report(tmp_path, found(), HEAD)
     text = html.unescape(markdown.read_text(encoding="utf-8"))
+    assert f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">' in page.read_text()
     plain = html.unescape(re.sub(r"<[^>]+>", " ", page.read_text(encoding="utf-8")))
     for fact in (
         "Report of <axis 1>",

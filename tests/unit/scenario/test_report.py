@@ -242,7 +242,12 @@ def test_a_picture_shades_fault_and_violation_and_marks_the_instant(tmp_path):
     scene = picture.Scene(
         finding.requirement.condition, node, instant, tuple(spans), found.evidence
     )
-    for place in picture._figure(scene).axes:
+    figure = picture._figure(scene)
+    (margin,) = (each for each in figure.axes if each.get_ylabel().startswith("Margin"))
+    filled = np.concatenate([p.vertices for c in margin.collections for p in c.get_paths()])
+    # It is below zero all the run, and counts at ticks 10 to 12 alone.
+    assert (filled[:, 0].min(), filled[:, 0].max()) == pytest.approx((0.010, 0.012))
+    for place in figure.axes:
         boxes = [patch.get_bbox() for patch in place.patches if hasattr(patch, "get_bbox")]
         shaded = [(box.x0, box.x1) for box in boxes]
         assert shaded == [pytest.approx((0.004, 0.007)), pytest.approx(spans[0])]

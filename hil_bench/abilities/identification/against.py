@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,7 +103,7 @@ def compare(
         settings: of the axis.
         options: how.
     """
-    clock = Clock(tick=options.tick)
+    clock = Clock(monotonic() + options.seconds, options.tick)
     options.say("the machine before")
     first = _bench(before, axis, settings, options, clock)
     held = _adapt(first, options)

@@ -23,13 +23,6 @@ _HEAD = (
     f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} {'before':>12}"
 )
 
-ADVICE = {
-    "one way": "the piston moves one way only; record strokes both ways",
-    "amplitudes": "all strokes have one opening; record three, such as 30, 60 and 90 %",
-    "few": "record four strokes each way at three openings",
-    "pressure": "neither pressure was recorded; fit a sensor to one chamber at least",
-}
-
 
 def summarise(found: Identification, limits: Sequence[Limit]) -> str:
     """Return the result as people read it."""
@@ -110,7 +103,7 @@ def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
     if not ladder.is_whole or not found.is_refined:
         lines.append("the time was over: this is the best so far; --time-limit gives more")
     if not record.moves_both_ways:
-        lines.append(ADVICE["one way"])
+        lines.append("the piston moves one way only; record strokes both ways")
     lines += [_miss(found, signal) for signal in range(3) if _is_missed(found, signal)]
     exceeded = find_exceeded(ladder.best.errors, limits)
     lines += [f"NOT as required: {line}" for line in exceeded]

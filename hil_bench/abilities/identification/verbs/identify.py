@@ -182,10 +182,11 @@ def run(args: argparse.Namespace) -> int:
         asked = Question(config, axis)
         settings = _settings(asked)
         wish = _read_wish(args, settings)
-        record = _read_records(args, files.recordings, asked)
         if args.against:
-            return _compare(args, asked, settings, wish, record)
-        found = _identify(args, asked, settings, wish, record)
+            return _compare(args, asked, settings, wish, files.recordings)
+        with _options_of(args, wish) as options:
+            record = _read_records(args, files.recordings, asked)
+            found = identify(record, axis, settings, step=config.dt, options=options)
         return _finish(args, found, asked, files.recordings, limits)
 
 
@@ -254,11 +255,11 @@ def _compare(
     asked: Question,
     settings: Settings,
     wish: Wish,
-    record: AxisRecord,
+    recordings: Sequence[Path],
 ) -> int:
     """Name what has changed since an earlier recording; return the exit code."""
-    before = _read_records(args, args.against, asked)
     with _options_of(args, wish) as options:
+        before, record = (_read_records(args, each, asked) for each in (args.against, recordings))
         found = compare(before, record, asked.axis, settings, options)
     ending = Ending(args)
     ending.take(ExitCode.CHECK_FAILED if found.is_changed else ExitCode.DONE)
@@ -284,18 +285,8 @@ def _options_of(args: argparse.Namespace, wish: Wish) -> Iterator[Options]:
         def say(stage: str) -> None:
             work.stage = stage
 
+        say("reading")
         yield Options(wish, args.jobs, args.time_limit, tick, say)
-
-
-def _identify(
-    args: argparse.Namespace,
-    asked: Question,
-    settings: Settings,
-    wish: Wish,
-    record: AxisRecord,
-) -> Identification:
-    with _options_of(args, wish) as options:
-        return identify(record, asked.axis, settings, step=asked.config.dt, options=options)
 
 
 def _finish(

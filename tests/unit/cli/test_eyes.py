@@ -416,3 +416,34 @@ def test_the_signals_of_a_dbc_become_channels(folder, capsys, monkeypatch):
 def test_a_dbc_of_ours_is_written_again():
     arguments = ["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]
     assert [main(arguments), main(arguments)] == [0, 0]
+
+
+@pytest.mark.usefixtures("folder", "bus")
+def test_monitor_explains_what_it_hears_as_explain_does(capsys):
+    """The bus has the frames of t.log and an error frame."""
+    assert main(["monitor", "--explain", "-i", "socketcan", "-c", "can0", "bench.toml"]) == 1
+    said = capsys.readouterr()
+    main(["explain", "t.log", "bench.toml"])
+    of_log = capsys.readouterr().out.splitlines()[3:]
+    assert said.out.splitlines()[-len(of_log) :] == of_log
+    assert "1. error frames" in said.out
+    assert said.err == "10 frames on can0, 1 error frames, 1 CAN FD frames left out\n"
+
+
+def test_explain_judges_one_channel_and_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    lines = [f"({time / 10:.6f}) can{time % 2} 70{1 + time % 2}#05\n" for time in range(40)]
+    (tmp_path / "two.log").write_text("".join(lines))
+    assert main(["explain", "two.log"]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("20 frames in 3.800 s, 1 nodes")
+    assert "frames of other channels left out (20 of can1)" in said.err
+
+
+def test_explain_says_that_the_clock_was_set_back(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    times = [*range(100, 200), *range(100)]
+    lines = [f"({time / 10:.6f}) can0 701#05\n" for time in times]
+    (tmp_path / "back.log").write_text("".join(lines))
+    assert main(["explain", "back.log"]) == 0
+    assert "the log: the clock goes back at 9.900 s" in capsys.readouterr().out

@@ -4,6 +4,9 @@ import pytest
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
+from hil_bench.abilities.eyes.sight import Service, Sight
+from hil_bench.abilities.eyes.transfers import Transfer, Way
+from hil_bench.canopen_device.frame import Frame
 
 S = 1_000_000_000
 
@@ -42,6 +45,16 @@ def test_a_cause_explains_what_it_leads_to(cause, effect, is_explained):
         assert sorted(each.name for each, _ in causes) == sorted(
             [cause.cause.name, effect.cause.name]
         )
+
+
+@pytest.mark.parametrize(("by_client", "is_explained"), [(True, True), (False, False)])
+def test_a_server_means_its_abort_whatever_the_bus_does(by_client, is_explained):
+    frame = Frame(0x582, b"\x80\0\x10\0\0\0\2\6")
+    transfer = Transfer(Way.UPLOAD, 0x1000, 0, 0, abort=1, is_aborted_by_client=by_client)
+    sight = Sight(0, frame, Service.SDO, "SDO", "node 2", 2, transfer=transfer)
+    abort = Finding(Cause.SDO_ABORT, "node 2", 0, "", (sight,))
+    causes = told(abort, found(Cause.ERROR_FRAMES, ""))
+    assert (len(causes) == 1) is is_explained
 
 
 def test_what_a_consequence_leads_to_is_told_with_the_cause():

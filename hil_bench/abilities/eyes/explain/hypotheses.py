@@ -32,6 +32,13 @@ def _awaited(cause: Finding, effect: Finding) -> bool:
     return cause.node == effect.node or cause.node in effect.others
 
 
+def _given_up(cause: Finding, effect: Finding) -> bool:
+    """Return True for a transfer that its client has aborted: a server means what it says."""
+    del cause
+    transfer = effect.sights[0].transfer if effect.sights else None
+    return transfer is not None and transfer.is_aborted_by_client
+
+
 class _Lead(NamedTuple):
     """Consequences of a cause.
 
@@ -54,16 +61,21 @@ _OF_SYNC: Final = frozenset({Cause.SYNC_MISSING, Cause.SYNC_JITTER})
 _OF_J1939: Final = frozenset(
     {Cause.J1939_SILENT, Cause.J1939_MISSING, Cause.J1939_TRANSFER, Cause.J1939_REQUEST}
 )
-_OF_TRAFFIC: Final = _OF_SDO | _OF_PDO | _OF_SYNC | _OF_J1939 | {Cause.HEARTBEAT_LOST}
+_OF_TRAFFIC: Final = (
+    _OF_SDO - {Cause.SDO_ABORT} | _OF_PDO | _OF_SYNC | _OF_J1939 | {Cause.HEARTBEAT_LOST}
+)
 _OF_NODE: Final = _OF_SDO | _OF_STATE | _OF_PDO | {Cause.HEARTBEAT_LOST, Cause.EMCY}
+
+_GIVEN_UP: Final = _Lead(frozenset({Cause.SDO_ABORT}), _given_up)
 
 _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, slack=None),),
-    Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere),),
+    Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere), _GIVEN_UP),
     Cause.ERROR_FRAMES: (
         _Lead(_OF_TRAFFIC | {Cause.BUS_SILENT, Cause.PDO_LOST, Cause.PDO_REPEATED}, _anywhere),
+        _GIVEN_UP,
     ),
-    Cause.BUS_LOAD: (_Lead(_OF_TRAFFIC | {Cause.PDO_LOST}, _anywhere),),
+    Cause.BUS_LOAD: (_Lead(_OF_TRAFFIC | {Cause.PDO_LOST}, _anywhere), _GIVEN_UP),
     Cause.NO_BOOT_UP: (
         _Lead(_OF_NODE, _awaited, slack=None),
         _Lead(frozenset({Cause.SYNC_MISSING}), _awaited, slack=None),

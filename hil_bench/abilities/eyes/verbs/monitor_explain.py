@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 import time
 
 from hil_bench.abilities.eyes.dbc_words import DbcMessages
@@ -18,6 +19,7 @@ from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import plain, print_lines
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.transports.listener import loss_words
 
 
 def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
@@ -40,6 +42,9 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
             last = time.monotonic_ns()
             look()
         frames = listener.frames
+        heading = [f"{frames} frames on {listener.description}", *loss_words(listener.losses)]
+    if not args.quiet:
+        print(", ".join(heading), file=sys.stderr)
     found = explainer.finish()
     if args.json:
         print(json.dumps(plain(explanation_content(found)), allow_nan=False), flush=True)

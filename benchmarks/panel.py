@@ -253,8 +253,8 @@ SHIPPED = """() => {
     const kind = name.includes("/vendor/") ? "vendored" : name.split(".").pop();
     sizes[kind] = (sizes[kind] ?? 0) + decodedBodySize;
   }
-  const words = Object.entries(sizes).map(([kind, size]) => `${kind} ${(size / 1e3).toFixed(1)} kB`);
-  return words.join(", ");
+  const text = ([kind, size]) => `${kind} ${(size / 1e3).toFixed(1)} kB`;
+  return Object.entries(sizes).map(text).join(", ");
 }"""
 
 FIRST_PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"

@@ -47,7 +47,7 @@ export class LayoutView {
 
   show() {
     this.isShown = true;
-    for (const { item } of this.items) item.show?.();
+    this.build();
   }
 
   hide() {
@@ -108,7 +108,9 @@ export class LayoutView {
     this.build();
   }
 
+  // Make the items; only while they are shown, so that they cost nothing before.
   build() {
+    if (!this.isShown || !this.model.hello) return;
     for (const { item } of this.items) item.hide?.();
     this.items = this.layout.items.map((content) => {
       const item = makeItem(content, this.model, (...words) => this.act(...words));
@@ -118,7 +120,7 @@ export class LayoutView {
     });
     this.grid.replaceChildren(...sorted(this.items).map(({ cell }) => cell));
     this.grid.classList.toggle("edited", this.isEdited);
-    if (this.isShown) this.show();
+    for (const { item } of this.items) item.show?.();
   }
 
   place(cell, { column, row, width, height }) {

@@ -98,7 +98,7 @@ def runs(kind: str, folder: Path) -> Iterator[RunSpec]:
 
 
 def finding(kind: str, folder: Path, pool: Backend) -> tuple[str, str]:
-    """Return what shows a bug with a kind, in short and in words; empty for nothing."""
+    """Return the finding that shows a bug with a kind, in short and in words; empty for nothing."""
     for spec in runs(kind, folder):
         (result,) = pool([spec])
         if result.outcome is not RunOutcome.PASSED:

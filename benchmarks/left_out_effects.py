@@ -109,7 +109,7 @@ def _late(values: Values, lag: float) -> Values:
 
 
 def compare(plain: Stroke, changed: Stroke) -> tuple[Errors, float]:
-    """Return what an effect changes, and the rms of the change of P_A [Pa]."""
+    """Return the changes by an effect, and the rms of the change of P_A [Pa]."""
     rows = min(len(plain.x), len(changed.x))
     shown = Shown(*(one[:rows] for one in changed[1:4]))
     base = Stroke(*(one[:rows] for one in plain[:4]), plain.supply)

@@ -117,7 +117,7 @@ def start_of(stroke: Stroke, parameters: PlantParameters, force: float) -> Plant
 
 
 def residuals(model: BenchPlant, strokes: Sequence[Stroke]) -> Values:
-    """Return what the model misses of all strokes, in `UNITS`; absent pressures are nought."""
+    """Return the residuals of all strokes, in `UNITS`; absent pressures are nought."""
     force = sum(load.force_at(0.0, 0.0) for load in model.options.loads)
     parts = []
     for stroke in strokes:

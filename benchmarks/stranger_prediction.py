@@ -39,7 +39,7 @@ class Stroke(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What a model says of a stroke, each `TICK`; a pressure it does not know is not a number."""
+    """A predicted stroke, each `TICK`; a pressure it does not know is not a number."""
 
     x: Values
     P_A: Values
@@ -138,7 +138,7 @@ def delayed(command: Values, delay: float) -> Values:
 
 
 def errors_of(stroke: Stroke, shown: Shown, pressures: Sequence[str]) -> Errors:
-    """Return how far a prediction is off: speed and pressures in the middle of the way."""
+    """Return the errors of a prediction: speed and pressures in the middle of the way."""
     way = np.sign(stroke.x[-1] - stroke.x[0])
     span = abs(stroke.x[-1] - stroke.x[0])
     travel = [way * (one.x - one.x[0]) for one in (stroke, shown)]

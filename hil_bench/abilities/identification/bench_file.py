@@ -35,7 +35,9 @@ def write_bench(found: Identification, config: BenchConfig, source: str, within:
     name = found.record.axis
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",
-        f"# Strokes that were left out of the fit are predicted within {within}.",
+        f"# Strokes that were left out of the fit are predicted within {within}."
+        if within
+        else "# The error of prediction is not known: no stroke was left out of the fit.",
     ]
     text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
     kept = _without_table(text, name)

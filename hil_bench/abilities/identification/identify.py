@@ -32,7 +32,7 @@ Values = npt.NDArray[np.float64]
 _COARSE, _COARSE_STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]: rows, step and mean of the ladder
 _FINE, _FINE_STEP = 1e-3, 1e-4  # [s]: of the last fit
 _TOLD = 0.5  # of what was expected: a parameter known less well is not told by the record
-_QUANTILE = 0.975
+_TOLD_AT_MOST = 0.5  # of a free variable, such as 50 % of a positive parameter
 
 
 class Estimate(NamedTuple):
@@ -214,7 +214,7 @@ def _estimates(fit: Fit, covariance: Values) -> tuple[Estimate, ...]:
                 own * abs(unknown.slope(variable)),
                 (unknown.value(low), unknown.value(high)),
                 unknown.value(unknown.start),
-                own < _TOLD * unknown.spread,
+                own < min(_TOLD * unknown.spread, _TOLD_AT_MOST),
             )
         )
     return tuple(estimates)

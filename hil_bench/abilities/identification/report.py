@@ -64,7 +64,8 @@ def ladder_lines(found: Identification) -> list[str]:
         if not rung.is_kept:
             title = f"({title})"
         score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
-        text = _within(rung.errors) if rung.errors else "not judged: fits hardly better"
+        unjudged = "not judged" if rung.is_kept else "not judged: fits hardly better"
+        text = _within(rung.errors) if rung.errors else unjudged
         lines.append(f"{title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
     return lines
 

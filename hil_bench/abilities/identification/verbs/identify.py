@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -315,8 +316,11 @@ def _write(directory: Path, found: Identification, asked: Question, source: str)
     """Write the bench and the figure; return the files."""
     bench = directory / "bench.toml"
     errors = found.ladder.best.errors
+    stated = {name: stated_error(errors, name) for name in QUANTITIES}
     within = ", ".join(
-        f"{name} {stated_error(errors, name):.3g} {one.unit}" for name, one in QUANTITIES.items()
+        f"{name} {value:.3g} {QUANTITIES[name].unit}"
+        for name, value in stated.items()
+        if math.isfinite(value)
     )
     with about_file(bench, right="give a directory of yours"):
         text = write_bench(found, asked.config, source, within)

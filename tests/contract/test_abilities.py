@@ -27,6 +27,7 @@ GOLDEN = {
     "commissioning": "commissioning",
     "demo": "demo",
     "demo_modbus": "demo",
+    "modbus": "modbus",
     "shadow": "shadow",
 }
 """The golden runs that an ability makes; the core makes the others."""

@@ -169,7 +169,7 @@ def main() -> None:
     logging.disable(logging.CRITICAL)
     names = "here", "`canopen.LocalNode`", "`durand`"
     found = [results_of(make()) for make in (ours, local_node, durand_node)]
-    print(f"| passed / failed / not applicable | {' | '.join(names)} |\n|---|---|---|---|")
+    print(f"| {' / '.join(Outcome)} | {' | '.join(names)} |\n|---|---|---|---|")
     for title in (*[chapter.title for chapter in CHAPTERS], "**all**"):
         cells = []
         for results in found:

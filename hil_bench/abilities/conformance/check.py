@@ -5,7 +5,7 @@ Clauses are those of CiA 301 version 4.2.0. CiA 305 is cited by the name of the 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 
@@ -21,6 +21,17 @@ class Impact(IntEnum):
     """Overwrites the parameters that the device has stored."""
 
 
+class Degree(StrEnum):
+    """The weight that a clause has."""
+
+    REQUIRED = "required"
+    """Every CANopen device does this."""
+    OPTIONAL = "optional"
+    """A device may leave the service out; one that has it does this."""
+    RECOMMENDED = "recommended"
+    """The clause leaves it open, and most devices do this. One that does not is no failure."""
+
+
 Judge = Callable[[DeviceUnderTest], str | None]
 """Does the check. Returns what else is worth telling; raises `Deviation` or `NotApplicable`."""
 
@@ -34,12 +45,14 @@ class Check:
         text: what is right, in a line.
         impact: what the check does to the device.
         judge: does it.
+        degree: the weight of the clause.
     """
 
     clause: str
     text: str
     impact: Impact
     judge: Judge
+    degree: Degree = Degree.REQUIRED
 
 
 class Chapter:
@@ -47,20 +60,22 @@ class Chapter:
 
     Attributes:
         title: the subject.
+        degree: the degree of a check that names no other.
         checks: its checks.
     """
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, degree: Degree = Degree.OPTIONAL) -> None:
         self.title = title
+        self.degree = degree
         self.checks: list[Check] = []
 
     def check(
-        self, clause: str, text: str, impact: Impact = Impact.READ
+        self, clause: str, text: str, impact: Impact = Impact.READ, degree: Degree | None = None
     ) -> Callable[[Judge], Judge]:
         """Return a decorator that adds a function as a check."""
 
         def add(judge: Judge) -> Judge:
-            self.checks.append(Check(clause, text, impact, judge))
+            self.checks.append(Check(clause, text, impact, judge, degree or self.degree))
             return judge
 
         return add

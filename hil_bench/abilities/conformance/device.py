@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 
 from hil_bench.abilities.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
-from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
@@ -35,6 +35,8 @@ class DeviceUnderTest:
         patience: longest wait for an answer, and how long silence is waited for [s].
         settling: time that the device is given to act on a frame that it does not answer [s].
         sdo: its default SDO channel.
+        fall: why it does not stay OPERATIONAL; empty while nothing says so.
+        was_started: whether a check has relied on OPERATIONAL since somebody cleared this.
     """
 
     def __init__(
@@ -46,6 +48,8 @@ class DeviceUnderTest:
         self.patience = patience
         self.settling = patience / 25
         self.sdo = SdoClient(wire, REQUEST + node_id, ANSWER + node_id, patience)
+        self.fall = ""
+        self.was_started = False
         self._sends_boot_up = True
 
     def command(self, command: NmtCommand, node_id: int | None = None) -> None:
@@ -138,9 +142,23 @@ class DeviceUnderTest:
             raise NotApplicable(f"{place(index, subindex)} is {variable.access.value} in the EDS")
         return variable
 
+    def need_operational(self) -> None:
+        """Rely on OPERATIONAL from here on.
+
+        Raises:
+            NotRun: the device is known not to stay there.
+        """
+        if self.fall:
+            raise NotRun(self.fall)
+        self.was_started = True
+
     @contextlib.contextmanager
     def operational(self) -> Iterator[None]:
-        """Start the node, and take it back to PRE-OPERATIONAL at the end."""
+        """Start the node, and take it back to PRE-OPERATIONAL at the end.
+
+        `NotRun` where the device is known not to stay OPERATIONAL.
+        """
+        self.need_operational()
         self.wire.forget()
         self.command(NmtCommand.START)
         self.wire.wait(self.settling)

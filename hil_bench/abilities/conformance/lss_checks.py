@@ -97,13 +97,20 @@ def bit_timing(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check("CiA 305, identify remote slave", "who is in the range says so", Impact.WRITE)
 def identify(dut: DeviceUnderTest) -> None:
-    """Identify by the device's own address, then by a range of serial numbers beside it."""
+    """Identify by the device's own address, then by a range of serial numbers beside it.
+
+    Raises:
+        NotApplicable: silence: a slave that is selected by its address may lack this service.
+        Deviation: another answer, or one to a range that leaves the device out.
+    """
     vendor, product, revision, serial = _address(dut)
     _check_available(dut, (vendor, product, revision, serial))
     _send_numbers(dut, _IDENTIFY, (vendor, product, revision, revision, serial, serial))
     answer = _answer(dut)
-    if answer is None or answer[0] != _IDENTIFIED:
-        raise Deviation("no answer to its own address")
+    if answer is None:
+        raise NotApplicable("no answer: the device does not have this service")
+    if answer[:1] != bytes([_IDENTIFIED]):
+        raise Deviation(f"answer {shown(answer)}; {_IDENTIFIED:02X} ... is right")
     beside = serial ^ _BESIDE
     _send_numbers(dut, _IDENTIFY, (vendor, product, revision, revision, beside, beside))
     _expect_silence(dut, "another serial number")

@@ -1,14 +1,15 @@
 """NMT slave: commands, states, what lives in which state (CiA 301, 7.2.8 and 7.3.2)."""
 
-from hil_bench.abilities.conformance.check import Chapter, Impact
+from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
 from hil_bench.abilities.conformance.device import BOOT_PATIENCE, DeviceUnderTest
+from hil_bench.abilities.conformance.fall import find_fall
 from hil_bench.abilities.conformance.scratch import scratch
 from hil_bench.abilities.conformance.sdo_client import upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 
-CHAPTER = Chapter("NMT")
+CHAPTER = Chapter("NMT", Degree.REQUIRED)
 
 
 @CHAPTER.check("7.2.8.3.3", "reset node is followed by the boot-up message", Impact.WRITE)
@@ -23,6 +24,18 @@ def reset_communication(dut: DeviceUnderTest) -> None:
     _expect_boot_up(dut, NmtCommand.RESET_COMMUNICATION)
 
 
+@CHAPTER.check("7.3.2.2.3", "a started node stays OPERATIONAL", Impact.WRITE)
+def stays_operational(dut: DeviceUnderTest) -> None:
+    """Reset, start, and watch: what needs OPERATIONAL is not run where this fails.
+
+    Raises:
+        Deviation: it does not stay there; the message names the cause.
+    """
+    dut.fall = find_fall(dut)
+    if dut.fall:
+        raise Deviation(dut.fall)
+
+
 @CHAPTER.check("7.3.2.2", "the node enters PRE-OPERATIONAL after the boot-up message", Impact.WRITE)
 def after_boot_up(dut: DeviceUnderTest) -> str | None:
     """Reset, then look; 1F80h may ask for OPERATIONAL instead (CiA 302-2).
@@ -33,6 +46,7 @@ def after_boot_up(dut: DeviceUnderTest) -> str | None:
     right = NmtState.PRE_OPERATIONAL
     if 0x1F80 in dut.objects and not dut.number(0x1F80) & 4:
         right = NmtState.OPERATIONAL
+        dut.need_operational()
     with dut.watched():
         if 0x1F80 not in dut.objects and dut.state() is NmtState.OPERATIONAL:
             return "OPERATIONAL, by itself"
@@ -43,6 +57,7 @@ def after_boot_up(dut: DeviceUnderTest) -> str | None:
 @CHAPTER.check("7.2.8.3.1", "start, stop and enter pre-operational do what they say", Impact.WRITE)
 def commands(dut: DeviceUnderTest) -> None:
     """Command each change of state between the three states."""
+    dut.need_operational()
     path = (
         NmtCommand.START,
         NmtCommand.STOP,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from hil_bench.abilities.conformance.check import Chapter, Impact
+from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest, place
 from hil_bench.abilities.conformance.sdo_client import code_text, download_request, upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
@@ -10,7 +10,7 @@ from hil_bench.canopen_device.datatypes import IntegerType
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.errors import SdoAbort
 
-CHAPTER = Chapter("Object dictionary")
+CHAPTER = Chapter("Object dictionary", Degree.REQUIRED)
 
 _RESERVED_INDEX = 0xC0DE
 """In C000h to FFFFh, where CiA 301 has no object."""
@@ -115,7 +115,11 @@ def no_subindex(dut: DeviceUnderTest) -> None:
     dut.sdo.expect_abort(upload_request(0x1018, 0xFE), _NO_SUBINDEX)
 
 
-@CHAPTER.check("7.5.2.4", "beyond the number of errors, 1003h aborts with 0800 0024h")
+@CHAPTER.check(
+    "7.5.2.4",
+    "beyond the number of errors, 1003h aborts with 0800 0024h",
+    degree=Degree.OPTIONAL,
+)
 def history_beyond(dut: DeviceUnderTest) -> str:
     """Read the history; by older editions of CiA 301 the code is 0609 0011h."""
     dut.variable(0x1003)

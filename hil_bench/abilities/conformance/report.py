@@ -4,12 +4,19 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from hil_bench.abilities.conformance.check import Impact
+from hil_bench.abilities.conformance.check import Degree, Impact
+from hil_bench.abilities.conformance.disputes import DISPUTES
 from hil_bench.abilities.conformance.eds_check import EdsFinding
 from hil_bench.abilities.conformance.suite import Outcome, Result
 from hil_bench.outside.markdown import cell, plain
 
-_MARKS = {Outcome.PASSED: "ok", Outcome.FAILED: "**FAILED**", Outcome.NOT_APPLICABLE: "–"}
+_MARKS = {
+    Outcome.PASSED: "ok",
+    Outcome.FAILED: "**FAILED**",
+    Outcome.NOT_FOLLOWED: "not followed",
+    Outcome.NOT_RUN: "not run",
+    Outcome.NOT_APPLICABLE: "–",
+}
 
 _SECTIONS = {
     "SDO and PDO": (
@@ -49,13 +56,27 @@ _ALLOWED = {
 def line(result: Result) -> str:
     """Return one result as a line of text."""
     detail = f": {result.detail}" if result.detail else ""
-    return f"{result.outcome.value:14}  {result.check.clause:11}  {result.check.text}{detail}"
+    check = result.check
+    begin = f"{result.outcome.value:14}  {check.degree.value:11}  {check.clause:11}"
+    return f"{begin}  {check.text}{detail}"
 
 
 def summary(results: Sequence[Result]) -> str:
-    """Return the number of checks by outcome."""
+    """Return the number of checks by outcome, and of those that failed by degree."""
     counts = Counter(result.outcome for result in results)
-    return ", ".join(f"{counts[outcome]} {outcome.value}" for outcome in Outcome)
+    always = Outcome.PASSED, Outcome.FAILED, Outcome.NOT_APPLICABLE
+    words = {o: f"{counts[o]} {o.value}" for o in Outcome if counts[o] or o in always}
+    degrees = Counter(result.check.degree for result in failures(results))
+    if degrees:
+        by_degree = ", ".join(f"{degrees[d]} {d.value}" for d in Degree if degrees[d])
+        words[Outcome.FAILED] += f" ({by_degree})"
+    return ", ".join(words.values())
+
+
+def not_run(results: Sequence[Result]) -> list[str]:
+    """Return a line for each cause by which checks were not run, with their number."""
+    causes = Counter(result.detail for result in results if result.outcome is Outcome.NOT_RUN)
+    return [f"{n} check{'s' * (n > 1)} not run: {cause}" for cause, n in causes.items()]
 
 
 def failures(results: Sequence[Result]) -> list[Result]:
@@ -89,6 +110,7 @@ def as_json(results: Sequence[Result]) -> list[dict[str, str]]:
         {
             "chapter": result.chapter,
             "clause": result.check.clause,
+            "degree": result.check.degree.value,
             "check": result.check.text,
             "impact": result.check.impact.name.lower(),
             "outcome": result.outcome.value,
@@ -117,7 +139,8 @@ def _report(
     failed = failures(_sorted(results))
     if failed:
         yield from ("", "## What fails", "")
-        yield from (f"- {r.check.clause}: {r.check.text}. {cell(r.detail)}" for r in failed)
+        yield from map(_failure, failed)
+        yield from (f"- {cell(line)}" for line in not_run(results))
     yield from ("", "## 1. Electronic data sheet", "")
     yield from _findings(eds)
     chapters = [(title, list(group)) for title, group in groupby(_sorted(results), _chapter)]
@@ -129,12 +152,21 @@ def _report(
             if members != (chapter,):
                 yield from ("", f"### {chapter}")
             yield from _table(some)
+    yield from ("", "## How open clauses are read", "")
+    yield from (f"- {reading}" for reading in DISPUTES)
+
+
+def _failure(result: Result) -> str:
+    check = result.check
+    return f"- {check.clause} ({check.degree.value}): {check.text}. {cell(result.detail)}"
 
 
 def _table(results: Sequence[Result]) -> Iterator[str]:
-    yield from ("", "| clause | what is right | | found |", "|---|---|---|---|")
+    yield from ("", "| clause | degree | what is right | | found |", "|---|---|---|---|---|")
     for result in results:
-        cells = result.check.clause, result.check.text, _MARKS[result.outcome], result.detail
+        check = result.check
+        detail = "" if result.outcome is Outcome.NOT_RUN else result.detail
+        cells = check.clause, check.degree.value, check.text, _MARKS[result.outcome], detail
         yield f"| {' | '.join(map(cell, cells))} |"
 
 

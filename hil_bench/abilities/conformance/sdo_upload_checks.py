@@ -1,12 +1,12 @@
 """SDO upload, expedited and segmented (CiA 301, 7.2.4.3.5 to 7.2.4.3.7)."""
 
-from hil_bench.abilities.conformance.check import Chapter, Impact
+from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.sdo_client import shown, upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
 from hil_bench.canopen_device.frame import Frame
 
-CHAPTER = Chapter("SDO upload")
+CHAPTER = Chapter("SDO upload", Degree.REQUIRED)
 
 _TOGGLE_ERROR, _TIMED_OUT, _SPECIFIER = 0x05030000, 0x05040000, 0x05040001
 
@@ -127,7 +127,9 @@ def other_node(dut: DeviceUnderTest) -> None:
         raise Deviation(f"answer {shown(answer)} to a request by 0x{request_id:03X}")
 
 
-@CHAPTER.check("7.5.2.33", "1200h has the identifiers of the default channel")
+@CHAPTER.check(
+    "7.5.2.33", "1200h has the identifiers of the default channel", degree=Degree.OPTIONAL
+)
 def default_channel(dut: DeviceUnderTest) -> None:
     """Read 1200h, which is there only where the EDS has it."""
     dut.variable(0x1200, 1)

@@ -84,6 +84,7 @@ def self_start(dut: DeviceUnderTest) -> None:
     """Store 1F80h with bit 2 clear, reset the node, look; then with bit 2 set."""
     dut.writable(_STARTUP)
     _check_ability(dut, _STORE)
+    dut.need_operational()
     before = dut.number(_STARTUP)
     try:
         for bit, right in ((0, NmtState.OPERATIONAL), (_NO_SELF_START, NmtState.PRE_OPERATIONAL)):

@@ -20,9 +20,10 @@ from hil_bench.abilities.conformance import (
     sync_checks,
     tpdo_checks,
 )
-from hil_bench.abilities.conformance.check import Chapter, Check, Impact
+from hil_bench.abilities.conformance.check import Chapter, Check, Degree, Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
-from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.abilities.conformance.fall import fall_after
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.canopen_device.nmt import NmtCommand
 
 CHAPTERS = tuple(
@@ -52,6 +53,10 @@ class Outcome(StrEnum):
 
     PASSED = "passed"
     FAILED = "failed"
+    NOT_FOLLOWED = "not followed"
+    """The device deviates from what is recommended; it may."""
+    NOT_RUN = "not run"
+    """The check needs OPERATIONAL, which the device does not keep; another one names the cause."""
     NOT_APPLICABLE = "not applicable"
 
 
@@ -97,12 +102,19 @@ def run_suite(
 
 
 def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -> Result:
+    dut.was_started = False
     try:
         detail = check.judge(dut)
     except NotApplicable as reason:
         result = Result(chapter, check, Outcome.NOT_APPLICABLE, str(reason))
+    except NotRun as cause:
+        result = Result(chapter, check, Outcome.NOT_RUN, str(cause))
     except Deviation as deviation:
-        result = Result(chapter, check, Outcome.FAILED, str(deviation))
+        fall = fall_after(dut) if dut.was_started else ""
+        detail = f"{fall}; {deviation}" if fall else str(deviation)
+        is_advice = check.degree is Degree.RECOMMENDED and not fall
+        outcome = Outcome.NOT_FOLLOWED if is_advice else Outcome.FAILED
+        result = Result(chapter, check, outcome, detail)
     else:
         return Result(chapter, check, Outcome.PASSED, detail or "")
     _settle(dut, allowed)

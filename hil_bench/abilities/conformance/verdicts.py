@@ -11,6 +11,10 @@ class NotApplicable(HilBenchError):  # noqa: N818 - a verdict, not an error
     """The check cannot be done with this device; the message says why."""
 
 
+class NotRun(HilBenchError):  # noqa: N818 - a verdict, not an error
+    """The check needs a state that the device does not keep; the message names the cause."""
+
+
 class Refused(Deviation):
     """The device aborted an SDO transfer that it should have served.
 

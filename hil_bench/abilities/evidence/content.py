@@ -53,6 +53,8 @@ def _device_counts(devices: Sequence[Mapping[str, Any]]) -> str:
     for device in devices:
         for outcome, count in device.get("counts", {}).items():
             totals[outcome] = totals.get(outcome, 0) + count
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in totals.items())
+    always = "passed", "failed", "not applicable"
+    shown = {name: count for name, count in totals.items() if count or name in always}
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in shown.items())
     what = "device" if len(devices) == 1 else "devices"
     return f"{len(devices)} {what}" + (f": {counts}" if counts else "")

@@ -6,6 +6,7 @@ import pytest
 
 from device_profiles import VALVE_408
 from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
 
@@ -22,7 +23,7 @@ node_id = 9
 def verdicts(text):
     """The rows of a report without what was found beside the verdict, such as counts of objects."""
     rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
-    return [row if "**FAILED**" in row else row[:3] for row in rows]
+    return [row if "**FAILED**" in row else row[:4] for row in rows]
 
 
 @pytest.mark.long
@@ -80,7 +81,7 @@ def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, caps
 def test_reading_only_prints_a_line_a_check(capsys):
     assert main(["conformance", "--virtual", "--node-id", "4"]) == 0
     out, err = capsys.readouterr()
-    assert "passed          7.5.2.1      1000h has the device type of the EDS" in out
+    assert "passed          required     7.5.2.1      1000h has the device type of the EDS" in out
     assert "7.2.8.3.3" not in out  # a reset is no reading
     assert err.endswith(" not applicable\n")
 
@@ -137,3 +138,35 @@ def test_a_wrong_command_line_is_one_clear_line(arguments, message, tmp_path, mo
     assert main(["conformance", "--virtual", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert message in line
+
+
+@pytest.mark.parametrize("quiet", [[], ["-q"]])
+def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, capsys):
+    """The device leaves OPERATIONAL in any check: the line counts what waits for it."""
+    check = CHAPTERS[0].checks[0]
+    cause = "the device leaves OPERATIONAL by EMCY 0x5000"
+    results = [
+        Result("NMT", check, Outcome.FAILED, cause),
+        *[Result("TPDO", check, Outcome.NOT_RUN, cause)] * 21,
+    ]
+    monkeypatch.setattr(
+        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        lambda _dut, _allowed: iter(results),
+    )
+    assert main(["conformance", "--virtual", "--node-id", "1", *quiet]) == 1
+    out, err = capsys.readouterr()
+    failed, not_run = out.splitlines()
+    assert failed.startswith("failed          required ")
+    assert not_run == f"21 checks not run: {cause}"
+    summary = "0 passed, 1 failed (1 required), 21 not run, 0 not applicable"
+    assert (summary in err) == (not quiet)
+
+
+def test_a_recommendation_is_no_reason_for_exit_code_1(monkeypatch, capsys):
+    result = Result("RPDO", CHAPTERS[0].checks[0], Outcome.NOT_FOLLOWED, "no EMCY")
+    monkeypatch.setattr(
+        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        lambda _dut, _allowed: iter([result]),
+    )
+    assert main(["conformance", "--virtual", "--node-id", "1"]) == 0
+    assert "not followed    required" in capsys.readouterr().out

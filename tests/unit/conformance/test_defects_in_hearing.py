@@ -133,11 +133,6 @@ HEARS = {
         "CiA 305, identify remote slave",
         "LSS",
     ),
-    "does not identify itself": (
-        lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x46 else [f],
-        "CiA 305, identify remote slave",
-        "LSS",
-    ),
     "deaf to SYNC": (deaf_to(0x080), "7.5.2.37", "TPDO"),
     "deaf to RPDO": (deaf_to(0x205), "7.5.2.35", "RPDO"),
     "obeys commands to others": (hears_any_node, "7.2.8.3.1", "NMT"),

@@ -23,11 +23,11 @@ def test_markdown_names_what_fails_before_all_else():
     lines = text.splitlines()
     assert "Node 5, device.eds; reading and writing." in lines[2]
     assert "This is no certificate" in lines[3]
-    assert lines[5] == "**1 passed, 1 failed, 1 not applicable; EDS: no findings**"
+    assert lines[5] == "**1 passed, 1 failed (1 required), 1 not applicable; EDS: no findings**"
     assert lines.index("## What fails") < lines.index("### SDO upload") < lines.index("### RPDO")
-    assert "- 7.2.4.3.7: this is right. a \\| b; c is right" in lines
-    assert "| 7.2.4.3.6 | this is right | ok | 4 bytes |" in lines
-    assert "| 7.2.4.3.7 | this is right | **FAILED** | a \\| b; c is right |" in lines
+    assert "- 7.2.4.3.7 (required): this is right. a \\| b; c is right" in lines
+    assert "| 7.2.4.3.6 | required | this is right | ok | 4 bytes |" in lines
+    assert "| 7.2.4.3.7 | required | this is right | **FAILED** | a \\| b; c is right |" in lines
 
 
 def test_the_order_is_that_of_the_test_that_certifies():
@@ -42,6 +42,7 @@ def test_the_order_is_that_of_the_test_that_certifies():
         "## 5. NMT state machine",
         "## 6. Store and restore",
         "## 7. Node-ID and bit rate",
+        "## How open clauses are read",
     ]
     assert text.count("| 7.2.4.3.6 |") == len(CHAPTERS)
 
@@ -78,6 +79,7 @@ def test_json_has_every_result():
     assert report.as_json(RESULTS)[1] == {
         "chapter": "SDO upload",
         "clause": "7.2.4.3.7",
+        "degree": "required",
         "check": "this is right",
         "impact": "read",
         "outcome": "failed",
@@ -86,4 +88,6 @@ def test_json_has_every_result():
 
 
 def test_a_line_of_text():
-    assert report.line(RESULTS[2]) == "not applicable  7.2.4.3.6    this is right: no RPDO"
+    assert report.line(RESULTS[2]) == (
+        "not applicable  required     7.2.4.3.6    this is right: no RPDO"
+    )

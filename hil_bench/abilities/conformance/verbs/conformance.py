@@ -11,7 +11,7 @@ from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.eds_check import check_eds
-from hil_bench.abilities.conformance.suite import Result, run_suite
+from hil_bench.abilities.conformance.suite import Outcome, Result, run_suite
 from hil_bench.abilities.conformance.verdicts import Deviation
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.bench.configuration import BenchConfig
@@ -32,7 +32,12 @@ examples:
   hil-bench conformance -i socketcan -c can0 --node-id 5 --eds vendor.eds --write --report device.md
   hil-bench conformance --virtual --node-id 1 --write
 
-exit code 0 where no check failed, 1 where one did or the device does not answer
+exit code 0 where no check failed, 1 where one did or the device does not answer; a recommendation
+that the device does not follow is no failure
+
+Each check has a degree: required of every device, optional (a device without the service is "not
+applicable"), recommended. Where the device leaves OPERATIONAL by an error of its own, one check
+fails and names the cause; those that need OPERATIONAL are "not run".
 
 Without --write nothing is written and no state changes. With it the node is reset, started and
 stopped, its objects are written and restored, its RPDOs are sent: only where nothing can move. It
@@ -103,7 +108,8 @@ def run(args: argparse.Namespace) -> int:
             for result in run_suite(dut, allowed):
                 results.append(result)
                 checks.done += 1
-                if not args.json and not args.quiet:
+                is_shown = result.outcome is not Outcome.NOT_RUN
+                if is_shown and not args.json and not args.quiet:
                     print(report.line(result), flush=True)
             device = _description(dut)
     ending = Ending(args)
@@ -207,10 +213,13 @@ def _description(dut: DeviceUnderTest) -> str:
 def _print(results: list[Result], args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
-    elif args.quiet:
+        return
+    if args.quiet:
         for result in report.failures(results):
             print(report.line(result))
-    else:
+    for line in report.not_run(results):
+        print(line)
+    if not args.quiet:
         print(report.summary(results), file=sys.stderr)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG, STICTION
+from hil_bench.abilities.identification.report import AS_CONFIGURED
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS
@@ -33,13 +34,16 @@ def write_bench(found: Identification, config: BenchConfig, source: str, within:
         within: errors of prediction, in words.
     """
     name = found.record.axis
+    text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
+    if not found.is_moved:
+        head = [f"# {name} is {AS_CONFIGURED} from {source!r}."]
+        return "\n".join([*head, *(["", text.strip("\n")] if text else [])]) + "\n"
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",
         f"# Strokes that were left out of the fit are predicted within {within}."
         if within
         else "# The error of prediction is not known: no stroke was left out of the fit.",
     ]
-    text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
     kept = _without_table(text, name)
     table = "\n".join([f"[plant.{name}]", *_lines(found, config.settings, source)])
     parts = ["\n".join(head), kept.strip("\n"), table]

@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from time import monotonic
-from typing import NamedTuple
+from time import monotonic, process_time
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -40,15 +40,23 @@ class Clock:
     Attributes:
         end: on the machine's monotonic clock [s]; infinite for none.
         tick: is called often.
+        least: processor time that the first answer has in any case [s].
+        busy: of this process' clock, until which the time is not over [s].
     """
 
     end: float = math.inf
     tick: Callable[[], None] = lambda: None
+    least: float = 0.0
+    busy: float = 0.0
 
     @property
     def is_over(self) -> bool:
         """Return True if the time is over."""
-        return monotonic() > self.end
+        return monotonic() > self.end and process_time() > self.busy
+
+    def for_first(self) -> Self:
+        """Return the clock of the first answer, which counts processor time on a busy machine."""
+        return replace(self, busy=process_time() + self.least)
 
 
 class Fit(NamedTuple):
@@ -59,12 +67,14 @@ class Fit(NamedTuple):
         variables: that were found.
         cost: at these.
         is_whole: whether the search has come to its end.
+        is_moved: whether it is better than where the search began, or that is the best.
     """
 
     unknowns: tuple[Unknown, ...]
     variables: Values
     cost: float
     is_whole: bool
+    is_moved: bool = True
 
     @property
     def values(self) -> dict[str, float]:
@@ -187,6 +197,7 @@ class Problem:
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
+        self.first = math.inf
         self._doubt = math.sqrt(
             max(1.0, sum(self.lengths) / (_INDEPENDENT * len(bench.course.strokes)))
         )
@@ -209,6 +220,8 @@ class Problem:
         self._here = variables.copy()
         self._residuals = self._at(variables, self._cuts)
         cost = float((np.sqrt(1.0 + self._residuals**2) - 1.0).sum())
+        if math.isinf(self.best[0]):
+            self.first = cost
         if cost < self.best[0]:
             self.best = (cost, variables.copy())
         return self._residuals
@@ -277,7 +290,7 @@ def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int
         rounds: evaluations at most.
 
     Returns:
-        The best that was found, also where the time was over.
+        The best that was found, also where the time was over: then perhaps where it began.
     """
     from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
 
@@ -285,11 +298,13 @@ def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int
     low = np.array([one.low for one in unknowns])
     high = np.array([one.high for one in unknowns])
     room = 1e-6 * (high - low)
+    begin = np.clip(begin, low + room, high - room)
+    problem.best = (math.inf, begin)
     is_whole = True
     try:
         least_squares(
             problem.residuals,
-            np.clip(begin, low + room, high - room),
+            begin,
             problem.slopes,
             (low, high),
             method="dogbox",
@@ -302,7 +317,7 @@ def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int
     except Stopped:
         is_whole = False
     cost, variables = problem.best
-    return Fit(tuple(unknowns), variables, cost, is_whole)
+    return Fit(tuple(unknowns), variables, cost, is_whole, is_whole or cost < problem.first)
 
 
 def _start(machine: Running, stroke: Stroke, setpoint: float) -> Values:

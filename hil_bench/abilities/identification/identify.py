@@ -31,6 +31,7 @@ Values = npt.NDArray[np.float64]
 
 _COARSE, _COARSE_STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]: rows, step and mean of the ladder
 _FINE, _FINE_STEP = 1e-3, 1e-4  # [s]: of the last fit
+_FIRST = 20.0  # [s] of processor time that the first answer has at most beyond the limit
 _TOLD = 0.5  # of what was expected: a parameter known less well is not told by the record
 _TOLD_AT_MOST = 0.5  # of a free variable, such as 50 % of a positive parameter
 
@@ -94,6 +95,11 @@ class Identification:
     correlations: Values
 
     @property
+    def is_moved(self) -> bool:
+        """Return True if a search had an answer before the time was over."""
+        return self.ladder.best.fit.is_moved
+
+    @property
     def record(self) -> AxisRecord:
         """The record, with a row each that was fitted."""
         return self.bench.course.record
@@ -101,7 +107,7 @@ class Identification:
     @property
     def keys(self) -> dict[str, float | str]:
         """The keys of `bench.toml` that were found, in their units."""
-        return self.bench.template.keys(self.fit.values)
+        return self.bench.template.keys(self.fit.values) if self.is_moved else {}
 
 
 def identify(
@@ -123,7 +129,7 @@ def identify(
     """
     chosen = Options() if options is None else options
     require_startable(states_without_start(axis.options))
-    clock = Clock(monotonic() + chosen.seconds, chosen.tick)
+    clock = Clock(monotonic() + chosen.seconds, chosen.tick, min(chosen.seconds, _FIRST))
     template = Template(axis, settings, len(record.sessions))
     coarse = Bench(
         template,
@@ -138,6 +144,16 @@ def identify(
     if _ends_at_stop(coarse) and "stroke_mm" not in (*wish.fix, *wish.free):
         wish = wish._replace(free=(*wish.free, "stroke_mm"))
     ladder = climb(coarse, wish, chosen.say)
+    if not ladder.best.fit.is_moved:
+        nothing = np.zeros((0, 0))
+        return Identification(
+            bench=coarse,
+            ladder=ladder,
+            fit=ladder.best.fit,
+            estimates=(),
+            is_refined=False,
+            correlations=nothing,
+        )
     chosen.say(f"{ladder.best.title}: refined")
     fine = replace(
         coarse,

@@ -39,6 +39,16 @@ PAPER = (
 )
 """What every machine has."""
 
+ROUGH = "flow and friction alone"
+"""The model of the first answer."""
+
+_ROUGH = (
+    "orifice_width_mm",
+    "spool_overlap_mm",
+    "coulomb_friction_n",
+    "viscous_friction_n_s_m",
+)
+
 GAINS = ("land_gain_at", "land_gain_pb", "land_gain_bt")
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -147,14 +157,19 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
         wish: of the user.
         say: takes what is being done.
     """
-    say("the paper's model")
-    first = _first(bench, wish)
-    bench = bench.rescaled(first.values)
-    names = [one.name for one in first.unknowns]
-    say(f"first answer: {_describe(bench, first)}; refined")
-    first = search(bench, first.unknowns, first.variables, 8)
+    say(ROUGH)
+    rough = _rough(bench, wish)
+    title, first = ROUGH, rough
+    if rough.is_moved:
+        say(f"first answer: {_describe(bench, rough)}; the paper's model")
+        bench = bench.rescaled(rough.values)
+        paper = _paper(bench, wish, rough)
+        if paper.is_moved:
+            bench = bench.rescaled(paper.values)
+            title, first = "the paper's model", search(bench, paper.unknowns, paper.variables, 8)
+            first = first._replace(is_moved=True)
     folds, notes = choose_folds(bench)
-    rungs = [_judge(bench, "the paper's model", first, folds, is_kept=True)]
+    rungs = [_judge(bench, title, first, folds, is_kept=True)]
     is_whole = True
     for title, group in _groups(bench, wish).items():
         if bench.clock.is_over:
@@ -248,7 +263,37 @@ def search_more(
     return search(bench, [one for one, _ in pairs], np.array([each for _, each in pairs]), rounds)
 
 
-def _first(bench: Bench, wish: Wish) -> Fit:
+def _free(names: Sequence[str], wish: Wish) -> list[str]:
+    """Return the names that the user does not hold."""
+    return [
+        name for name in names if name not in wish.fix and name.partition(":")[0] not in wish.fix
+    ]
+
+
+def _few(bench: Bench, count: int) -> Bench:
+    strokes = len(bench.course.strokes)
+    return bench.some(np.unique(np.linspace(0, strokes - 1, count).astype(int)).tolist())
+
+
+def _rough(bench: Bench, wish: Wish) -> Fit:
+    """Return a first answer: flow and friction on some of the strokes, the rest as configured.
+
+    Where the time was over before any search had moved, it has the configured values.
+    """
+    few = _few(bench, 6)
+    few = replace(few, clock=bench.clock.for_first())
+    begin = {"orifice_width_mm": _width(few) * bench.template.start("orifice_width_mm")}
+    pairs = [begin_of(bench, name, begin) for name in _free(_ROUGH, wish)]
+    unknowns, variables = [one for one, _ in pairs], np.array([each for _, each in pairs])
+    found = search(few, unknowns, variables, 6) if pairs else Fit((), variables, 0.0, True)
+    return found if found.is_moved else found._replace(variables=_starts(found.unknowns))
+
+
+def _starts(unknowns: Sequence[Unknown]) -> Values:
+    return np.array([one.start for one in unknowns])
+
+
+def _paper(bench: Bench, wish: Wish, rough: Fit) -> Fit:
     """Return the paper's model by several starts, each tried roughly on some of the strokes."""
     sessions = range(bench.template.sessions)
     has = [session.has for session in bench.course.record.sessions]
@@ -259,32 +304,18 @@ def _first(bench: Bench, wish: Wish) -> Fit:
         if has[session][place]
     ]
     wanted = [*PAPER, *(name for name in wish.free if name not in PAPER), *offsets]
-    names = [
-        name for name in wanted if name not in wish.fix and name.partition(":")[0] not in wish.fix
-    ]
-    strokes = len(bench.course.strokes)
-    few = bench.some(np.unique(np.linspace(0, strokes - 1, 8).astype(int)).tolist())
-    width = _width(few)
-    begins = [
-        {"orifice_width_mm": width, "bulk_modulus_mpa": stiff, "coulomb_friction_n": rough}
-        for stiff, rough in ((1.0, 1.0), (5.0, 0.5), (0.3, 2.0))
-    ]
+    few = _few(bench, 8)
     fits = []
-    for factors in begins:
-        pairs = [begin_of(bench, name, {}) for name in names]
-        shifts = [
-            factors.get(one.name, 1.0) if not one.is_log else math.log(factors.get(one.name, 1.0))
-            for one, _ in pairs
-        ]
-        begin = [
-            each + shift if one.is_log else each * shift
-            for (one, each), shift in zip(pairs, shifts, strict=True)
-        ]
-        fits.append(search(few, [one for one, _ in pairs], np.array(begin), 6))
+    for stiff in (1.0, 5.0, 0.3):
+        begin = {"bulk_modulus_mpa": stiff * bench.template.start("bulk_modulus_mpa")}
+        pairs = [begin_of(bench, name, begin | rough.values) for name in _free(wanted, wish)]
+        unknowns = [one for one, _ in pairs]
+        fits.append(search(few, unknowns, np.array([each for _, each in pairs]), 6))
         if bench.clock.is_over:
             break
     best = min(fits, key=lambda fit: fit.cost)
-    return search(bench, best.unknowns, best.variables, 8)
+    found = search(bench, best.unknowns, best.variables, 8)
+    return found._replace(is_moved=found.is_moved or best.is_moved)
 
 
 def _width(bench: Bench) -> float:

@@ -24,6 +24,9 @@ _HEAD = (
 )
 
 
+AS_CONFIGURED = "as configured: the time was over before a search had an answer"
+
+
 def summarise(found: Identification, limits: Sequence[Limit]) -> str:
     """Return the result as people read it."""
     record, course = found.record, found.bench.course
@@ -46,7 +49,7 @@ def summarise(found: Identification, limits: Sequence[Limit]) -> str:
         "",
         *error_lines(found),
         "",
-        _HEAD,
+        *([_HEAD] if found.is_moved else [AS_CONFIGURED]),
         *(estimate_line(one) for one in found.estimates if one.is_told),
     ]
     vague = [one.name for one in found.estimates if not one.is_told]
@@ -65,7 +68,7 @@ def ladder_lines(found: Identification) -> list[str]:
             title = f"({title})"
         score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
         unjudged = "not judged" if rung.is_kept else "not judged: fits hardly better"
-        text = _within(rung.errors) if rung.errors else unjudged
+        text = _within(rung.errors) or unjudged
         lines.append(f"{title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
     return lines
 
@@ -73,8 +76,9 @@ def ladder_lines(found: Identification) -> list[str]:
 def error_lines(found: Identification) -> list[str]:
     """Return the errors of prediction as a user reads them."""
     errors = found.ladder.best.errors
-    if not errors:
-        return ["errors of prediction: not known, because no stroke could be left out"]
+    if not _within(errors):
+        reason = "no stroke could be left out" if found.ladder.is_whole else "the time was over"
+        return [f"errors of prediction: not known, because {reason}"]
     return [
         f"nine of ten strokes that were left out of the fit are predicted within {_within(errors)}",
         *found.ladder.notes,
@@ -101,7 +105,7 @@ def estimate_line(one: Estimate) -> str:
 def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
     record, ladder = found.record, found.ladder
     lines = []
-    if not ladder.is_whole or not found.is_refined:
+    if found.is_moved and not (ladder.is_whole and found.is_refined):
         lines.append("the time was over: this is the best so far; --time-limit gives more")
     if not record.moves_both_ways:
         lines.append("the piston moves one way only; record strokes both ways")
@@ -184,6 +188,7 @@ def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
         "strokes": len(found.bench.course.strokes),
         "recordings": [session.name for session in found.record.sessions],
         "notes": [*found.record.notes, *found.ladder.notes],
+        "is_found": found.is_moved,
         "is_whole": found.ladder.is_whole and found.is_refined,
         "models": [
             {

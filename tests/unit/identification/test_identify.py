@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
+from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.errors import stated_error
-from hil_bench.abilities.identification.fit import Bench, Fit
+from hil_bench.abilities.identification.fit import Bench, Clock, Fit
 from hil_bench.abilities.identification.identify import Options, identify
-from hil_bench.abilities.identification.ladder import Ladder, Rung, Wish, choose_folds, choose_rung
+from hil_bench.abilities.identification.ladder import (
+    ROUGH,
+    Rung,
+    Wish,
+    choose_folds,
+    choose_rung,
+    climb,
+)
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.report import summarise
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
@@ -79,13 +88,52 @@ def test_the_simplest_model_within_a_standard_error_is_taken() -> None:
     assert choose_rung([near]) == 0
 
 
-def test_the_time_ends_with_the_best_so_far(record: AxisRecord) -> None:
+def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> None:
     found = identify(record, AXIS, SETTINGS, step=5e-4, options=Options(seconds=1e-9))
 
-    assert isinstance(found.ladder, Ladder)
+    assert not found.is_moved
     assert not found.ladder.is_whole
     assert found.ladder.best.errors == ()
-    assert {one.name for one in found.estimates} >= {"orifice_width_mm", "offset_a:0"}
+    assert found.estimates == ()
+    assert found.keys == {}
+    text = write_bench(found, CONFIG, "run.csv", "")
+    assert text.startswith("# axis1 is as configured: the time was over")
+    assert "identified" not in text
+    summary = summarise(found, [])
+    assert "as configured: the time was over" in summary
+    assert "nan" not in summary
+
+
+def test_a_clock_that_ends_leaves_the_best_so_far(record: AxisRecord) -> None:
+    """Once a search has moved: its best point stays, although later ones have no time."""
+    runs = 0
+
+    def tick() -> None:
+        nonlocal runs
+        runs += 1
+
+    class Ending(Clock):
+        @property
+        def is_over(self) -> bool:
+            return runs > 15
+
+    bench = Bench(
+        Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3, clock=Ending(tick=tick)
+    )
+    ladder = climb(bench, Wish(), lambda _: None)
+
+    assert not ladder.is_whole
+    assert ladder.best.title == ROUGH
+    assert ladder.best.fit.is_moved
+    # The machine has 23 mm; the search starts from 20 mm.
+    assert ladder.best.fit.values["orifice_width_mm"] == pytest.approx(23.0, rel=0.03)
+
+
+def test_the_first_answer_has_its_processor_time_on_a_busy_machine() -> None:
+    late = Clock(end=0.0, least=1e6)
+
+    assert late.is_over
+    assert not late.for_first().is_over
 
 
 @pytest.mark.long

@@ -16,6 +16,7 @@ step what happens
      written (J)
 6    its heartbeat is waited for, by the time of 0x1016 (K)
 7    it is started, or all are when each mandatory slave is ready (0x1F80)
+8    its state is looked at, which the standard does not ask for: started is what is OPERATIONAL
 ==== ==========================================================================================
 
 Slaves are booted one after the other, where the standard has them booted side by side: the
@@ -36,6 +37,7 @@ from hil_drivers.boot_records import (
     Start,
     Startup,
 )
+from hil_drivers.boot_states import GUARD, state_after_start
 from hil_drivers.errors import DriverError
 from hil_drivers.network import Network
 from hil_drivers.node import NmtState, Node, object_name
@@ -45,9 +47,6 @@ RETRY: Final = 1.0
 
 RESET: Final = 2.0
 """Longest wait for the boot-up messages after a reset [s]."""
-
-GUARD: Final = 0.5
-"""Longest wait for the answer to node guarding [s]."""
 
 _DEVICE_TYPE, _IDENTITY, _VERIFY, _STORE, _RESTORE = 0x1000, 0x1018, 0x1020, 0x1010, 0x1011
 _SAVE, _LOAD = b"save", b"load"
@@ -79,6 +78,8 @@ class NetworkManager:
         slaves: node-ID to slave.
         startup: as passed in.
         results: node-ID to what came of the last attempt at a slave.
+        states: node-ID to the state that a slave reported after the master had started it; None
+            where it reported none.
 
     Raises:
         ValueError: two slaves have one node-ID.
@@ -96,6 +97,7 @@ class NetworkManager:
             raise ValueError(f"{len(slaves)} slaves have {len(self.slaves)} node-IDs; one each")
         self.startup = startup
         self.results: dict[int, BootResult] = {}
+        self.states: dict[int, NmtState | None] = {}
         self._network = network
         self._tell = tell or (lambda _line: None)
         self._nodes = {
@@ -111,20 +113,34 @@ class NetworkManager:
 
     @property
     def is_started(self) -> bool:
-        """Return True if every mandatory slave takes part."""
-        return all(
+        """Return True if every mandatory slave takes part; none reports another state."""
+        return not self.left_out and all(
             slave.node_id in self.results and self.results[slave.node_id].is_up
             for slave in self.slaves.values()
             if slave.mandatory
         )
 
+    @property
+    def left_out(self) -> list[Slave]:
+        """Mandatory slaves that were started and report another state than OPERATIONAL."""
+        there = NmtState.OPERATIONAL, None
+        return [s for s in self.slaves.values() if s.mandatory and self._state_of(s) not in there]
+
+    @property
+    def unseen(self) -> list[Slave]:
+        """Mandatory slaves that were started and report no state."""
+        return [s for s in self.slaves.values() if s.mandatory and self._state_of(s) is None]
+
     def boot(self) -> bool:
         """Boot the network and return whether it was started: every mandatory slave takes part.
+
+        One that reports another state than OPERATIONAL does not; `unseen` has those without a word.
 
         A slave that does not answer is asked again until it does, or until the boot time is over;
         the others, once each, before that. Optional ones do not hold the network up.
         """
         self.results.clear()
+        self.states.clear()
         network = self._network
         network.heartbeat_state = NmtState.PRE_OPERATIONAL
         deadline = network.now() + (self.startup.boot_time or math.inf)
@@ -140,7 +156,8 @@ class NetworkManager:
         network.heartbeat_state = NmtState.OPERATIONAL
         if self.startup.start is Start.ALL:
             self._start_all()
-        return True
+        self._look_at_states()
+        return self.is_started
 
     def watch(self, duration: float) -> bool:
         """Keep the network up for some seconds, and return whether it still is.
@@ -155,7 +172,34 @@ class NetworkManager:
             for slave in self.slaves.values():
                 if (event := self._event_of(slave)) and not self._handle(slave, event):
                     return False
+        self._look_at_states()
         return self.is_started
+
+    def _look_at_states(self) -> None:
+        """Note the states of the slaves that the master has started."""
+        if self.startup.start is Start.NONE:
+            return
+        since = self._network.now()
+        started = [result.slave for result in self.results.values() if result.is_up]
+        for slave in [slave for slave in started if slave.boots]:
+            self.states[slave.node_id] = state_after_start(
+                self._network,
+                self._nodes[slave.node_id],
+                since,
+                partial(self._guard, slave.node_id),
+            )
+            if slave in self.left_out:
+                self._tell(f"{slave}: {self._state_text(slave)} after its start")
+
+    def _state_of(self, slave: Slave) -> NmtState | None:
+        """Return the state seen of a slave; OPERATIONAL for one that nobody has looked at."""
+        return self.states.get(slave.node_id, NmtState.OPERATIONAL)
+
+    def _state_text(self, slave: Slave) -> str:
+        """Describe the state of a slave, with the error that it has reported and not taken back."""
+        state, error = self._state_of(slave), self._nodes[slave.node_id].active_emergency
+        text = state.name.replace("_", "-") if state else "reports no state"
+        return f"{text}, EMCY 0x{error.code:04X}" if error else text
 
     def _reset(self) -> None:
         """Reset the communication of all nodes that need not be kept alive, and wait for them."""
@@ -236,11 +280,17 @@ class NetworkManager:
         if slave.heartbeat_time:
             self._await_heartbeat(slave, node, BootError.E)
             return node.nmt_state
-        self._guarded.pop(slave.node_id, None)
-        self._network.request(0x700 + slave.node_id, 1)
-        if not self._network.wait_for(lambda: slave.node_id in self._guarded, GUARD):
+        state = self._guard(slave.node_id)
+        if slave.node_id not in self._guarded:
             raise _Failure(BootError.F, f"not within {1000.0 * GUARD:g} ms")
-        state = self._guarded[slave.node_id]
+        return state
+
+    def _guard(self, node_id: int) -> NmtState | None:
+        """Return the state that a node answers to node guarding; None without a sound answer."""
+        self._guarded.pop(node_id, None)
+        self._network.request(0x700 + node_id, 1)
+        self._network.wait_for(lambda: node_id in self._guarded, GUARD)
+        state = self._guarded.get(node_id)
         return NmtState(state) if state in frozenset(NmtState) else None
 
     def _hear_slave(self, node_id: int, data: bytes, _now: float) -> bool:

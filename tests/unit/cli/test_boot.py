@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.cli import main
+from hil_drivers import Network
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 NETWORK = str(EXAMPLES / "network.toml")
@@ -74,3 +75,34 @@ def test_wrong_arguments_are_a_line(capsys, arguments, what):
     assert main(["boot", "--virtual", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert what in line
+
+
+def test_a_mandatory_slave_that_is_not_operational_is_exit_code_1(capsys, monkeypatch):
+    start = Network.start_node
+
+    def start_node(network, node_id=0):
+        start(network, node_id)
+        network.enter_pre_operational(1)
+
+    monkeypatch.setattr(Network, "start_node", start_node)
+    assert main(["boot", "--virtual"]) == 1
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        "node 1 (valve): PRE-OPERATIONAL after its start",
+        "network  not started: mandatory node 1 (valve) is PRE-OPERATIONAL",
+    ]
+
+
+def test_slaves_that_report_no_state_are_exit_code_6(capsys, monkeypatch):
+    monkeypatch.setattr(Network, "request", lambda _network, _cob_id, _length: None)
+    assert main(["boot", "--virtual"]) == 6
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line.startswith("network  start commanded, 4 slaves; no state from node 1 (valve)")
+
+
+def test_slaves_that_nobody_starts_are_not_started(capsys, tmp_path):
+    path = tmp_path / "network.toml"
+    path.write_text('[master]\nstart = "none"\n[slaves.a]\nnode_id = 1\n', encoding="utf-8")
+    assert main(["boot", "--virtual", "--network", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "network  booted, 1 slaves; the application starts it"
+    )

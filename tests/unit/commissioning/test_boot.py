@@ -4,7 +4,8 @@ import pytest
 from support.eds_sections import VERIFY_CONFIGURATION
 
 from device_profiles import PRESSURE_404
-from hil_drivers import NmtState
+from hil_bench.canopen_device.frame import Frame
+from hil_drivers import Network, NmtState
 from hil_drivers.boot import NetworkManager
 from hil_drivers.boot_records import (
     BootError,
@@ -300,3 +301,71 @@ def test_an_answer_of_a_wrong_length_is_another_device(make_network, device):
 def test_a_node_id_has_one_slave(make):
     with pytest.raises(ValueError, match="2 slaves have 1 node-IDs"):
         make(Slave(1), Slave(1))
+
+
+@pytest.fixture
+def fall(monkeypatch):
+    """Returns fall(node_id): the node leaves OPERATIONAL with the next tick behind its start."""
+
+    def fall(node_id):
+        start = Network.start_node
+
+        def start_node(network, started=0):
+            start(network, started)
+            network.enter_pre_operational(node_id)
+
+        monkeypatch.setattr(Network, "start_node", start_node)
+
+    return fall
+
+
+@pytest.mark.parametrize("node_id", [1, 2])  # with a heartbeat of 50 ms, and by node guarding
+@pytest.mark.parametrize("start", [Start.EACH, Start.ALL])
+def test_a_mandatory_slave_that_is_not_operational_has_not_started(
+    make, fall, lines, node_id, start
+):
+    fall(node_id)
+    _bench, manager = make(Slave(1), Slave(2), start=start)
+    assert manager.boot() is False
+    assert [slave.node_id for slave in manager.left_out] == [node_id]
+    assert manager.states == {1: NmtState.OPERATIONAL, 2: NmtState.OPERATIONAL} | {
+        node_id: NmtState.PRE_OPERATIONAL
+    }
+    assert lines[-1] == f"node {node_id}: PRE-OPERATIONAL after its start"
+
+
+def test_an_optional_slave_that_is_not_operational_does_not_hold_the_network_up(make, fall):
+    fall(2)
+    _bench, manager = make(Slave(1), Slave(2, mandatory=False))
+    assert manager.boot() is True
+    assert manager.states[2] is NmtState.PRE_OPERATIONAL
+
+
+def test_a_slave_that_leaves_operational_later_ends_the_watch_as_not_started(make):
+    bench, manager = make(Slave(1), Slave(2))
+    assert manager.boot() is True
+    bench.bench.nodes[0].receive(Frame(0, b"\x80\x01"), 0)
+    assert manager.watch(0.2) is False
+    assert [slave.node_id for slave in manager.left_out] == [1]
+
+
+def test_a_slave_that_reports_no_state_is_not_said_to_be_operational(make, monkeypatch):
+    monkeypatch.setattr(Network, "request", lambda _network, _cob_id, _length: None)
+    _bench, manager = make(Slave(1), Slave(2))
+    assert manager.boot() is True
+    assert manager.states == {1: NmtState.OPERATIONAL, 2: None}
+    assert [slave.node_id for slave in manager.unseen] == [2]
+
+
+def test_node_guarding_is_not_asked_where_that_begins_life_guarding(make, monkeypatch):
+    """Life guarding begins with the first remote frame: the valve would miss the next."""
+    asked = []
+    monkeypatch.setattr(Network, "request", lambda _network, cob_id, _length: asked.append(cob_id))
+    life = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n{}'
+    guarded = 'objects = { "0x100C" = 100, "0x100D" = 3 }\n'
+    for more, right in (("", [0x701]), (guarded, [])):
+        asked.clear()
+        _bench, manager = make(Slave(1), text=life.format(more))
+        manager.boot()
+        assert asked == right
+        assert manager.states == {1: None}

@@ -14,7 +14,7 @@ from hil_bench.cli.results import add_json_argument, is_silent, print_lines, pri
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_drivers import Network
 from hil_drivers.boot import NetworkManager
-from hil_drivers.boot_records import BootResult
+from hil_drivers.boot_records import BootResult, Slave, Start
 from hil_drivers.concise_dcf import pack_concise_dcf
 
 _EXAMPLES = """\
@@ -63,7 +63,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def run(args: argparse.Namespace) -> int:
-    """Boot the network; exit code 0 if it was started and, with --stay, was up to the end."""
+    """Boot the network; exit code 0 if it was started and, with --stay, was up to the end.
+
+    1 where a mandatory slave is missing or reports another state, 6 where one reports no state.
+    """
     config = load_bench_config(args)
     plan = load_boot_plan(args.network) if args.network else None
     if args.concise_dcf is not None:
@@ -75,13 +78,15 @@ def run(args: argparse.Namespace) -> int:
             print_lines(args, f"bus      {opened.description}")
         is_started, manager = _boot(args, opened.network, plan)
     results = list(manager.results.values())
-    verdict = _verdict(results, is_started=is_started)
+    verdict = _verdict(manager, is_started=is_started)
     content = {
         "started": is_started,
-        "slaves": [_content(result) for result in results],
+        "slaves": [_content(result, manager) for result in results],
     }
     print_results(args, [f"network  {verdict}"], content)
-    return ExitCode.DONE if is_started else ExitCode.CHECK_FAILED
+    if not is_started:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.INCONCLUSIVE if manager.unseen else ExitCode.DONE
 
 
 def _boot(
@@ -120,19 +125,33 @@ def _duration(text: str) -> float:
     return seconds
 
 
-def _verdict(results: list[BootResult], *, is_started: bool) -> str:
+def _verdict(manager: NetworkManager, *, is_started: bool) -> str:
+    results = list(manager.results.values())
     missing = [result for result in results if not result.is_up]
     names = ", ".join(
         f"{result.slave} ({result.error.name})"
         for result in missing
         if result.error is not None and (is_started or result.slave.mandatory)
     )
+    if manager.left_out:
+        there = ", ".join(f"{s} is {_state(manager, s)}" for s in manager.left_out)
+        return f"not started: mandatory {there}"
     if not is_started:
         return f"not started: mandatory {names}" if names else "not started"
-    return f"started without {names}" if names else f"started, {len(results)} slaves"
+    more = f" without {names}" if names else f", {len(results)} slaves"
+    if manager.startup.start is Start.NONE:
+        return f"booted{more}; the application starts it"
+    if manager.unseen:
+        return f"start commanded{more}; no state from {', '.join(map(str, manager.unseen))}"
+    return f"started{more}"
 
 
-def _content(result: BootResult) -> dict[str, object]:
+def _state(manager: NetworkManager, slave: Slave) -> str:
+    state = manager.states.get(slave.node_id)
+    return state.name.replace("_", "-") if state else "not reported"
+
+
+def _content(result: BootResult, manager: NetworkManager) -> dict[str, object]:
     return {
         "node_id": result.slave.node_id,
         "name": result.slave.name,
@@ -142,6 +161,7 @@ def _content(result: BootResult) -> dict[str, object]:
         "meaning": result.error.value if result.error else None,
         "reason": result.reason or None,
         "configuration": result.configured.value,
+        "state": _state(manager, result.slave),
     }
 
 

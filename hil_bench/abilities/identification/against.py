@@ -15,6 +15,7 @@ from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.config.settings import Settings
+from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 
 _ROWS, _STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]
@@ -50,8 +51,8 @@ CAUSES = (
     Cause("coulomb_friction_n", "more friction", "less friction", 0.0, 0.08),
     Cause("supply_pressure_bar", "higher supply pressure", "lower supply pressure", 0.0, 0.01),
     Cause("orifice_width_mm", "the valve passes more", "the valve passes less", 0.0, 0.02),
-    Cause("offset_a:0", "the sensor of P_A reads more", "the sensor of P_A reads less", 0.3),
-    Cause("offset_b:0", "the sensor of P_B reads more", "the sensor of P_B reads less", 0.3),
+    Cause("offset_a", "the sensor of P_A reads more", "the sensor of P_A reads less", 0.3),
+    Cause("offset_b", "the sensor of P_B reads more", "the sensor of P_B reads less", 0.3),
 )
 
 
@@ -101,14 +102,16 @@ def compare(
         after: the other one.
         axis: the machine, as identified from the first or a like one.
         settings: of the axis.
-        options: how.
+        options: how; `ConfigError` where its time was over before all causes were tried.
     """
     clock = Clock(monotonic() + options.seconds, options.tick)
     options.say("the machine before")
     first = _bench(before, axis, settings, options, clock)
-    held = _adapt(first, options)
-    first = replace(first, template=replace(first.template, held=held)).rescaled({})
+    adapted = _adapt(first, options)
+    _require_time(clock)
+    first = replace(first, template=replace(first.template, held=adapted)).rescaled({})
     second = _bench(after, axis, settings, options, clock)
+    held = _shared(adapted, len(after.sessions))
     second = replace(second, scale=first.scale, template=replace(second.template, held=held))
     base, now = _misfit(first, {}), _misfit(second, {})
     worse = math.sqrt(now / base)
@@ -117,17 +120,31 @@ def compare(
     changes = []
     for cause in _possible(second, options):
         options.say(cause.up)
-        unknown, begin = begin_of(second, cause.name, dict(held))
-        found = search(second, [unknown], np.array([begin]), 10).values
+        names = _names(second, cause.name)
+        pairs = [begin_of(second, name, dict(held)) for name in names]
+        begin = np.array([each for _, each in pairs])
+        found = search(second, [one for one, _ in pairs], begin, 10).values
         explains = (now - _misfit(second, found)) / max(now - base, 1e-300)
-        value, start = found[cause.name], second.template.start(cause.name)
+        value = float(np.mean([found[name] for name in names]))
+        start = second.template.start(names[0])
         if abs(value - start) < max(cause.least, cause.share * abs(start)) or explains < _MOST:
             continue
         words = cause.up if value > start else cause.down
         changes.append(Change(words, cause.name, start, value, min(explains, 1.0)))
+    _require_time(clock)
     changes.sort(key=lambda one: -one.explains)
     likely = [one for one in changes if one.explains > _NEAR * changes[0].explains]
     return Comparison(worse, tuple(likely), is_changed=True)
+
+
+def _require_time(clock: Clock) -> None:
+    """Refuse a comparison that did not come to its end.
+
+    Raises:
+        ConfigError: it did not.
+    """
+    if clock.is_over:
+        raise ConfigError("the time was over before the comparison; give a longer --time-limit")
 
 
 def _bench(
@@ -140,14 +157,31 @@ def _bench(
 
 def _adapt(bench: Bench, options: Options) -> dict[str, float]:
     """Return the values of the machine that fit the first record best, from where they are."""
-    names = [*PAPER, "supply_pressure_bar", "offset_a:0", "offset_b:0"]
-    has = bench.course.record.has
-    lacking = {f"offset_{side}:0" for place, side in enumerate("ab", 1) if not has[place]}
-    names = [name for name in names if name not in lacking and name not in options.wish.fix]
+    names = [*PAPER, "supply_pressure_bar", *_names(bench, "offset_a"), *_names(bench, "offset_b")]
+    names = [name for name in names if name not in options.wish.fix]
     bench = bench.rescaled({})
     pairs = [begin_of(bench, name, {}) for name in names]
     begin = np.array([each for _, each in pairs])
     return search(bench, [one for one, _ in pairs], begin, 8).values
+
+
+def _names(bench: Bench, name: str) -> list[str]:
+    """Return the unknowns of a cause: of a sensor, its offset in each recording that has it."""
+    if not name.startswith("offset_"):
+        return [name]
+    place = 1 + "ab".index(name[-1])
+    sessions = enumerate(bench.course.record.sessions)
+    return [f"{name}:{number}" for number, session in sessions if session.has[place]]
+
+
+def _shared(held: dict[str, float], sessions: int) -> dict[str, float]:
+    """Return values for other recordings: a sensor has the mean of its offsets in each of them."""
+    shared = {name: value for name, value in held.items() if not name.startswith("offset_")}
+    for side in ("offset_a", "offset_b"):
+        found = [value for name, value in held.items() if name.startswith(side)]
+        if found:
+            shared |= {f"{side}:{number}": float(np.mean(found)) for number in range(sessions)}
+    return shared
 
 
 def _misfit(bench: Bench, values: dict[str, float]) -> float:
@@ -164,8 +198,7 @@ def _misfit(bench: Bench, values: dict[str, float]) -> float:
 
 def _possible(bench: Bench, options: Options) -> Sequence[Cause]:
     """Return the causes that this machine and record can have."""
-    has = bench.course.record.has
-    lacking = {f"offset_{side}:0" for place, side in enumerate("ab", 1) if not has[place]}
+    lacking = {one.name for one in CAUSES if not _names(bench, one.name)}
     if bench.template.axis.options.supply is not None:
         lacking.add("supply_pressure_bar")
     return [one for one in CAUSES if one.name not in lacking | options.wish.fix]
@@ -177,7 +210,7 @@ def describe(found: Comparison) -> list[str]:
         return [f"nothing has changed: the machine fits as before ({found.worse:.2f} times)"]
     lines = [f"the machine has changed: it fits {found.worse:.2f} times worse than before"]
     lines += [
-        f"  {one.words}: {one.name.partition(':')[0]} from {one.before:.4g} to {one.after:.4g}, "
+        f"  {one.words}: {one.name} from {one.before:.4g} to {one.after:.4g}, "
         f"explains {one.explains:.0%} of the difference"
         for one in found.changes
     ]

@@ -3,6 +3,7 @@
 All of it is found in the columns alone, before any fit, and named.
 """
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ _FASTER = 1.6  # times the longest of these steps
 _JUMP = 12.0  # standard deviations of the noise, beyond that
 _STRUCK = (0.98, 3.0)  # of all changes from step to step, and times that: no change but a jump
 _LONGEST = 8  # rows one after the other at one value that noise hardly gives
+_STOP = 0.1  # of half the stroke, by which a stop may be elsewhere than configured
 _EQUAL = 0.3  # share of rows like the row before: above, the column is coarse or without noise
 
 
@@ -43,10 +45,14 @@ class Jump(NamedTuple):
     lost: int
 
 
-def look_through(record: AxisRecord) -> AxisRecord:
+def look_through(record: AxisRecord, half_stroke: float) -> AxisRecord:
     """Return a record of one recording with what its logger has done, named in its notes.
 
     Nothing of the fit reaches across lost samples; clipped values count for nothing.
+
+    Args:
+        record: of one recording.
+        half_stroke: at about which the piston stands in its stop, rather than its sensor [m].
     """
     notes: list[str] = []
     clipped = np.zeros(record.measured.shape, dtype=np.bool_)
@@ -55,7 +61,8 @@ def look_through(record: AxisRecord) -> AxisRecord:
         values = record.measured[:, signal]
         if not np.isfinite(values).all():
             continue
-        clipped[:, signal], ends = find_clipped(values, FLOORS[signal])
+        stop = half_stroke if signal == 0 else math.inf
+        clipped[:, signal], ends = find_clipped(values, FLOORS[signal], stop)
         if ends:
             unit = BAR if signal else MILLIMETRE
             places = " and ".join(f"{unit.from_si(end):.4g} {unit.symbol}" for end in ends)
@@ -126,7 +133,7 @@ def find_jumps(position: Values, noise: float) -> list[Jump]:
     return jumps
 
 
-def find_clipped(values: Values, floor: float) -> tuple[Marks, list[float]]:
+def find_clipped(values: Values, floor: float, stop: float = math.inf) -> tuple[Marks, list[float]]:
     """Return the rows at which a channel is at an end of its range, and these ends.
 
     Noise does not stand still. A channel that does so for a while at its highest or lowest value,
@@ -135,14 +142,17 @@ def find_clipped(values: Values, floor: float) -> tuple[Marks, list[float]]:
     Args:
         values: of each row.
         floor: noise below which nothing can be said.
+        stop: size at about which what is measured stands still itself.
     """
     marks, ends = np.zeros(len(values), dtype=np.bool_), []
     is_like = np.diff(values, prepend=np.nan) == 0.0
-    for end in (values.min(), values.max()):
-        at_end = values == end
-        inside = values[~at_end]
-        long = [run for run in _runs(at_end) if len(run) >= _LONGEST]
-        if not long or is_like[~at_end].mean() > _EQUAL or quiet_noise(inside) < floor:
+    low, high = values.min(), values.max()
+    is_inside = (values != low) & (values != high)
+    if is_like[is_inside].mean() > _EQUAL or quiet_noise(values[is_inside]) < floor:
+        return marks, []
+    for end in (low, high):
+        long = [run for run in _runs(values == end) if len(run) >= _LONGEST]
+        if not long or abs(abs(end) - stop) < _STOP * stop:
             continue
         ends.append(float(end))
         for run in long:

@@ -25,10 +25,11 @@ SIGNALS = ("position", *PRESSURES)
 FLOORS = (0.3e-6, 1e3, 1e3)
 """Noise of `SIGNALS` below which nothing is gained [m], [Pa]."""
 
-_SHORTEST = 1.0  # [s]
+_SHORTEST = 3.0  # [s] of all recordings together
 _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
 _ROUNDED = 1e-6  # of a row: times in a file are rounded
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
+_HALF = 0.5  # of a recording must be whole for so long
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
 _ORDER = 8  # of the differences that show noise
 _BLOCK = 32  # rows over which their power is averaged
@@ -135,11 +136,11 @@ class AxisRecord:
         least = _least_rows(self.interval)
         kept = tuple(part for part in stretches if len(part) >= least)
         span = self.interval * sum(map(len, kept))
-        if span < _SHORTEST - 2.0 * self.interval:
+        if span < _HALF * self.interval * sum(map(len, self.stretches)):
             raise ConfigError(
                 f"the recording lacks rows in {len(edges)} places behind an even column of time, "
                 f"the first at {self.times[edges[0] - 1]:g} s; {span:.3g} s of it are whole for "
-                f"{_LEAST_STRETCH:g} s and more, {_SHORTEST:g} s are needed"
+                f"{_LEAST_STRETCH:g} s and more"
             )
         return replace(self, stretches=kept)
 
@@ -227,9 +228,14 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
     """Return records of one axis as one, each with its own offsets of the pressure sensors.
 
     Raises:
-        ConfigError: their rows are not equally far apart.
+        ConfigError: their rows are not equally far apart, or they are too short together.
     """
     first = records[0]
+    span = sum(record.interval * sum(map(len, record.stretches)) for record in records)
+    if span < _SHORTEST - 2.0 * first.interval * len(records):
+        together = "the recordings span" if len(records) > 1 else "the recording spans"
+        more = " together" if len(records) > 1 else ""
+        raise ConfigError(f"{together} {span:.3g} s{more}; {_SHORTEST:g} s or more are right")
     if len(records) == 1:
         return first
     for record in records[1:]:
@@ -344,11 +350,11 @@ def _check_times(times: Values) -> float:
     Raises:
         ConfigError: there are too few rows, too rare ones, or gaps.
     """
-    if len(times) < 2 or not np.isfinite(times).all() or times[-1] - times[0] < _SHORTEST:
+    if len(times) < 2 or not np.isfinite(times).all() or times[-1] - times[0] < _LEAST_STRETCH:
         span = times[-1] - times[0] if len(times) > 1 else 0.0
         raise ConfigError(
-            f"the recording spans {span:g} s in {len(times)} rows; {_SHORTEST:g} s or more are "
-            "right"
+            f"the recording spans {span:g} s in {len(times)} rows; a stroke takes "
+            f"{_LEAST_STRETCH:g} s and more"
         )
     steps = np.diff(times)
     interval = float(np.median(steps))
@@ -379,12 +385,12 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
     least = _least_rows(interval)
     stretches = [range(*pair) for pair in itertools.pairwise(edges) if pair[1] - pair[0] >= least]
     span = interval * sum(map(len, stretches))
-    if span < _SHORTEST - 2.0 * interval:
+    if span < _HALF * (times[-1] - times[0] - steps[gaps].sum()):
         place = gaps[0]
         raise ConfigError(
             f"the recording has {len(gaps)} gaps in time, the first at {times[place]:g} s, of "
             f"{steps[place] * 1e3:g} ms; {span:.3g} s of it are even for {_LEAST_STRETCH:g} s and "
-            f"more, {_SHORTEST:g} s are needed"
+            "more"
         )
     return tuple(stretches)
 

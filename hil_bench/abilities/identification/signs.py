@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from hil_bench.abilities.identification.record import PRESSURES, AxisRecord
 from hil_bench.errors import ConfigError
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 Values = npt.NDArray[np.float64]
 
@@ -22,6 +23,7 @@ _SURE = 4.0  # deviations of the mean over the blocks, from which on a sign coun
 _WEAK = 0.01  # of the strongest block's: a block with less is noise
 _LEAST_BLOCKS = 5
 _EXACT = 0.01  # spread of the blocks, at least
+_MOVING = 0.1  # of the largest speed
 _SWIFT = 0.05  # [s]: what goes on within that accelerates the piston
 
 
@@ -57,6 +59,31 @@ def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
             "deviations); turn the polarity of spool_setpoint or of position"
         )
     return replace(record, notes=(*record.notes, *notes))
+
+
+def check_sides(record: AxisRecord, parameters: PlantParameters) -> None:
+    """Refuse a record of one recording whose pressures brake the piston: they are exchanged.
+
+    Friction is against the motion, so both pressures together push where the piston goes, whatever
+    load is constant.
+
+    Raises:
+        ConfigError: they push the other way, and would not if they were exchanged.
+    """
+    if not record.sessions[0].has.all():
+        return
+    velocity, areas = _slope(record, 1), (parameters.A_A, parameters.A_B)
+    is_moving = np.abs(velocity) > _MOVING * np.abs(velocity).max()
+    scores = []
+    for a, b in ((1, 2), (2, 1)):
+        force = record.measured[:, a] * areas[0] - record.measured[:, b] * areas[1]
+        force = np.where(is_moving, force - force[is_moving].mean(), 0.0)
+        scores.append(_score(record, velocity, force))
+    if scores[0] < -2.0 * _SURE and scores[1] > 2.0 * _SURE:
+        raise ConfigError(
+            f"P_A and P_B brake the piston ({-scores[0]:.0f} standard deviations), and would push "
+            "it if they were exchanged; exchange the columns of P_A and P_B"
+        )
 
 
 def _settle_position(record: AxisRecord, *, is_open: bool) -> tuple[AxisRecord, list[str]]:

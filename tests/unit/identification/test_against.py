@@ -9,8 +9,9 @@ from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.against import Comparison, compare, describe
 from hil_bench.abilities.identification.identify import Options
-from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.record import AxisRecord, join_records
 from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 if TYPE_CHECKING:
@@ -56,6 +57,24 @@ def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> No
     assert found.changes[0].words == "the sensor of P_A reads more"
     change = found.changes[0].after - found.changes[0].before
     assert change == pytest.approx(1.5, abs=0.15)  # bar
+
+
+def test_a_sensor_that_is_off_in_several_recordings_is_named(before: AxisRecord) -> None:
+    off = record_of(replace(SOUND, offset=1.5e5))
+    held = {"bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s"}
+    wish = Options().wish._replace(fix=frozenset(held))
+
+    found = compare(before, join_records([off, off]), AXIS, SETTINGS, Options(wish))
+
+    assert found.changes[0].words == "the sensor of P_A reads more"
+    assert found.changes[0].explains > 0.9  # of both recordings, and not of the first alone
+    change = found.changes[0].after - found.changes[0].before
+    assert change == pytest.approx(1.5, abs=0.15)  # bar
+
+
+def test_a_comparison_without_time_says_so(before: AxisRecord) -> None:
+    with pytest.raises(ConfigError, match="the time was over before the comparison"):
+        compare(before, before, AXIS, SETTINGS, Options(seconds=1e-9))
 
 
 def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> None:

@@ -15,6 +15,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 
 TICK = 1e-3  # [s]
+H = 0.25  # [m]
 
 Values = npt.NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def recording() -> Recording:
 def test_a_sound_record_has_nothing(recording: Recording) -> None:
     record = AxisRecord.of(recording, "axis1", FULL_OPENING)
 
-    looked = look_through(record)
+    looked = look_through(record, H)
 
     assert looked.notes == ()
     assert looked.stretches == record.stretches
@@ -56,7 +57,7 @@ def test_a_fit_does_not_reach_across_lost_rows(recording: Recording) -> None:
     cut = np.delete(recording, slice(2500, 2512))
     cut["time"] = TICK * np.arange(len(cut))  # an even column of time hides it
 
-    looked = look_through(AxisRecord.of(cut, "axis1", FULL_OPENING))
+    looked = look_through(AxisRecord.of(cut, "axis1", FULL_OPENING), H)
 
     assert [(part.start, part.stop) for part in looked.stretches] == [(0, 2500), (2500, len(cut))]
     (note,) = looked.notes
@@ -71,7 +72,7 @@ def test_a_record_that_is_full_of_lost_rows_is_refused(recording: Recording) -> 
     table["axis1.position"] += 1e-3 * (np.arange(len(table)) // 200)  # a jump each 0.2 s
 
     with pytest.raises(ConfigError, match=r"lacks rows in \d+ places behind an even column"):
-        look_through(AxisRecord.of(table, "axis1", FULL_OPENING))
+        look_through(AxisRecord.of(table, "axis1", FULL_OPENING), H)
 
 
 @pytest.mark.parametrize("coarse", [0.0, 1e3])
@@ -94,13 +95,33 @@ def test_a_column_without_noise_that_rests_at_its_highest_is_not_clipped() -> No
     assert find_clipped(course, FLOORS[0])[1] == []
 
 
+def test_a_sensor_that_is_clipped_at_both_ends_is_found() -> None:
+    way = 0.08 * np.sin(np.linspace(0.0, 40.0, 8000))
+    noisy = way + 2e-6 * np.random.default_rng(4).standard_normal(8000)
+
+    marks, ends = find_clipped(np.clip(noisy, -0.04, 0.04), FLOORS[0], 0.08)
+
+    assert ends == [-0.04, 0.04]
+    # A sine is beyond half its size for two thirds of its time.
+    assert marks.mean() == pytest.approx(2 / 3, abs=0.03)
+
+
+def test_a_piston_in_its_stop_behind_an_encoder_is_no_clipped_sensor() -> None:
+    way = np.clip(0.3 * np.sin(np.linspace(0.0, 9.0, 8000)), -0.1605, 0.1605)
+    noisy = way + 4e-7 * np.random.default_rng(4).standard_normal(8000)
+    counted = 5e-6 * np.rint(noisy / 5e-6)
+
+    assert find_clipped(counted, FLOORS[0])[1]
+    assert find_clipped(counted, FLOORS[0], 0.160)[1] == []
+
+
 def test_clipped_rows_count_for_nothing(recording: Recording) -> None:
     table = recording.copy()
     end = np.quantile(table["axis1.P_A"], 0.9)
     table["axis1.P_A"] = np.minimum(table["axis1.P_A"], end)
     record = AxisRecord.of(table, "axis1", FULL_OPENING)
 
-    looked = look_through(record)
+    looked = look_through(record, H)
 
     assert looked.clipped is not None
     rows = np.flatnonzero(looked.clipped[:, 1])

@@ -7,7 +7,7 @@ import pytest
 from support.machine_record import FULL_OPENING
 
 from hil_bench.abilities.analysis.study import make_table
-from hil_bench.abilities.identification.record import AxisRecord, estimate_noise
+from hil_bench.abilities.identification.record import AxisRecord, estimate_noise, join_records
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, Recording
 
@@ -156,7 +156,7 @@ def _slow(recording: Recording) -> Recording:
         (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),
         (_slow, "a row each 20 ms; give 10 ms or less"),
-        (lambda recording: recording[:900], "spans 0.899 s in 900 rows; 1 s or more"),
+        (lambda recording: recording[:200], "spans 0.199 s in 200 rows; a stroke takes 0.3 s"),
         (lambda recording: recording[:0], "spans 0 s in 0 rows"),
         (lambda recording: recording[::-1], "-3.999 s"),
     ],
@@ -171,8 +171,14 @@ def test_a_recording_that_cannot_serve_is_refused(
     assert "\n" not in str(error.value)
 
 
-def test_three_seconds_are_enough(recording: Recording) -> None:
-    assert AxisRecord.of(recording[:3001], "lift", FULL_OPENING).times[-1] == pytest.approx(3.0)
+def test_three_seconds_of_all_recordings_together_are_enough(recording: Recording) -> None:
+    short, rest = (AxisRecord.of(recording[:rows], "lift", FULL_OPENING) for rows in (1200, 1801))
+
+    assert len(join_records([short, rest])) == 3001
+    with pytest.raises(ConfigError, match=r"recordings span 2\.4 s together; 3 s or more"):
+        join_records([short, short])
+    with pytest.raises(ConfigError, match=r"the recording spans 1\.2 s; 3 s or more"):
+        join_records([short])
 
 
 def test_times_that_are_rounded_up_to_10_ms_are_taken(recording: Recording) -> None:

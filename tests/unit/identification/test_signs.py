@@ -5,9 +5,10 @@ import pytest
 from support.machine_record import FULL_OPENING, Machine, random_steps
 
 from hil_bench.abilities.identification.record import AxisRecord
-from hil_bench.abilities.identification.signs import settle_signs
+from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 SIGNALS = ("position", "P_A", "P_B", "spool_setpoint")
 
@@ -77,3 +78,12 @@ def test_a_motion_that_no_pressure_goes_with_decides_nothing(recording: Recordin
 
     with pytest.raises(ConfigError, match="polarity of position is not decidable"):
         settle_signs(record, {"position"})
+
+
+def test_pressures_that_are_exchanged_are_refused(recording: Recording) -> None:
+    swapped = recording.copy()
+    swapped["axis1.P_A"], swapped["axis1.P_B"] = recording["axis1.P_B"], recording["axis1.P_A"]
+
+    check_sides(turned(recording), paper_parameters())
+    with pytest.raises(ConfigError, match="exchange the columns of P_A and P_B"):
+        check_sides(AxisRecord.of(swapped, "axis1", FULL_OPENING), paper_parameters())

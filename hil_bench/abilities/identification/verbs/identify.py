@@ -40,7 +40,7 @@ from hil_bench.abilities.identification.record import (
     join_records,
 )
 from hil_bench.abilities.identification.report import summarise, to_json
-from hil_bench.abilities.identification.signs import settle_signs
+from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.abilities.identification.verbs.identify_design import (
     add_design_arguments,
     check_design_arguments,
@@ -365,6 +365,7 @@ def _read_records(args: argparse.Namespace, paths: Sequence[Path], asked: Questi
                 records.append(_read_record(path, asked, is_truth=args.truth))
             else:
                 records.append(_read_foreign(path, columns, asked))
+            check_sides(records[-1], asked.axis.parameters)
         except ConfigError as error:
             raise ConfigError(_about(path, error)) from None
     return join_records(records)
@@ -415,7 +416,7 @@ def _record_of(recording: Recording, path: Path, asked: Question) -> AxisRecord:
     record = AxisRecord.of(recording, axis.name, full_opening, path.name)
     doubts += check_plausible(record, axis.parameters, axis.options)
     warn_of([f"{path}: {doubt}" for doubt in doubts])
-    record = look_through(record)
+    record = look_through(record, axis.parameters.h)
     return replace(record, notes=(*notes, *record.notes))
 
 

@@ -6,7 +6,8 @@ such as ``psi`` or ``MPa,in``, or the name of a set. Files that programs read st
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -185,6 +186,22 @@ def choose(text: str) -> None:
     """Choose for this process and those that it starts; `ConfigError` where a word is wrong."""
     parse_choice(text)
     os.environ[VARIABLE] = text
+
+
+@contextmanager
+def choice_of_a_call() -> Iterator[None]:
+    """Forget at the end of the block what was chosen in it.
+
+    Yields:
+        Nothing.
+    """
+    before = os.environ.get(VARIABLE)
+    try:
+        yield
+    finally:
+        os.environ.pop(VARIABLE, None)
+        if before is not None:
+            os.environ[VARIABLE] = before
 
 
 def shown_unit(symbol: str, choice: Choice | None = None) -> ShownUnit:

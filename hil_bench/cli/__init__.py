@@ -22,6 +22,7 @@ from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
 from hil_bench.cli.verbs import all_verbs, own_verbs
+from hil_bench.shown_units import choice_of_a_call
 
 _EXAMPLES = """\
 exit codes:
@@ -44,10 +45,15 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    with choice_of_a_call():
+        return _main(arguments, freezes=argv is None)
+
+
+def _main(arguments: Sequence[str], *, freezes: bool) -> int:
     verbosity, code = 0, ExitCode.DONE
     try:
         prepare_streams()
-        with collection_put_off(freezes=argv is None):
+        with collection_put_off(freezes=freezes):
             args = _parse(arguments)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)

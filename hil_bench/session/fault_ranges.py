@@ -4,9 +4,8 @@ import logging
 from collections.abc import Iterable
 
 from hil_bench.devices.faults.schedule import FaultEvent
-from hil_bench.outside.recording.mdf_events import append_events
-from hil_bench.outside.recording.plot import Span
 from hil_bench.outside.recording.report import RecordingReport
+from hil_bench.outside.recording.spans import Span
 
 logger = logging.getLogger(__name__)
 
@@ -31,6 +30,12 @@ def ranges_of(events: Iterable[FaultEvent], now: float) -> list[Span]:
 
 def write_faults(report: RecordingReport, ranges: list[Span]) -> None:
     """Append faults to the MF4 files of a recording that has ended; a problem is a line."""
+    if not ranges:
+        return
+    from hil_bench.outside.recording.mdf_events import (  # noqa: PLC0415 - takes NumPy with it
+        append_events,
+    )
+
     for file in report.files:
         if file.path.suffix.lower() != ".mf4" or file.problem:
             continue

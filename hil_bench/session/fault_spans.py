@@ -1,6 +1,6 @@
 """The times of faults of a virtual bench, for figures."""
 
-from hil_bench.outside.recording.plot import Span
+from hil_bench.outside.recording.spans import Span
 from hil_bench.session.fault_ranges import ranges_of
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from hil_bench.abilities.scenario.sliding import Floats
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.plot import Span
+from hil_bench.outside.recording.spans import Span
 from hil_bench.session.frame_reader import FrameReader
 
 MOST_FRAMES = 500_000

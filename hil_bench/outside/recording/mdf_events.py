@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from hil_bench.errors import about_file
 from hil_bench.outside.recording import mdf_blocks as mdf
-from hil_bench.outside.recording.plot import Span
+from hil_bench.outside.recording.spans import Span
 
 _EV_DATA = struct.Struct("<BBBBB3sIHHqd")
 """Type, synchronisation, range, cause, flags, reserved, scopes, attachments, creator, time, its

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from hil_bench.errors import ConfigError, whole_file
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.outside.recording.spans import Span
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
 from hil_bench.units import Unit
@@ -98,20 +99,6 @@ _PANELS = (
         share=1.0,
     ),
 )
-
-
-class Span(NamedTuple):
-    """A time in which something was otherwise, such as a fault.
-
-    Attributes:
-        begin: [s].
-        end: [s].
-        label: what it was.
-    """
-
-    begin: float
-    end: float
-    label: str
 
 
 class MotionPanel(NamedTuple):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
-from hil_bench.outside.recording.plot import Span, label_spans, save_figure, shade_spans
+from hil_bench.outside.recording.plot import label_spans, save_figure, shade_spans
+from hil_bench.outside.recording.spans import Span
 from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:

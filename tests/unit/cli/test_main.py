@@ -30,6 +30,7 @@ from hil_bench.errors import (
     TimingError,
     WaitTimeoutError,
 )
+from hil_bench.shown_units import VARIABLE
 
 
 class ActModule:
@@ -325,3 +326,14 @@ def test_a_warning_takes_the_place_of_the_status_lines(monkeypatch, stream, clea
     main(["--version"])
     logging.getLogger("hil_bench.test").warning("careful")
     assert sys.stderr.getvalue() == f"{clear}hil-bench: careful\n"
+
+
+@pytest.mark.parametrize("before", [None, "psi"])
+def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
+    """A notebook calls `main` again and again in one process."""
+    if before is None:
+        monkeypatch.delenv(VARIABLE, raising=False)
+    else:
+        monkeypatch.setenv(VARIABLE, before)
+    assert main(["plot", "no.csv", "--units", "MPa"]) == ExitCode.USAGE
+    assert os.environ.get(VARIABLE) == before

@@ -36,7 +36,7 @@ def write_bench(found: Identification, config: BenchConfig, source: str, within:
     name = found.record.axis
     text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
     if not found.is_moved:
-        head = [f"# {name} is {AS_CONFIGURED} from {source!r}."]
+        head = [f"# {name}, by hil-bench identify from {source!r}: {AS_CONFIGURED}."]
         return "\n".join([*head, *(["", text.strip("\n")] if text else [])]) + "\n"
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",

@@ -160,11 +160,12 @@ def _score(record: AxisRecord, one: Values, other: Values) -> float:
         for start in range(rows.start, rows.stop - length, length)
     ]
     strong = [float(np.abs(pair[0]).max() * np.abs(pair[1]).max()) for pair in pairs]
+    least = _WEAK * max(strong, default=0.0)
     found = np.array(
         [
             float(pair[0] @ pair[1] / np.linalg.norm(pair[0]) / np.linalg.norm(pair[1]))
             for pair, size in zip(pairs, strong, strict=True)
-            if size > _WEAK * max(strong)
+            if size > least
         ]
     )
     if len(found) < _LEAST_BLOCKS:

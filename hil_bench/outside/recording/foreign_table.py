@@ -2,7 +2,6 @@
 
 import csv
 import re
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,9 @@ from hil_bench.outside.recording.channels import recording_channels
 from hil_bench.outside.recording.mat_reader import read_vectors
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
-Columns = dict[str, npt.NDArray[np.float64]]
+Values = npt.NDArray[np.float64]
+
+Columns = dict[str, Values]
 """The columns of a table by their names, all of one length."""
 
 _DELIMITERS = ";\t,"
@@ -52,42 +53,81 @@ def read_units(path: Path) -> dict[str, str]:
         return {name: unit for name, unit in recording_channels(read_mdf(path).signals) if unit}
     if suffix == ".mat":
         return {}
-    rows, delimiter = _read_rows(path)
-    heads = list(takewhile(lambda row: not _is_numeric(row, delimiter), rows))
-    width = len(rows[len(heads)])
+    lines, delimiter = _read_lines(path)
+    heads, _, width = _read_head(lines, delimiter)
     names, *below = [[field.strip() for field in row] for row in heads if len(row) == width]
     bracketed = {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
     return dict(zip(names, below[0] if below else (), strict=False)) | bracketed
 
 
-def _read_rows(path: Path) -> tuple[list[list[str]], str]:
-    """Return the fields of each row that has some, and the delimiter."""
+def _read_lines(path: Path) -> tuple[list[str], str]:
+    """Return the lines of a table, and its delimiter."""
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    delimiter = max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
-    return [row for row in csv.reader(lines, delimiter=delimiter) if row], delimiter
+    return lines, max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
+
+
+def _read_head(lines: list[str], delimiter: str) -> tuple[list[list[str]], int, int]:
+    """Return the rows above the first row of numbers, the line of that, and its fields.
+
+    Raises:
+        ConfigError: there is no row of numbers.
+    """
+    reader, heads, line = csv.reader(lines, delimiter=delimiter), [], 0
+    for row in reader:
+        if row and _is_numeric(row, delimiter):
+            return heads, line, len(row)
+        if row:
+            heads.append(row)
+        line = reader.line_num
+    raise ConfigError("it has no row of numbers")
 
 
 def _read_csv(path: Path) -> Columns:
-    rows, delimiter = _read_rows(path)
-    is_numeric = [_is_numeric(row, delimiter) for row in rows]
-    if True not in is_numeric:
-        raise ConfigError("it has no row of numbers")
-    first = is_numeric.index(True)
-    width = len(rows[first])
-    heads = [row for row in rows[:first] if len(row) == width]
+    lines, delimiter = _read_lines(path)
+    above, first, width = _read_head(lines, delimiter)
+    heads = [row for row in above if len(row) == width]
     if not heads:
         raise ConfigError(f"its {width} columns have no names; give a row of names")
     names = [name.strip() for name in heads[0]]
     if twice := {name for name in names if name and names.count(name) > 1}:
         raise ConfigError(f"it has the column {min(twice)} twice")
-    body = rows[first:]
+    try:
+        values = _read_quickly(lines[first:], delimiter, width)
+    except ValueError:
+        values = _read_slowly(lines[first:], delimiter, len(above))
+    return {name: values[:, number] for number, name in enumerate(names) if name}
+
+
+def _read_quickly(lines: list[str], delimiter: str, width: int) -> Values:
+    """Return the numbers of a table.
+
+    Raises:
+        ValueError: it has other fields, or rows of another length.
+    """
+    if lines[-1].count(delimiter) < width - 1:
+        lines = lines[:-1]  # its writer was killed
+    if delimiter != ",":
+        lines = [line.replace(",", ".") for line in lines]
+    values = np.loadtxt(lines, delimiter=delimiter, comments=None, quotechar='"', ndmin=2)
+    if values.shape[1] != width:
+        raise ValueError
+    return values
+
+
+def _read_slowly(lines: list[str], delimiter: str, above: int) -> Values:
+    """Return the numbers of a table, not a number where a field is none.
+
+    Raises:
+        ConfigError: its rows differ in length.
+    """
+    body = [row for row in csv.reader(lines, delimiter=delimiter) if row]
+    width = len(body[0])
     if len(body[-1]) < width:
         body = body[:-1]  # its writer was killed
-    for number, row in enumerate(body, start=first + 1):
+    for number, row in enumerate(body, start=above + 1):
         if len(row) != width:
             raise ConfigError(f"row {number} has {len(row)} values, the first has {width}")
-    values = np.array([[_number(field, delimiter) for field in row] for row in body])
-    return {name: values[:, number] for number, name in enumerate(names) if name}
+    return np.array([[_number(field, delimiter) for field in row] for row in body])
 
 
 def _is_numeric(row: list[str], delimiter: str) -> bool:

@@ -97,7 +97,7 @@ def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> 
     assert found.estimates == ()
     assert found.keys == {}
     text = write_bench(found, CONFIG, "run.csv", "")
-    assert text.startswith("# axis1 is as configured: the time was over")
+    assert text.startswith("# axis1, by hil-bench identify from 'run.csv': as configured: the time")
     assert "identified" not in text
     summary = summarise(found, [])
     assert "as configured: the time was over" in summary

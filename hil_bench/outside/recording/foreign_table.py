@@ -72,7 +72,8 @@ def _read_head(lines: list[str], delimiter: str) -> tuple[list[list[str]], int, 
     Raises:
         ConfigError: there is no row of numbers.
     """
-    reader, heads, line = csv.reader(lines, delimiter=delimiter), [], 0
+    reader, line = csv.reader(lines, delimiter=delimiter), 0
+    heads: list[list[str]] = []
     for row in reader:
         if row and _is_numeric(row, delimiter):
             return heads, line, len(row)

@@ -61,12 +61,25 @@ class _Lookout:
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
         self.answers: Counter[int] = Counter()
+        self.asked_by_others: Counter[int] = Counter()
 
     def sightings(self) -> list[Sighting]:
         return [
-            Sighting(node_id, self.states.get(node_id), self.answers[node_id])
+            Sighting(node_id, self.states.get(node_id), self._answers(node_id))
             for node_id in sorted(self.states.keys() | self.answers.keys())
         ]
+
+    def _answers(self, node_id: int) -> int:
+        """Return the answers to one request of ours; others that ask the same have theirs."""
+        answers = self.answers[node_id]
+        return max(answers - self.asked_by_others[node_id], min(answers, 1))
+
+    def take_request(self, node_id: int, data: bytes) -> bool:
+        """Take a read of 0x1000 by another client."""
+        if data[:4] != _READ_DEVICE_TYPE[:4]:
+            return False
+        self.asked_by_others[node_id] += 1
+        return True
 
     def take_state(self, node_id: int, data: bytes) -> bool:
         """Take a heartbeat, a boot-up message or an answer to node guarding."""
@@ -125,6 +138,9 @@ def discover(
 def _watch(network: Network, lookout: _Lookout, node_id: int) -> None:
     network.subscribe(ERROR_CONTROL + node_id, lambda data, _now: lookout.take_state(node_id, data))
     network.subscribe(_SDO_ANSWER + node_id, lambda data, _now: lookout.take_answer(node_id, data))
+    network.subscribe(
+        _SDO_REQUEST + node_id, lambda data, _now: lookout.take_request(node_id, data)
+    )
 
 
 def _ask(network: Network, method: Method, node_ids: list[int]) -> None:

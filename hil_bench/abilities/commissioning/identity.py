@@ -1,5 +1,6 @@
 """Reads what a node says of itself, without an EDS."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -28,6 +29,11 @@ PROFILES = {
 """What the number of a device profile stands for: the low word of 0x1000 (CiA 301)."""
 
 _HISTORY_LIMIT = 254
+
+_SDO_REQUEST, _SDO_ANSWER = 0x600, 0x580
+_SDO_BYTES = 8
+_INITIATED = 2
+"""Command specifier of the first answer to an upload, which names the object (CiA 301)."""
 
 MOST_BYTES = 1024
 """Bytes that one entry of an identity brings at most; names and versions are texts of a line."""
@@ -110,6 +116,7 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
     if node is None:
         node = network.add_node(sighting.node_id, sdo_timeout=timeout)
     facts: dict[str, object] = {}
+    answers = _Answers(network, sighting.node_id)
     reading = _Reading(node, network)
     try:
         for name, read in _READERS.items():
@@ -120,6 +127,10 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
         if all(fact in (None, ()) for fact in facts.values()):
             facts["problem"] = "every read is answered by an abort"
     state = node.nmt_state if node.nmt_state is not None else sighting.nmt_state
+    if answers.are_of_two:
+        return NodeDescription(
+            sighting.node_id, None if state is None else state.name, clash=True, problem=_TWICE
+        )
     if state is None and not facts.get("problem") and not facts["heartbeat_ms"]:
         state = _guarded_state(reading, sighting.node_id, network)
     return NodeDescription(
@@ -153,6 +164,34 @@ def _guarded_state(reading: "_Reading", node_id: int, network: Network) -> NmtSt
     network.request(ERROR_CONTROL + node_id, 1)
     network.wait_for(lambda: bool(found), GUARDING_PATIENCE)
     return found[-1] if found else None
+
+
+class _Answers:
+    """Counts the answers to each read of a node: each object is read once.
+
+    Two devices of one type may have the same 0x1000; their frames are then one on the bus. Another
+    object, such as the serial number, has two answers.
+    """
+
+    def __init__(self, network: Network, node_id: int) -> None:
+        self._counts: Counter[bytes] = Counter()
+        self._others = False
+        network.subscribe(_SDO_ANSWER + node_id, self._take)
+        network.subscribe(_SDO_REQUEST + node_id, self._take_request)
+
+    @property
+    def are_of_two(self) -> bool:
+        """Return True if one read had two answers, and no other client read meanwhile."""
+        return not self._others and any(count > 1 for count in self._counts.values())
+
+    def _take(self, data: bytes, _now: float) -> bool:
+        if len(data) == _SDO_BYTES and data[0] >> 5 == _INITIATED:
+            self._counts[data[1:4]] += 1
+        return True
+
+    def _take_request(self, _data: bytes, _now: float) -> bool:
+        self._others = True
+        return True
 
 
 class _Reading:

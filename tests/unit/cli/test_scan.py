@@ -113,3 +113,20 @@ def test_an_identifier_has_all_its_digits(can_id, is_extended, words):
     """Five frames in two seconds."""
     line = _identifier_line(Traffic(can_id, is_extended=is_extended, frames=5), 2.0)
     assert line.split()[: len(words)] == words
+
+
+def test_a_bus_in_operation_is_only_heard(monkeypatch, capsys):
+    """The line names what was heard, and what the scan would send."""
+    from hil_bench.abilities.commissioning import survey  # noqa: PLC0415
+
+    monkeypatch.setattr(survey, "signs_of_operation", lambda _traffic: ("node 3 is OPERATIONAL",))
+    arguments = ["scan", "--virtual", "--lss", "--nodes", "1-9"]
+    assert main(arguments) == 6
+    lines = capsys.readouterr().out.splitlines()
+    assert "the bus is in operation: node 3 is OPERATIONAL" in lines
+    assert "  a read of 0x1000 to each of the node-IDs 1 to 9" in lines
+    assert any("LSS fastscan" in line for line in lines)
+    assert main([*arguments, "--ask"]) == 0
+    capsys.readouterr()
+    assert main(["scan", "--virtual", "--json"]) == 6
+    assert json.loads(capsys.readouterr().out)["operation"] == ["node 3 is OPERATIONAL"]

@@ -26,22 +26,18 @@ class Device:
         ]
 
     def refuse_all(self, node_id):
-        """Answer every SDO request to a node with an abort, 0800 0000: general error."""
+        """Answer each other SDO request to a node with an abort, 0800 0000: general error."""
         self.refusing = node_id
 
     def tick(self, frames, _now):
         self.received += frames
-        if self.refusing is not None:
-            return [
-                Frame(0x580 + self.refusing, b"\x80" + frame.data[1:4] + b"\0\0\0\x08")
-                for frame in frames
-                if frame.can_id == 0x600 + self.refusing
-            ]
-        return [
-            answer
-            for frame in frames
-            for answer in self.answers.get((frame.can_id, frame.data), ())
-        ]
+        return [answer for frame in frames for answer in self._answers_to(frame)]
+
+    def _answers_to(self, frame):
+        known = self.answers.get((frame.can_id, frame.data))
+        if known is None and self.refusing is not None and frame.can_id == 0x600 + self.refusing:
+            return [Frame(0x580 + self.refusing, b"\x80" + frame.data[1:4] + b"\0\0\0\x08")]
+        return known or []
 
 
 @pytest.fixture

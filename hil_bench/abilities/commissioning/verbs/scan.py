@@ -22,6 +22,7 @@ examples:
   hil-bench scan -i socketcan -c can0
   hil-bench scan -i socketcan -c can0 -b 500000     with the bus load in percent
   hil-bench scan -i socketcan -c can0 --lss         also devices that have no node-ID yet
+  hil-bench scan -i socketcan -c can0 --ask         also where the bus is in operation
   hil-bench scan -i socketcan -c can0 --listen 5    send nothing, say what is heard in 5 s
   hil-bench scan --virtual bench.toml               the virtual bench, no bus needed
 """
@@ -33,6 +34,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "scan",
         description="Find the nodes of a CANopen bus, and print identity and state of each. One\n"
         "without heartbeat is asked for its state by node guarding, where that begins nothing.\n"
+        "The scan listens first: to a bus in operation it sends nothing without --ask.\n"
         "Nothing is written to any node, and no node changes its state, but with --by boot-up,\n"
         "and with --by guarding where life guarding is set.",
         epilog=_EXAMPLES,
@@ -60,10 +62,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=float,
         default=1.0,
         metavar="S",
-        help="wait S seconds for answers; with --lss, also for the one to each step (default: 1)",
+        help="listen S seconds first, and wait as long for answers; with --lss, also for the one "
+        "to each step (default: 1)",
     )
     parser.add_argument(
         "--lss", action="store_true", help="also find devices without node-ID (fastscan)"
+    )
+    parser.add_argument(
+        "--ask", action="store_true", help="ask the nodes of a bus that is in operation, too"
     )
     parser.add_argument(
         "--listen", type=float, metavar="S", help="send nothing; print what is heard in S seconds"
@@ -95,11 +101,14 @@ def run(args: argparse.Namespace) -> int:
             node_ids=args.nodes,
             patience=args.patience,
             lss=args.lss,
+            insists=args.ask,
         )
         if args.json:
             print(_survey_json(found))
         else:
             print_lines(args, _survey_text(found, opened, args))
+    if found.operation:
+        return ExitCode.INCONCLUSIVE
     has_clash = any(node.clash for node in found.nodes)
     has_found = found.nodes or (found.unconfigured and found.unconfigured.devices)
     return ExitCode.DONE if has_found and not has_clash else ExitCode.CHECK_FAILED
@@ -128,6 +137,8 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
         lines += _node_lines(node)
     if found.unconfigured is not None:
         lines += _unconfigured_lines(found.unconfigured)
+    if found.operation:
+        return "\n".join([*lines, *_withheld_lines(found, args)])
     count = len(found.nodes)
     twice = ", ".join(str(node.node_id) for node in found.nodes if node.clash)
     more = f"; twice on the bus: {twice}" if twice else ""
@@ -138,6 +149,29 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
             "--listen 5 shows whether anything is heard at all"
         )
     return "\n".join(lines)
+
+
+def _withheld_lines(found: Survey, args: argparse.Namespace) -> Iterator[str]:
+    """Yield why nothing was sent, and what would be."""
+    first, last = args.nodes[0], args.nodes[-1]
+    requests = {
+        Method.SDO: "a read of 0x1000 to each of the",
+        Method.GUARDING: "a remote frame to each of the",
+        Method.BOOT_UP: "reset communication to all nodes, which stops them; then asks the",
+        Method.HEARTBEAT: "nothing to find the",
+    }
+    count = len(found.nodes)
+    yield f"the bus is in operation: {', '.join(found.operation)}"
+    yield (
+        f"nothing was sent; {count} node{'' if count == 1 else 's'} heard, others may be silent. "
+        "--ask would send:"
+    )
+    yield f"  {requests[Method(args.by)]} node-IDs {first} to {last}"
+    yield "  some 15 reads to each node found (identity, name, versions, errors, heartbeat time),"
+    yield "  on the channel that the master uses, too: a transfer of its own can break"
+    yield "  one remote frame to each node without heartbeat, unless that begins life guarding"
+    if args.lss:
+        yield "  LSS fastscan, 129 requests for each device without node-ID"
 
 
 def _table(nodes: Sequence[NodeDescription]) -> list[str]:
@@ -253,6 +287,7 @@ def _survey_json(found: Survey) -> str:
             "nodes": [{**asdict(node), "profile": node.profile} for node in found.nodes],
             "unconfigured": unconfigured and [each._asdict() for each in unconfigured.devices],
             "unconfigured_problem": unconfigured and unconfigured.problem,
+            "operation": list(found.operation),
             "frames": found.traffic.frames,
             "bits": found.traffic.bits,
             "duration": found.traffic.duration,

@@ -8,7 +8,7 @@ _MOST_SIGNS = 6
 
 
 def signs_of_operation(traffic: BusTraffic) -> tuple[str, ...]:
-    """Return what was heard that shows a bus in operation, a few words each; empty for a quiet one.
+    """Return the frames heard that show a bus in operation, in a few words; empty for a quiet one.
 
     These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, and SDO requests of another client,
     whose transfers a second client of the same channel would break.

@@ -3,6 +3,7 @@
 import ast
 import functools
 import importlib
+import math
 import pkgutil
 import re
 import shutil
@@ -209,6 +210,8 @@ def turn_by_drive(bench, network, node):
     drive = network.add_node(node.node_id, node.eds)
     network.start_node(node.node_id)
     bench.run(0.01)
+    plant = next(axis.plant for axis in bench.bench.axes if axis.name == node.axis)
+    begin = plant.output[0]
     drive.write(0x6060, 0, 1)
     for word in (0x06, 0x07, 0x0F):
         drive.write(0x6040, 0, word)
@@ -218,6 +221,23 @@ def turn_by_drive(bench, network, node):
     bench.run(3.0)
     assert drive.read_integer(0x603F, 0) == 0
     assert drive.read_integer(0x6041, 0) & 1 << 10, "the target is not reached"
+    # The position window of docs/devices.md is 656 of the 65536 increments of a revolution.
+    assert abs(drive.read_integer(0x6064, 0) - 65536) <= 656
+    assert abs((plant.output[0] - begin) / math.tau - 1.0) <= 2 * 656 / 65536
+    drive.write(0x6060, 0, 3)
+    drive.write(0x60FF, 0, 131072)  # 2 rev/s, after 0.2 s by the ramp of 0x6083
+    bench.run(2.0)
+    before = plant.output[0]
+    bench.run(0.5)
+    assert (plant.output[0] - before) / math.tau == pytest.approx(1.0, rel=0.05)
+    drive.write(0x6060, 0, 8)
+    start = drive.read_integer(0x6064, 0)
+    for step in range(1, 101):  # 1 rev/s: a target each 10 ms, the period of 0x60C2
+        drive.write(0x607A, 0, start + step * 655)
+        bench.run(0.009)
+    bench.run(4.0)  # the drive comes to rest in the window as slowly as its velocity loop lets it
+    assert abs(drive.read_integer(0x6064, 0) - start - 65500) <= 656
+    assert drive.read_integer(0x603F, 0) == 0
 
 
 def check_scenario(path):

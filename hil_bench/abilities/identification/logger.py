@@ -148,6 +148,8 @@ def find_clipped(values: Values, floor: float, stop: float = math.inf) -> tuple[
     is_like = np.diff(values, prepend=np.nan) == 0.0
     low, high = values.min(), values.max()
     is_inside = (values != low) & (values != high)
+    if not is_inside.any():
+        return marks, []
     if is_like[is_inside].mean() > _EQUAL or quiet_noise(values[is_inside]) < floor:
         return marks, []
     for end in (low, high):

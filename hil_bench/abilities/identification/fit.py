@@ -280,7 +280,13 @@ class Problem:
         return np.asarray(residuals[counts])
 
 
-def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int) -> Fit:
+def search(
+    bench: Bench,
+    unknowns: Sequence[Unknown],
+    begin: Values,
+    rounds: int,
+    exact: float = 1e-4,
+) -> Fit:
     """Seek the variables that fit best.
 
     Args:
@@ -288,6 +294,7 @@ def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int
         unknowns: that are sought.
         begin: variables at the start of the search.
         rounds: evaluations at most.
+        exact: share of the cost by which the last step of a search has lowered it.
 
     Returns:
         The best that was found, also where the time was over: then perhaps where it began.
@@ -310,8 +317,8 @@ def search(bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int
             method="dogbox",
             loss="soft_l1",
             x_scale=problem.spread,
-            ftol=1e-4,
-            xtol=1e-5,
+            ftol=exact,
+            xtol=min(1e-5, exact),
             max_nfev=rounds,
         )
     except Stopped:

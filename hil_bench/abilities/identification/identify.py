@@ -31,6 +31,8 @@ Values = npt.NDArray[np.float64]
 
 _COARSE, _COARSE_STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]: rows, step and mean of the ladder
 _FINE, _FINE_STEP = 1e-3, 1e-4  # [s]: of the last fit
+_ROUNDS, _EXACT = 15, 1e-7  # of a fine search at most; change of the cost that ends it
+_AGAIN, _STAYS = 4, 0.02  # fine searches after the first; change of the scales that ends them
 _FIRST = 20.0  # [s] of processor time that the first answer has at most beyond the limit
 _TOLD = 0.5  # of what was expected: a parameter known less well is not told by the record
 _TOLD_AT_MOST = 0.5  # of a free variable, such as 50 % of a positive parameter
@@ -166,7 +168,7 @@ def identify(
     fit, bench = (fit, bench) if math.isfinite(fit.cost) else (ladder.best.fit, coarse)
     chosen.say("intervals")
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)
-    estimates = _estimates(fit, covariance)
+    estimates = _estimates(fit, covariance, len(bench.course.strokes))
     deviations = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(deviations, deviations)
     return Identification(
@@ -180,47 +182,60 @@ def identify(
 
 
 def _refine(bench: Bench, found: Fit) -> tuple[Fit, Bench]:
-    """Return a fit on fine rows, where that is better, and the bench of it."""
-    fit = search(bench, found.unknowns, found.variables, 10)
-    if fit.is_whole:
-        bench = bench.rescaled(fit.values)
-        fit = search(bench, fit.unknowns, fit.variables, 8)
+    """Return a fit on fine rows, where that is better, and the bench of it.
+
+    The scales follow the residuals until both stay: intervals are those of an end, not of a halt.
+    """
+    fit = search(bench, found.unknowns, found.variables, _ROUNDS, _EXACT)
+    for _ in range(_AGAIN):
+        if not fit.is_whole:
+            break
+        next_bench = bench.rescaled(fit.values)
+        stays = np.abs(next_bench.scale / bench.scale - 1.0).max() < _STAYS
+        bench = next_bench
+        fit = search(bench, fit.unknowns, fit.variables, _ROUNDS, _EXACT)
+        if stays:
+            break
     return fit, bench
 
 
 def _covariance(bench: Bench, fit: Fit) -> Values:
-    """Return the covariance of the variables: a sandwich over strokes, or that of noise if larger.
+    """Return the covariance of the variables: by strokes left out, or that of noise if larger.
 
-    A stroke's residuals count as one observation, so whatever they have in common counts.
+    A stroke's residuals count as one observation, so whatever they have in common counts. Each
+    stroke is left out by one step of Newton: unlike a sandwich over few strokes, that shows what
+    only one of them determines. What the search had still to go counts, too.
     """
     problem = Problem(bench, fit.unknowns)
     residuals = problem.residuals(fit.variables)
     slopes = problem.slopes(fit.variables)
     weights = 1.0 / np.sqrt(1.0 + residuals**2)
     hessian = slopes.T @ (weights[:, np.newaxis] * slopes)
-    inverse = np.linalg.pinv(hessian, rcond=1e-12)
-    lengths = problem.lengths
-    edges = np.cumsum([0, *lengths]).tolist()
-    scores = np.array(
-        [
-            slopes[first:last].T @ (weights * residuals)[first:last]
-            for first, last in itertools.pairwise(edges)
-        ]
-    )
-    count = len(lengths)
-    robust = inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1)
+    edges = np.cumsum([0, *problem.lengths]).tolist()
+    moved = []
+    for part in itertools.starmap(slice, itertools.pairwise(edges)):
+        weighted = weights[part, np.newaxis] * slopes[part]
+        rest = np.linalg.pinv(hessian - slopes[part].T @ weighted, rcond=1e-12)
+        moved.append(rest @ (weighted.T @ residuals[part]))
+    count, steps = len(moved), np.array(moved)
+    left_out = np.square(steps).sum(axis=0) * (count - 1) / count
     size = max(1.0, float(np.mean(np.square(residuals[: edges[-1]]) * weights[: edges[-1]])))
-    plain = size * inverse
-    larger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(plain), 1e-300), 1.0))
+    plain = size * np.linalg.pinv(hessian, rcond=1e-12)
+    to_go = plain / size @ (slopes.T @ (weights * residuals))
+    left_out += np.square(to_go)
+    larger = np.sqrt(np.maximum(left_out / np.maximum(np.diag(plain), 1e-300), 1.0))
     return np.asarray(plain * np.outer(larger, larger))
 
 
-def _estimates(fit: Fit, covariance: Values) -> tuple[Estimate, ...]:
-    estimates = []
+def _estimates(fit: Fit, covariance: Values, strokes: int) -> tuple[Estimate, ...]:
+    """Return the estimates, their intervals by Student's t: few strokes tell a spread badly."""
+    from scipy.stats import t  # noqa: PLC0415 - an extra
+
+    times, estimates = float(t.ppf(0.975, max(strokes - 1, 1))), []
     for unknown, variable, own in zip(
         fit.unknowns, fit.variables.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True
     ):
-        reach = 1.96 * own
+        reach = times * own
         low, high = max(variable - reach, unknown.low), min(variable + reach, unknown.high)
         value = unknown.value(variable)
         estimates.append(

@@ -12,7 +12,8 @@ from hil_bench.errors import ConfigError
 
 Values = npt.NDArray[np.float64]
 
-_AVERAGED = 0.01  # [s] of rest before a stroke over which its start is averaged
+_AVERAGED = 0.01  # [s] over which speed is taken
+_RESTED = 0.03  # [s] of rest before a stroke over which its start is averaged
 _SLOW = 0.03  # of the fast motion: slower is rest
 _REST = 0.05  # [s] of rest between two strokes
 _SHORTEST, _LONGEST = 0.3, 4.0  # [s]
@@ -157,13 +158,14 @@ def _steady_place(u: Values, rest: int, like: float) -> int:
 def _make_stroke(record: AxisRecord, thin: AxisRecord, part: range, rows: range) -> Stroke:
     factor = max(1, round(thin.interval / record.interval))
     first = rows.start * factor
-    around = slice(max(part.start, first - _half(record)), first + 1)
-    near = record.measured[around]
-    x = near[:, 0]
-    low = max(0, first - _half(record))
+    begin = next((each.start for each in record.stretches if first in each), first)
+    low = max(begin, first - _half(record))
     ahead = record.measured[min(len(record) - 1, first + 1), 0]
     v = (ahead - record.measured[low, 0]) / ((first + 1 - low) * record.interval)
     is_rest = abs(v) * _AVERAGED < 4.0 * record.noise[0] + 1e-5
+    rest = round(_RESTED / record.interval) if is_rest else _half(record)
+    near = record.measured[max(begin, first - rest) : first + 1]
+    x = near[:, 0]
     start = np.array([x.mean() if is_rest else x[-1], 0.0 if is_rest else v, *near[:, 1:].mean(0)])
     setpoints = record.setpoints[part.start : part.stop] / record.full_opening
     way = record.measured[part.start : part.stop, 0]

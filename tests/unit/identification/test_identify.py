@@ -68,6 +68,17 @@ def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
     assert all(one.start[1] == 0.0 for one in course.strokes)  # from rest
 
 
+def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record: AxisRecord) -> None:
+    """Not from one row, whose noise would be in the whole stroke: 30 ms are 8 rows and itself."""
+    before = make_course(record, 4e-3).strokes[2]
+    measured = record.measured.copy()
+    measured[before.rows.start, 1] += 9e5
+
+    after = make_course(replace(record, measured=measured), 4e-3).strokes[2]
+
+    assert after.start[2] - before.start[2] == pytest.approx(1e5, rel=0.01)
+
+
 def test_strokes_of_one_amplitude_are_left_out_together(record: AxisRecord) -> None:
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 

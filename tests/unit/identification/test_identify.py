@@ -69,10 +69,10 @@ def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
 
 
 def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record: AxisRecord) -> None:
-    """Not from one row, whose noise would be in the whole stroke: 30 ms are 8 rows and itself."""
+    """Not from one row, whose noise would be in the whole stroke: 28 ms are 7 rows and itself."""
     before = make_course(record, 4e-3).strokes[2]
     measured = record.measured.copy()
-    measured[before.rows.start, 1] += 9e5
+    measured[before.rows.start, 1] += 8e5
 
     after = make_course(replace(record, measured=measured), 4e-3).strokes[2]
 

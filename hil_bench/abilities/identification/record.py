@@ -233,9 +233,9 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
     first = records[0]
     span = sum(record.interval * sum(map(len, record.stretches)) for record in records)
     if span < _SHORTEST - 2.0 * first.interval * len(records):
-        together = "the recordings span" if len(records) > 1 else "the recording spans"
-        more = " together" if len(records) > 1 else ""
-        raise ConfigError(f"{together} {span:.3g} s{more}; {_SHORTEST:g} s or more are right")
+        names = ", ".join(record.sessions[0].name for record in records)
+        spans = "the recordings span together" if len(records) > 1 else "the recording spans"
+        raise ConfigError(f"{names}: {spans} {span:.3g} s; {_SHORTEST:g} s or more are right")
     if len(records) == 1:
         return first
     for record in records[1:]:

@@ -175,7 +175,7 @@ def test_three_seconds_of_all_recordings_together_are_enough(recording: Recordin
     short, rest = (AxisRecord.of(recording[:rows], "lift", FULL_OPENING) for rows in (1200, 1801))
 
     assert len(join_records([short, rest])) == 3001
-    with pytest.raises(ConfigError, match=r"recordings span 2\.4 s together; 3 s or more"):
+    with pytest.raises(ConfigError, match=r"recordings span together 2\.4 s; 3 s or more"):
         join_records([short, short])
     with pytest.raises(ConfigError, match=r"the recording spans 1\.2 s; 3 s or more"):
         join_records([short])

@@ -86,7 +86,6 @@ class Identification:
         fit: the last one, of the model that was chosen.
         estimates: one an unknown, offsets of the sensors among them.
         is_refined: whether the last fit was made with the fine step.
-        correlations: of the estimates, shape (estimates, estimates).
     """
 
     bench: Bench
@@ -94,7 +93,6 @@ class Identification:
     fit: Fit
     estimates: tuple[Estimate, ...]
     is_refined: bool
-    correlations: Values
 
     @property
     def is_moved(self) -> bool:
@@ -147,14 +145,12 @@ def identify(
         wish = wish._replace(free=(*wish.free, "stroke_mm"))
     ladder = climb(coarse, wish, chosen.say)
     if not ladder.best.fit.is_moved:
-        nothing = np.zeros((0, 0))
         return Identification(
             bench=coarse,
             ladder=ladder,
             fit=ladder.best.fit,
             estimates=(),
             is_refined=False,
-            correlations=nothing,
         )
     chosen.say(f"{ladder.best.title}: refined")
     fine = replace(
@@ -169,15 +165,12 @@ def identify(
     chosen.say("intervals")
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)
     estimates = _estimates(fit, covariance, len(bench.course.strokes))
-    deviations = np.sqrt(np.diag(covariance))
-    correlations = covariance / np.outer(deviations, deviations)
     return Identification(
         bench=bench,
         ladder=ladder,
         fit=fit,
         estimates=estimates,
         is_refined=is_refined,
-        correlations=correlations,
     )
 
 

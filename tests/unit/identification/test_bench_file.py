@@ -96,7 +96,6 @@ def found_by(path: Path | None) -> str:
         fit=fit,
         estimates=estimates,
         is_refined=True,
-        correlations=np.eye(len(estimates)),
     )
     return write_bench(found, config, "run.csv", "")
 

@@ -17,6 +17,7 @@ _HELD = "spool_setpoint"  # its row has the value of the interval before
 _UNEVEN = 0.2  # of a row: as `record` counts gaps
 _BRIDGED = 5  # rows
 _LONGEST = 0.02  # [s]
+_FEW = 0.01  # of the steps
 _FULL = 0.8  # share of rows that must be whole
 _LIKE = 0.02  # of an interval
 _COARSE = 1.5  # steps of the clock by which a row may be off
@@ -25,8 +26,8 @@ _COARSE = 1.5  # steps of the clock by which a row may be off
 def make_even(recording: Recording, quantities: list[str]) -> tuple[Recording, tuple[str, ...]]:
     """Return a recording with rows equally far apart, and notes on what was done.
 
-    A recording that is even already is returned as it is. Others are interpolated at their usual
-    interval across up to five rows or 20 ms; longer gaps stay. `ConfigError` where more than a
+    A recording that is even but for a step now and then is returned as it is. Others are
+    interpolated at their usual interval across up to five rows or 20 ms; longer gaps stay. `ConfigError` where more than a
     fifth of the rows have no number in one of the columns.
 
     Args:
@@ -44,12 +45,15 @@ def make_even(recording: Recording, quantities: list[str]) -> tuple[Recording, t
     interval = float(np.median(steps))
     is_off = np.abs(steps - interval) > _UNEVEN * interval
     is_long = steps > max(min(_BRIDGED * interval, _LONGEST), 1.5 * interval)
-    if interval <= 0.0 or not (is_off & ~is_long).any():
+    is_lost = np.abs(steps - interval * np.round(steps / interval)) < _UNEVEN * interval
+    is_near = is_off & ~is_long
+    # A few steps of another length, such as where a program goes on, only part the record.
+    if interval <= 0.0 or (not (is_near & is_lost).any() and is_near.mean() < _FEW):
         if notes:
             recording = recording.copy()
             recording[TIME.name] = times
         return recording, tuple(notes)
-    share = (is_off & ~is_long).mean()
+    share = is_near.mean()
     interval = _round(float(np.mean(steps[~is_off | (steps < 1.5 * interval)])))
     notes.append(
         f"{share:.1%} of the rows are unevenly far apart; interpolated at {1e3 * interval:.4g} ms"

@@ -33,6 +33,19 @@ def test_even_rows_stay_as_they_are():
     assert notes == ()
 
 
+def test_rows_behind_a_pause_are_not_moved_to_the_grid_of_those_before_it():
+    """A commissioning pauses between its steps by times that are no multiples of its rows.
+
+    To interpolate between such rows takes noise and fast changes out of them.
+    """
+    rows = 2e-3 * np.arange(1000)
+    times = np.concatenate([rows, 2.001 + rows, 4.018 + rows])
+    given = recording(times)
+    even, notes = make_even(given, NAMES)
+    assert even is given
+    assert notes == ()
+
+
 def test_jitter_is_taken_out_by_the_times_that_the_logger_gives():
     source = np.random.default_rng(3)
     times = 2e-3 * np.arange(1000) + 5e-4 * source.uniform(-1.0, 1.0, 1000)

@@ -27,8 +27,8 @@ def make_even(recording: Recording, quantities: list[str]) -> tuple[Recording, t
     """Return a recording with rows equally far apart, and notes on what was done.
 
     A recording that is even but for a step now and then is returned as it is. Others are
-    interpolated at their usual interval across up to five rows or 20 ms; longer gaps stay. `ConfigError` where more than a
-    fifth of the rows have no number in one of the columns.
+    interpolated at their usual interval across up to five rows or 20 ms; longer gaps stay.
+    `ConfigError` where more than a fifth of the rows have no number in one of the columns.
 
     Args:
         recording: with a column of time that does not fall.

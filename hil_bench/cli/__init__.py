@@ -20,6 +20,7 @@ from hil_bench.cli.exit_codes import ExitCode, report_error, worst
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
+from hil_bench.cli.units_argument import apply_units
 from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
 from hil_bench.cli.verbs import all_verbs, own_verbs
 from hil_bench.shown_units import choice_of_a_call
@@ -55,6 +56,7 @@ def _main(arguments: Sequence[str], *, freezes: bool) -> int:
         prepare_streams()
         with collection_put_off(freezes=freezes):
             args = _parse(arguments)
+        apply_units(args)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
         code = ExitCode(args.run(args))

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -68,7 +68,9 @@ def resident_mb() -> float:
     """Return the memory that all processes of this program hold [MB]."""
     total = 0
     for status in Path("/proc").glob("[0-9]*/status"):
-        text = status.read_text(encoding="utf-8") if status.exists() else ""
+        text = ""
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            text = status.read_text(encoding="utf-8")
         fields = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
         owner = {int(fields.get("Pid", 0)), int(fields.get("PPid", 0))}
         if own_id() in owner and "VmRSS" in fields:

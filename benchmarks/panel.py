@@ -351,10 +351,11 @@ def _resident(pid: int) -> float:
 
 
 def _children(pid: int) -> set[int]:
-    text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8")
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    texts = [text, *(path.joinpath("children").read_text(encoding="utf-8") for path in tasks)]
-    return {int(word) for each in texts for word in each.split()}
+    found: set[int] = set()
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # a thread that has just ended
+            found.update(map(int, (task / "children").read_text(encoding="utf-8").split()))
+    return found
 
 
 def _words(pid: int) -> str:

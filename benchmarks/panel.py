@@ -353,7 +353,9 @@ def _resident(pid: int) -> float:
 def _children(pid: int) -> set[int]:
     found: set[int] = set()
     for task in Path(f"/proc/{pid}/task").iterdir():
-        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # a thread that has just ended
+        with contextlib.suppress(
+            FileNotFoundError, ProcessLookupError
+        ):  # a thread that has just ended
             found.update(map(int, (task / "children").read_text(encoding="utf-8").split()))
     return found
 

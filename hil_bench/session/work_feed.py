@@ -222,7 +222,7 @@ class WorkFeed:
         self._process.stop()
 
     def wait_for_client(self, timeout: float) -> None:
-        """Wait until somebody watches, but no longer than this [s]."""
+        """Wait until somebody watches the rows, but no longer than this [s]."""
         self._served.wait(timeout)
 
     def show(self, state: WorkState) -> None:
@@ -244,7 +244,7 @@ class WorkFeed:
             if kind == WANTS:
                 self._shown = None
                 self._wanted = message[0]
-                if self._wanted:
+                if self._wanted & WANTS_ROWS:
                     self._served.set()
             elif kind == COMMAND:
                 self._obey(json.loads(message))

@@ -169,6 +169,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "devices": dict(_devices(config)),
         "ecus": dict(_ecus(config, session)),
         "fault_targets": session.bench.part(Faults).targets,
+        "defects": session.bench.part(Faults).defects,
         "machines": dict(_machines(config)),
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]

@@ -7,7 +7,9 @@ from hil_bench.bench.configuration.fault_keys import COMMON_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.devices.faults.kinds import (
     DEFECT_KINDS,
+    DEFECTS,
     ECU_KINDS,
+    LEAKS,
     VALVE_KINDS,
     WIRE_KINDS,
     BrokenReading,
@@ -70,9 +72,19 @@ def fault_choices(hello: Mapping[str, Any]) -> dict[str, dict[str, list[dict[str
             target: [_content(key) for key in (*fault_keys(kind, target, hello), COMMON_KEYS[-1])]
             for group in _GROUPS.get(kind, ("nodes",))
             for target in groups.get(group, ())
+            if _can_have(kind, target, hello)
         }
         for kind in FaultKind
     }
+
+
+def _can_have(kind: FaultKind, target: str, hello: Mapping[str, Any]) -> bool:
+    """Return False if a kind is a defect that the plant or supply has not declared."""
+    declared = hello.get("defects", {}).get(target)
+    if declared is None or kind not in DEFECT_KINDS:
+        return True
+    names = LEAKS.values() if kind is FaultKind.LEAK else (DEFECTS[kind],)
+    return any(name in declared for name in names)
 
 
 def _content(key: Key) -> dict[str, object]:

@@ -158,6 +158,11 @@ class Faults(PhysicalFaults):
             "signals": [*self._signals],
         }
 
+    @property
+    def defects(self) -> dict[str, list[str]]:
+        """Names of the defects that a plant or a supply can have, by its name."""
+        return {name: sorted(point.known) for name, point in self._points.plants.items()}
+
     def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
         """Freeze the value of a sensor."""
         return self._measure(FaultKind.FREEZE, sensor, Frozen, when)

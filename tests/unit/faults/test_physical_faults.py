@@ -255,6 +255,19 @@ def test_what_a_file_says_of_an_axis_is_checked(keys, fault, said):
     assert str(error.value).startswith(f"built-in bench:faults[1].{said}")
 
 
+def test_a_page_offers_no_defect_that_a_plant_has_not_declared():
+    with bench_of() as bench:
+        declared = bench.faults.defects
+        hello = {"fault_targets": bench.faults.targets, "channels": [], "defects": declared}
+        assert "internal_leakage" in declared["axis1"]
+        assert list(fault_choices(hello)["leak"]) == ["axis1"]
+        hello["defects"] = {"axis1": ["dry_friction"]}
+        choices = fault_choices(hello)
+    assert list(choices["jam"]) == ["axis1"]
+    assert choices["leak"] == choices["aerate"] == choices["drop_load"] == {}
+    assert list(choices["stick"]) == ["valve"]
+
+
 def test_a_page_offers_each_of_them_for_what_may_have_it():
     with bench_of() as bench:
         choices = fault_choices({"fault_targets": bench.faults.targets, "channels": []})

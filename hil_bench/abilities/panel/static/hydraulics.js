@@ -65,7 +65,7 @@ export class Axis {
     if (id === "supply") return [...(this.supply ? this.of(this.supply) : own)].filter(([kind]) => OF_SUPPLY.has(kind));
     const worn = own.filter(([kind]) => kind === "wear_spool");
     if (id === "valve") return [...this.of(this.valve), ...worn];
-    if (id === "plant") return own.filter(([kind]) => !OF_SUPPLY.has(kind) && (kind !== "wear_spool" || !this.valve));
+    if (id === "plant") return own.filter(([kind]) => (!OF_SUPPLY.has(kind) || !this.circuit) && (kind !== "wear_spool" || !this.valve));
     const node = this.node(id);
     return node === id ? this.of(id) : [...this.of(id), ...this.of(node)];
   }

@@ -1,19 +1,18 @@
 """Record as a test: what was clicked becomes a scenario file, and runs at once."""
 
-import asyncio
 import json
 import os
 import re
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
+from hil_bench.abilities.panel.own_program import run_words
 from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
 from hil_bench.abilities.scenario.writing import to_toml
-from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.errors import ConfigError
 
 SUFFIX = ".scenario.toml"
 
@@ -112,27 +111,14 @@ def write_test(scenario: Scenario, *, replaces: bool) -> None:
 async def play_test(path: Path) -> dict[str, Any]:
     """Play a scenario in a process of its own, and return its verdict and what was found.
 
+    One that takes too long is a `ControllerError`.
+
     Raises:
         ConfigError: it cannot be played.
-        ControllerError: it takes too long.
     """
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        *("-m", "hil_bench", "test", str(path), "--json"),
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(_PATIENCE):
-            output, errors = await process.communicate()
-    except TimeoutError:
-        raise ControllerError(f"{path}: not done after {_PATIENCE:g} s; ended") from None
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    if process.returncode not in _VERDICTS:
+    late = f"{path}: not done after {_PATIENCE:g} s; ended"
+    code, output, errors = await run_words(["test", str(path), "--json"], _PATIENCE, late)
+    if code not in _VERDICTS:
         raise ConfigError(errors[-_MOST_OUTPUT:].decode(errors="replace").strip())
     (result,) = json.loads(output).values()
-    return {"verdict": _VERDICTS[process.returncode], "result": result}
+    return {"verdict": _VERDICTS[code], "result": result}

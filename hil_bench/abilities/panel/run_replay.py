@@ -1,13 +1,12 @@
 """A run of a campaign played again for a page: its verdicts, and the picture of the worst one."""
 
-import asyncio
 import base64
 import json
 import re
-import sys
 from pathlib import Path
 
-from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.abilities.panel.own_program import run_words
+from hil_bench.errors import ConfigError
 from hil_bench.scratch import scratch_folder
 
 _KEY = re.compile(r"[0-9a-f]{4,64}")
@@ -63,28 +62,7 @@ def _checked(again: object) -> list[str]:
 
 
 async def _play(words: list[str]) -> tuple[int | None, bytes, bytes]:
-    """Return exit code, output and errors of this program with some words.
-
-    Raises:
-        ControllerError: it takes too long.
-    """
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        *("-m", "hil_bench", *words),
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(_PATIENCE):
-            output, errors = await process.communicate()
-    except TimeoutError:
-        raise ControllerError(f"the run is not done after {_PATIENCE:g} s; ended") from None
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode, output, errors
+    return await run_words(words, _PATIENCE, f"the run is not done after {_PATIENCE:g} s; ended")
 
 
 def _data_uri(picture: Path) -> str:

@@ -1,7 +1,23 @@
+import signal
+
 import pytest
+from support.signals import SIGNALS
 
 
 @pytest.fixture(autouse=True)
 def _no_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("HIL_BENCH_CONFIG", raising=False)
     monkeypatch.delenv("HIL_BENCH_SEED", raising=False)
+
+
+@pytest.fixture
+def signals_that_are_heard():
+    """Undo what a shell without job control does to what it starts in the background.
+
+    It ignores SIGINT and SIGQUIT, as nohup does SIGHUP, and the bench leaves that in force.
+    """
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in SIGNALS}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)

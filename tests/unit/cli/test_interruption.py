@@ -10,24 +10,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from support.signals import SIGNALS
 
 from hil_bench.cli.interruption import interrupted_once, interruption
 from hil_bench.outside.recording.files import read_recording
 
-SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
-
-
-@pytest.fixture(autouse=True)
-def _signals_that_are_heard():
-    """Undo what a shell without job control does to what it starts in the background.
-
-    It ignores SIGINT and SIGQUIT, as nohup does SIGHUP, and the bench leaves that in force.
-    """
-    before = {number: signal.signal(number, signal.SIG_DFL) for number in SIGNALS}
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
+pytestmark = pytest.mark.usefixtures("signals_that_are_heard")
 
 
 @pytest.mark.parametrize("number", SIGNALS)

@@ -94,6 +94,7 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
     assert plan.bench == "left"
 
 
+@pytest.mark.usefixtures("signals_that_are_heard")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_page_in_order(number, monkeypatch, capsys):
     """Its server hears SIGINT and SIGTERM by itself, and ends its process by them again."""

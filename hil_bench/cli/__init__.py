@@ -15,13 +15,17 @@ from typing import Any, cast
 
 import hil_bench
 from hil_bench.ability import GROUPS, Verb
-from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.exit_codes import ExitCode, report_error, worst
-from hil_bench.cli.parser import Parser
-from hil_bench.cli.patient_handler import PatientHandler
-from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
-from hil_bench.cli.units_argument import apply_units
-from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
+from hil_bench.cli.parser import Parser, apply_units
+from hil_bench.cli.streams import (
+    PatientHandler,
+    add_verbosity_arguments,
+    add_verbosity_below,
+    collection_put_off,
+    discard_output,
+    flush_output,
+    prepare_streams,
+)
 from hil_bench.cli.verbs import all_verbs, own_verbs
 from hil_bench.shown_units import choice_of_a_call
 

@@ -1,4 +1,4 @@
-"""Arguments that name a bench, its file, seed, bus and axis; and where output goes."""
+"""Arguments that several verbs have: of benches, buses and networks."""
 
 import argparse
 import contextlib
@@ -6,13 +6,97 @@ import math
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.bench.configuration.keys import REALTIME_KEYS
-from hil_bench.cli.bus_arguments import add_bus_arguments
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
+
+# Arguments that name a CAN bus: python-can's names, spellings and choices.
+#
+# `can.cli.add_bus_arguments` has the same, but wants python-can imported, half of a start of
+# `hil-bench check`. Here it is imported when one of these options is given, or help is shown.
+
+
+class _Interfaces:
+    """The names of python-can's interfaces, looked up when they are needed."""
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._names()))
+
+    @staticmethod
+    def _names() -> frozenset[str]:
+        from can import VALID_INTERFACES  # noqa: PLC0415 - see above
+
+        return VALID_INTERFACES
+
+
+class _BusOptions(argparse.Action):
+    """Reads NAME=VALUE words into a dictionary, values converted as python-can does."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,  # noqa: ARG002 - argparse gives it
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option_string: str | None = None,  # noqa: ARG002 - likewise
+    ) -> None:
+        from can.util import cast_from_string  # noqa: PLC0415 - see above
+
+        read = {}
+        for word in values or ():
+            name, sign, value = word.partition("=")
+            if not (sign and name.isascii() and name.isidentifier()):
+                right = "give NAME=VALUE, as in port=29536"
+                raise argparse.ArgumentError(self, f"{word!r} is no bus option; {right}")
+            read[name] = cast_from_string(value)
+        setattr(namespace, self.dest, read)
+
+
+def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> None:
+    """Add the arguments of a bus, absent from the namespace where they are not given.
+
+    Those of CAN FD and bit timing are known only for `load_bench_config` to say why they are wrong.
+
+    Args:
+        parser: takes the arguments.
+        title: of their group; the help adds that they are python-can's.
+    """
+    group = parser.add_argument_group(
+        f"{title} (as in python-can)", argument_default=argparse.SUPPRESS
+    )
+    group.add_argument(
+        "-c", "--channel", metavar="CHANNEL", help="channel of the interface, as in can0"
+    )
+    group.add_argument(
+        "-i",
+        "--interface",
+        choices=_Interfaces(),
+        metavar="INTERFACE",  # or each usage line shows all two dozen of them
+        help="python-can's interface (default: of its configuration): %(choices)s",
+    )
+    group.add_argument(
+        "-b", "--bitrate", type=int, metavar="BITRATE", help="bit rate in bit/s, as in 500000"
+    )
+    group.add_argument("--fd", action="store_true", help=argparse.SUPPRESS)
+    group.add_argument("--data-bitrate", help=argparse.SUPPRESS)
+    group.add_argument("--timing", nargs="+", help=argparse.SUPPRESS)
+    group.add_argument(
+        "--bus-kwargs",
+        action=_BusOptions,
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="further options of the interface, as in host=127.0.0.1 port=29536",
+    )
+
+
+# Arguments that name a bench, its file, seed, bus and axis; and where output goes.
 
 _LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
 _NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--timing"}
@@ -208,3 +292,64 @@ def output_directory(path: Path) -> Iterator[None]:
             for each in made:
                 each.rmdir()
         raise
+
+
+# Arguments that say where the devices are: on which bus, or in the virtual bench.
+
+
+def add_network_arguments(parser: argparse._ActionsContainer) -> None:
+    """Add what says where the devices are: on which bus, or in the virtual bench."""
+    parser.add_argument(
+        "--on",
+        metavar="NAME",
+        help="use the bus of [buses.NAME] in a bench with several (default: that of [bus])",
+    )
+    parser.add_argument(
+        "--virtual",
+        action="store_true",
+        help="use no bus, but the virtual bench in this process, in virtual time",
+    )
+
+
+def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
+    """Return the part of a bench that is on the bus of ``--on``.
+
+    Raises:
+        ConfigError: there is no such bus, or the command line gives another one.
+    """
+    name = args.on or FIRST_BUS
+    if name not in config.buses:
+        raise ConfigError(
+            f"--on {name}: there is no such bus; give one of {', '.join(config.buses)}"
+        )
+    if name != FIRST_BUS and ("interface" in args or "channel" in args):
+        raise ConfigError(f"--on {name}: -i and -c are for [bus]; give either")
+    if name != FIRST_BUS and getattr(args, "lockstep", False):
+        raise ConfigError(f"--on {name}: in lock-step SYNC on [bus] lets time pass; leave --on out")
+    return config.seen_from(name)
+
+
+def bus_words(args: argparse.Namespace) -> list[str]:
+    """Return the words of a command line that name the same bus."""
+    words = ["--on", args.on] if args.on else []
+    if args.virtual:
+        return [*words, "--virtual"]
+    for flag, name in (("-i", "interface"), ("-c", "channel"), ("-b", "bitrate")):
+        if name in args:
+            words += [flag, str(getattr(args, name))]
+    options = getattr(args, "bus_kwargs", None) or {}
+    if options:
+        words += ["--bus-kwargs", *(f"{name}={value}" for name, value in options.items())]
+    return words
+
+
+def check_one_bus(config: BenchConfig, verb: str) -> None:
+    """Refuse a bench with several buses.
+
+    Raises:
+        ConfigError: it has.
+    """
+    if config.further_buses:
+        names = ", ".join(config.buses)
+        right = f"give {verb} a bench.toml with all nodes on one"
+        raise ConfigError(f"{config.path}: has several buses ({names}); {right}")

@@ -5,17 +5,50 @@ import json
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from hil_bench.bench.configuration import BenchConfig, Setting
+from hil_bench.bench.configuration import AxisConfig, BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Joining
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
-from hil_bench.cli.device_table import read_devices
-from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.devices import read_devices
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.options import add_options, take_over
-from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.summary import fact_lines, facts_of, facts_of_supply, summary_lines
+from hil_bench.cli.results import add_json_argument, warn_of
+from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.config.settings import Origin
+from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, summarise_supply
+from hil_bench.plants.kind import Fact
+
+# The key figures of an axis, as lines.
+
+
+def facts_of(config: BenchConfig, axis: AxisConfig) -> Sequence[Fact]:
+    """Return the key figures of an axis."""
+    return axis.kind.summarise(axis, config.tick_ns // 1000, config.step_ns // 1000)
+
+
+def facts_of_supply(config: BenchConfig, supply: SupplyConfig) -> Sequence[Fact]:
+    """Return the key figures of a supply that axes share."""
+    axes = [axis for axis in config.axes if axis.name in supply.axes and isinstance(axis, Fed)]
+    return list(summarise_supply(supply, axes, config.dt))
+
+
+def summary_lines(config: BenchConfig, axis: AxisConfig) -> list[str]:
+    """Return the key figures of an axis as lines."""
+    return fact_lines(facts_of(config, axis))
+
+
+def fact_lines(facts: Sequence[Fact]) -> list[str]:
+    """Return facts as lines: name, value with its unit, note."""
+    width = max((len(fact.name) for fact in facts), default=0)
+    return [
+        f"{fact.name:{width}}  {_short(fact.value):>8} {fact.unit:6}  {fact.note}".rstrip()
+        for fact in facts
+    ]
+
+
+def _short(value: float) -> str:
+    """Return a number with four digits that count, and no exponent."""
+    return f"{float(f'{value:.4g}'):.10g}"
+
 
 _EXAMPLES = """\
 examples:

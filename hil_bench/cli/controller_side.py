@@ -1,19 +1,31 @@
-"""The bus of the verbs that talk to devices as a controller does."""
+"""The controller side of verbs: its bus, and a recording of its work."""
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench import __version__
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.cli.network_arguments import seen_from_bus
+from hil_bench.cli.arguments import seen_from_bus
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.recording.formats import Heading
+from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.outside.recording.network_tap import NetworkTap
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_drivers import BusLostError, Network
 
 if TYPE_CHECKING:
     from hil_bench.session.virtual_bench import VirtualBench
+
+
+# The bus of the verbs that talk to devices as a controller does.
 
 
 class OpenNetwork(NamedTuple):
@@ -92,3 +104,36 @@ def _open_lockstep(config: BenchConfig) -> Iterator[OpenNetwork]:
             Network(stepped, clock=stepped.now) as network,
         ):
             yield OpenNetwork(network, description, None, is_lockstep=True)
+
+
+# The recording of what a machine does under `hil-bench commission` and `hil-bench test`.
+
+
+@contextlib.contextmanager
+def recorded_work(
+    path: Path, opened: OpenNetwork, channels: Sequence[Channel], what: str
+) -> Iterator[tuple[RecordingSink, float]]:
+    """Record samples and frames: by another process where time does not wait for us.
+
+    Args:
+        path: of the file.
+        opened: the machine's network.
+        channels: of the samples, after the time.
+        what: is recorded, for the file's heading.
+
+    Yields:
+        What takes the samples, and its time 0 on the network's clock [s].
+    """
+    is_real_time = opened.virtual is None and not opened.is_lockstep
+    started = datetime.now(UTC) if is_real_time else None
+    heading = Heading(f"hil-bench {__version__}, {what}", started)
+    plan = RecordingPlan((path,), tuple(channels), heading=heading)
+    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
+    recording.start()
+    tap = NetworkTap(recording, opened.network.now)
+    opened.network.observe = tap.observe
+    try:
+        yield recording, tap.origin
+    finally:
+        opened.network.observe = None
+        recording.stop()

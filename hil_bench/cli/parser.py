@@ -1,13 +1,82 @@
-"""A parser that takes positional arguments anywhere, and says in one line what is wrong."""
+"""The parser of the command line, its help, and arguments that are numbers or units."""
 
 import argparse
 import difflib
+import math
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Generator, Iterator, Sequence
+from itertools import groupby
 from typing import Any, NoReturn
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.help_format import HelpFormatter
+from hil_bench.errors import ConfigError
+from hil_bench.shown_units import SETS, VARIABLE, choose, parse_choice
+
+# The help of a verb on a narrow terminal: descriptions and examples as written, where they fit.
+
+_COMMENT_INDENT = 8  # of an example's comment that has no room behind its command
+_FAR = 20  # leading spaces of a line that goes on with the comment above
+
+
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Wraps what is wider than the terminal, and leaves the rest as it is."""
+
+    def _iter_indented_subactions(
+        self, action: argparse.Action
+    ) -> Generator[argparse.Action, None, None]:
+        # Verbs stand below the headings of their groups.
+        headings = getattr(action, "headings", None)
+        if headings is None:
+            yield from super()._iter_indented_subactions(action)
+            return
+        widest = (
+            self._current_indent + 2 * self._indent_increment + max(map(len, action.choices or ()))
+        )
+        self._action_max_length = max(self._action_max_length, widest)
+        yield from headings
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        lines: list[str] = []
+        for is_indented, group in groupby(text.splitlines(), key=lambda line: line[:1] == " "):
+            block = list(group)
+            if max(map(len, block)) <= width:
+                lines += block
+            elif is_indented:
+                lines += _wrapped_examples(block, width)
+            else:
+                lines += _wrapped_paragraphs(block, width)
+        return "\n".join(indent + line for line in lines)
+
+
+def _wrapped_paragraphs(block: list[str], width: int) -> Iterator[str]:
+    for is_text, group in groupby(block, key=bool):
+        if is_text:
+            yield from textwrap.wrap(" ".join(group), width, break_on_hyphens=False)
+        else:
+            yield from group
+
+
+def _wrapped_examples(block: list[str], width: int) -> Iterator[str]:
+    """Yield examples, the comment of each on lines of its own where one does not fit."""
+    gap = " " * _COMMENT_INDENT
+    for line in block:
+        start = len(line) - len(line.lstrip())
+        command, _, comment = line[start:].partition("   ")
+        if start >= _FAR:
+            start, command, comment = 0, "", line
+        if command.startswith("hil-bench"):
+            yield " " * start + command  # in one piece, to be copied
+        elif command:
+            further = " " * (start + 2)
+            yield from textwrap.wrap(" " * start + command, width, subsequent_indent=further)
+        if comment.strip():
+            yield from textwrap.wrap(
+                comment.strip(), width, initial_indent=gap, subsequent_indent=gap
+            )
+
+
+# A parser that takes positional arguments anywhere, and says in one line what is wrong.
 
 _MOST_CHOICES = 8  # more of them are for --help
 
@@ -69,3 +138,84 @@ class Parser(argparse.ArgumentParser):
         while has_more and counts and counts[-1] == 0:
             counts.pop()
         return counts
+
+
+# The option of the units in which a verb shows values.
+
+
+def add_units_argument(parser: "argparse._ActionsContainer") -> None:
+    """Add --units, which overrides the environment variable for this run and its helpers."""
+    parser.add_argument(
+        "--units",
+        action=_Checked,
+        metavar="WORDS",
+        help="show values in these units, as in psi,in,gpm or MPa; sets of them are "
+        f"{' and '.join(SETS)} (default: {VARIABLE} of the environment, else metric)",
+    )
+
+
+def apply_units(args: argparse.Namespace) -> None:
+    """Choose the units of a parsed command line, where it gives any."""
+    given = getattr(args, "units", None)
+    if given is not None:
+        choose(given)
+
+
+class _Checked(argparse.Action):
+    def __call__(
+        self,
+        _parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[object] | None,
+        _option: str | None = None,
+    ) -> None:
+        """Store words that are known.
+
+        Raises:
+            argparse.ArgumentError: a word is wrong.
+        """
+        try:
+            parse_choice(str(values))
+        except ConfigError as error:
+            raise argparse.ArgumentError(self, str(error)) from None
+        setattr(namespace, self.dest, str(values))
+
+
+# Numbers on the command line.
+
+
+def count(text: str) -> int:
+    """Return a positive integer.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: give an integer from 1 up")
+    return int(text)
+
+
+def count_from_zero(text: str) -> int:
+    """Return an integer that is not negative.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text}: give an integer from 0 up")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """Return a positive number.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a positive number")
+    return number

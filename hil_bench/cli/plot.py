@@ -7,8 +7,8 @@ import numpy as np
 
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.units_argument import add_units_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording

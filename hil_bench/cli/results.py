@@ -6,9 +6,10 @@ same: --json, --csv, a schema, a completion script.
 
 import argparse
 import json
+import logging
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 
 from hil_bench.errors import printable
@@ -64,3 +65,14 @@ def plain(value: object) -> object:
     if value is None or isinstance(value, (str, int)):
         return value
     return [plain(item) for item in value] if isinstance(value, Iterable) else str(value)
+
+
+# Warnings about implausible values of a bench, given once.
+
+logger = logging.getLogger(__name__)
+
+
+def warn_of(doubts: Sequence[str]) -> None:
+    """Say doubts on standard error, a line each; -q leaves them out."""
+    for doubt in doubts:
+        logger.warning("warning: %s", doubt)

@@ -10,14 +10,14 @@ from hil_bench.cli.arguments import (
     add_loop_arguments,
     read_speed,
 )
-from hil_bench.cli.bench_bus import HUB_CHANNEL
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
-from hil_bench.cli.options import add_options, take_over
+from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.units_argument import add_units_argument
+from hil_bench.cli.run_setup import HUB_CHANNEL
+from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 

@@ -1,27 +1,194 @@
-"""Common parts of both ways to `hil-bench run`: the set-up before the first tick, and the end."""
+"""The part of a run before its first tick, files and a bus, and the content that it reports."""
 
 import argparse
 import contextlib
+import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any, NamedTuple, Self
 
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
-from hil_bench.cli.bench_bus import OpenBus, open_bus
-from hil_bench.cli.collection import collection_put_off
-from hil_bench.cli.device_table import device_table
-from hil_bench.cli.doubts import warn_of
-from hil_bench.cli.exit_codes import Ending, ExitCode
+from hil_bench.bench.ecus import ecus_of
+from hil_bench.cli.devices import device_table
+from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption
 from hil_bench.cli.helpers import Helper, Helpers
-from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.recording_arguments import recording_code, recording_wish
-from hil_bench.cli.results import print_results
-from hil_bench.errors import HilBenchError
+from hil_bench.cli.results import print_results, warn_of
+from hil_bench.cli.streams import collection_put_off
+from hil_bench.devices.faults.faults import Faults
+from hil_bench.errors import HilBenchError, about_file, check_replaceable
+from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
+from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE, load_of
+from hil_bench.outside.transports.can_interfaces import bitrate_of
+from hil_bench.outside.transports.hosted_bus import HostedBus
+from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.outside.transports.hub_transport import HubTransport
+from hil_bench.outside.transports.joined import JoinedTransport
+from hil_bench.outside.transports.opening import open_transport
+from hil_bench.outside.transports.socketcan import SocketCanTransport
+from hil_bench.outside.transports.transport import Transport
+from hil_bench.session.lockstep import LockStepReport
+from hil_bench.session.paced import RunReport
 from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session
+
+# The bench's own end of its buses: those that are there, or a hub that it hosts.
+
+HUB_CHANNEL = "can0"
+
+
+class OpenBus(NamedTuple):
+    """The bus of a bench, or its buses, open.
+
+    Attributes:
+        transport: the bench's end of it, or of all of them as one.
+        parts: each bus by its name in the configuration.
+        lines: what a controller engineer needs to know to join.
+        helpers: the process of its hub.
+        bitrate: that the load refers to, of all buses together [bit/s].
+    """
+
+    transport: Transport
+    parts: Mapping[str, Transport]
+    lines: tuple[str, ...]
+    helpers: Sequence[Helper]
+    bitrate: int
+
+
+class HubHelper:
+    """A hub's process, as the loop looks after it.
+
+    Args:
+        hub: it runs.
+        ends: the bench's end of each of its buses.
+    """
+
+    loss = "all programs on it are cut off and have to join again"
+    is_needed = True
+
+    def __init__(self, hub: HubProcess, ends: Sequence[HubTransport]) -> None:
+        self.name = f"hub {hub.host}:{hub.port}"
+        self._hub = hub
+        self._ends = tuple(ends)
+
+    def ending(self) -> str | None:
+        """Return the ending of the process or its cut-off of the bench; None for neither."""
+        ending = self._hub.ending()
+        if ending is not None:
+            for end in self._ends:
+                end.drop()
+        elif any(end.is_down for end in self._ends):
+            return "has cut off the bench, which was too slow for it"
+        return ending
+
+    def restart(self) -> str:
+        """Start it again at the same port where it has ended, and join each of its buses."""
+        if self._hub.ending() is not None:
+            self._hub.restart()
+        for end in self._ends:
+            if end.is_down:
+                end.join()
+        return ""
+
+
+@contextlib.contextmanager
+def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
+    """Open the buses of the configuration, or host as many and join them.
+
+    Yields:
+        The buses.
+    """
+    with contextlib.ExitStack() as stack:
+        if args.hub is None:
+            yield _open_configured(config, stack)
+        elif args.lockstep:
+            channels = hub_channels(config)
+            hosted = HostedBus(port=args.hub, channels=list(channels.values()))
+            stack.callback(hosted.close)
+            lines = (
+                f"bus    {hosted.description}",
+                *_join_lines(channels, hosted.host, hosted.port),
+            )
+            bitrate = USUAL_BITRATE * len(channels)
+            yield OpenBus(hosted, {"bus": hosted}, lines, (), bitrate)
+        else:
+            yield _open_hub(args, config, stack)
+
+
+def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
+    parts = {}
+    for name, bus in config.buses.items():
+        parts[name] = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+        stack.callback(parts[name].close)
+    bitrate = sum(
+        bus.bitrate or own_bitrate(parts[name]) or USUAL_BITRATE
+        for name, bus in config.buses.items()
+    )
+    return OpenBus(_joined(parts), parts, _bus_lines(parts), (), bitrate)
+
+
+def _open_hub(
+    args: argparse.Namespace, config: BenchConfig, stack: contextlib.ExitStack
+) -> OpenBus:
+    """Start a hub in a process of its own, and join each of its buses."""
+    channels = hub_channels(config)
+    bitrates = [bus.bitrate or USUAL_BITRATE for bus in config.buses.values()]
+    is_limited = not args.hub_unlimited and math.isfinite(args.speed)
+    hub = HubProcess(
+        port=args.hub,
+        channels=tuple(channels.values()),
+        bitrate=max(bitrates) * args.speed if is_limited else None,
+    )
+    stack.enter_context(hub)
+    parts = {}
+    for name, channel in channels.items():
+        parts[name] = hub.join(channel)
+        stack.callback(parts[name].close)
+    lines = (*_bus_lines(parts), *_join_lines(channels, hub.host, hub.port))
+    helpers = [HubHelper(hub, list(parts.values()))]
+    return OpenBus(_joined(parts), parts, lines, helpers, sum(bitrates))
+
+
+def _joined(parts: Mapping[str, Transport]) -> Transport:
+    """Return several buses as one, and a single one as it is."""
+    transports = tuple(parts.values())
+    return transports[0] if len(transports) == 1 else JoinedTransport(transports)
+
+
+def _bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
+    """Return the description of each bus, with its name where there are several."""
+    if len(parts) == 1:
+        return tuple(f"bus    {part.description}" for part in parts.values())
+    return tuple(f"bus    {name}: {part.description}" for name, part in parts.items())
+
+
+def own_bitrate(transport: Transport) -> int | None:
+    """Return the bit rate that a SocketCAN interface is set to [bit/s], None where it has none."""
+    return bitrate_of(transport.channel) if isinstance(transport, SocketCanTransport) else None
+
+
+def hub_channels(config: BenchConfig) -> dict[str, str]:
+    """Return the channel of each bus on a hub, by the bus' name."""
+    return {name: f"can{number}" for number, name in enumerate(config.buses)}
+
+
+def _join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:
+    """Return python-can's flags for another program on each bus of a hub."""
+    return tuple(
+        f"join   -i socketcand -c {channel} --bus-kwargs host={host} port={port}"
+        + (f"    ({name})" if len(channels) > 1 else "")
+        for name, channel in channels.items()
+    )
+
+
+# Common parts of both ways to `hil-bench run`: the set-up before the first tick, and the end.
 
 
 class RunSetup(NamedTuple):
@@ -135,3 +302,173 @@ def fault_line(fault: FaultConfig) -> str:
     """Describe a fault and its time."""
     lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
     return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
+
+
+# The timing of a run as a file for programs: summary and histograms in JSON.
+
+
+class HistogramFile:
+    """A file that is opened before the run and written after it.
+
+    Args:
+        path: the file; None for none.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._file: IO[str] | None = None
+        if path is None:
+            return
+        check_replaceable(path)
+        with about_file(f"--histograms {path}", right="give a file in a directory of yours"):
+            self._file = path.open("w", encoding="ascii")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            with contextlib.suppress(OSError):  # `write` has said so
+                self._file.close()
+
+    def write(self, report: RunReport, period_ns: int, bitrate: int) -> None:
+        """Write what a run did."""
+        if self._file is not None:
+            with naming(Path(self._file.name)):
+                json.dump(timing(report, period_ns, bitrate), self._file, indent=1)
+                self._file.write("\n")
+                self._file.close()
+
+
+def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:
+    """Return the timing of a run: counts, and for each duration percentiles and bins."""
+    ticks = report.ticks
+    elapsed = (ticks.ticks + ticks.skipped) * period_ns
+    statistics = report.statistics
+    return figures(ticks, period_ns) | {
+        "lateness": asdict(ticks.lateness) | {"bins": bins(statistics.lateness)},
+        "work": asdict(ticks.work) | {"bins": bins(statistics.work)},
+        "frames": asdict(report.frames),
+        "bus_load": load_of(report.frames.bits, elapsed, bitrate),
+        "bitrate": bitrate,
+        "ended_by": None if report.lost is None else str(report.lost),
+    }
+
+
+def figures(ticks: TickSummary, period_ns: int) -> dict[str, Any]:
+    """Return the figures of a loop: counts, and percentiles of each duration."""
+    return {
+        "tick_us": period_ns / 1000,
+        "ticks": ticks.ticks,
+        "overruns": ticks.overruns,
+        "skipped": ticks.skipped,
+        "lateness": asdict(ticks.lateness),
+        "work": asdict(ticks.work),
+    }
+
+
+def bins(histogram: DurationHistogram) -> list[dict[str, float]]:
+    """Return the bins that are not empty: largest value [us], and count."""
+    return [{"to_us": edge, "count": count} for edge, count in histogram.bins()]
+
+
+# The `hil-bench run --json` output: the figures of the summary, for a program.
+
+_S_PER_NS = 1e-9
+
+
+def paced_content(
+    report: RunReport, setup: RunSetup, helpers: Helpers, *, is_timed: bool
+) -> dict[str, object]:
+    """Return the figures of a run by the clock.
+
+    Args:
+        report: of the run.
+        setup: the bench, and what was open around it.
+        helpers: the processes beside the loop.
+        is_timed: whether there was a time by which ticks were due.
+    """
+    period, bitrate = setup.config.tick_ns, setup.bus.bitrate
+    elapsed = (report.ticks.ticks + report.ticks.skipped) * period
+    timing = ("lateness", "work")
+    loop = figures(report.ticks, period)
+    return {
+        "bench_time": elapsed * _S_PER_NS,
+        "loop": {key: loop[key] for key in loop if is_timed or key not in timing},
+        "held": list(report.held),
+        "bus_load": load_of(report.frames.bits, elapsed, bitrate),
+        "bitrate": bitrate,
+        **_common(report, setup, helpers),
+    }
+
+
+def lockstep_content(
+    report: LockStepReport, setup: RunSetup, helpers: Helpers
+) -> dict[str, object]:
+    """Return the figures of a run in lock-step.
+
+    Args:
+        report: of the run.
+        setup: the bench, and what was open around it.
+        helpers: the processes beside the loop.
+    """
+    return {
+        "bench_time": report.now * _S_PER_NS,
+        "wall_time": report.moved,
+        "syncs": report.syncs,
+        "sync_period": setup.config.sync_period_ns * _S_PER_NS,
+        **_common(report, setup, helpers),
+    }
+
+
+def _common(
+    report: RunReport | LockStepReport, setup: RunSetup, helpers: Helpers
+) -> dict[str, object]:
+    bench = setup.session.bench
+    medium = bench.medium
+    standing = (lambda _device: None) if medium is None else medium.standing
+    return {
+        "ended_by": None if report.lost is None else str(report.lost),
+        "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
+        "buses": {name: part.counters() for name, part in setup.bus.parts.items()},
+        "faults": [
+            {
+                "time": event.time * _S_PER_NS,
+                "kind": event.kind,
+                "target": event.target,
+                "begins": event.is_begin,
+            }
+            for event in bench.part(Faults).events
+        ],
+        "nodes": [
+            {
+                "name": settings.name,
+                "node_id": node.node_id,
+                "state": node.state.name.replace("_", "-"),
+                "refused": node.counters,
+                "can": standing(node),
+                "storage_problem": node.storage_problem,
+            }
+            for settings, node in zip(setup.config.nodes, bench.nodes, strict=True)
+        ],
+        "ecus": [
+            {
+                "name": name,
+                **ecu.standing(),
+                "can": standing(ecu.ecu),
+            }
+            for name, ecu in ecus_of(bench).items()
+        ],
+        "recording": _recorded(setup.recording),
+        "helpers": helpers.lines(),
+    }
+
+
+def _recorded(recording: RecordingSink | None) -> dict[str, object] | None:
+    """Return the report of a recording, None where there is none."""
+    if recording is None:
+        return None
+    report = recording.report
+    return asdict(report) | {"is_complete": report.is_complete}

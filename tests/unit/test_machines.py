@@ -12,8 +12,8 @@ from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli import main
+from hil_bench.cli.check import facts_of
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.summary import facts_of
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 

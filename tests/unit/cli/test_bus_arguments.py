@@ -6,7 +6,7 @@ import can
 import can.cli
 import pytest
 
-from hil_bench.cli.bus_arguments import add_bus_arguments
+from hil_bench.cli.arguments import add_bus_arguments
 from hil_bench.config.values import interface
 
 

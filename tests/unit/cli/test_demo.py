@@ -9,7 +9,7 @@ import pytest
 from hil_bench.abilities.demo.verbs.demo_tuning import demo_profile, tuned_parameters
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.interruption import Interruption
+from hil_bench.cli.exit_codes import Interruption
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.outside.recording.files import read_recording
 

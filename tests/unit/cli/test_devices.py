@@ -8,7 +8,7 @@ from support.documents import ROOT
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.device_table import DeviceRow, ObjectRow, PdoRow, _device_lines, read_devices
+from hil_bench.cli.devices import DeviceRow, ObjectRow, PdoRow, _device_lines, read_devices
 
 OBJECTS = (
     ObjectRow(0x6040, 0, "Control word", "UNSIGNED16"),

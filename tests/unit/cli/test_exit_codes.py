@@ -18,8 +18,7 @@ import pytest
 from hil_bench.abilities.demo.verbs import demo
 from hil_bench.abilities.scenario.verbs import scenario_run
 from hil_bench.cli import main, run_setup
-from hil_bench.cli.exit_codes import SEVERITY, Ending, ExitCode, worst
-from hil_bench.cli.interruption import Interruption
+from hil_bench.cli.exit_codes import SEVERITY, Ending, ExitCode, Interruption, worst
 from hil_bench.cli.paced_run import PacedRun
 from hil_bench.errors import BusError, DiskError, about_file
 

@@ -46,7 +46,7 @@ class Controller:
 @pytest.fixture
 def run(monkeypatch):
     def run_with(controller, *arguments):
-        monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: controller)
+        monkeypatch.setattr("hil_bench.cli.run_setup.open_transport", lambda *_: controller)
         return main(["run", "-i", "virtual", "-c", "x", "--lockstep", *arguments])
 
     return run_with

@@ -5,7 +5,7 @@ import pytest
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.lockstep_status import LockStepStatus
+from hil_bench.cli.lockstep_run import LockStepStatus
 from hil_bench.cli.status_line import format_lines
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.transports.transport import TransportCounters

@@ -38,7 +38,7 @@ def test_a_run_is_recorded_from_its_first_tick(tmp_path, capsys):
 def test_only_the_whole_bus_has_frames_that_are_for_nobody_here(
     tmp_path, monkeypatch, words, received
 ):
-    monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: FilteredBus())
+    monkeypatch.setattr("hil_bench.cli.run_setup.open_transport", lambda *_: FilteredBus())
     path = tmp_path / "run.mf4"
     assert main([*RUN, "--record", str(path), *words]) == 0
     frames = [logged.frame.can_id for logged in read_frames(path) if logged.is_received]
@@ -71,7 +71,7 @@ def test_a_full_disk_is_said_and_the_run_ends_with_5(tmp_path, monkeypatch, caps
         return append(self, data)
 
     monkeypatch.setattr(block_file.OutputFile, "append", fill)
-    monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: SyncOnly())
+    monkeypatch.setattr("hil_bench.cli.run_setup.open_transport", lambda *_: SyncOnly())
     words = ["run", "-i", "virtual", "-c", "x", "--duration", "1", *mode]
     assert main([*words, "--record", str(full), "--record", str(sound)]) == 5
     rows = len(read_recording(full))

@@ -10,7 +10,7 @@ import pytest
 
 from device_profiles import IMITATIONS
 from hil_bench.cli import main
-from hil_bench.cli.progress import Progress
+from hil_bench.cli.status_line import Progress
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.transports.hub_process import HubProcess
@@ -172,8 +172,8 @@ def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypat
 
 
 def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.interruption.Interruption.requested", True, raising=False)
-    monkeypatch.setattr("hil_bench.cli.interruption.Interruption.__init__", lambda _self: None)
+    monkeypatch.setattr("hil_bench.cli.exit_codes.Interruption.requested", True, raising=False)
+    monkeypatch.setattr("hil_bench.cli.exit_codes.Interruption.__init__", lambda _self: None)
     assert main(["run", *BUS]) == 130
 
 
@@ -231,7 +231,7 @@ def test_a_hub_limits_its_clients_to_the_bit_rate(monkeypatch, words, limit):
             super().__init__(**options)
             made.append(options["bitrate"])
 
-    monkeypatch.setattr("hil_bench.cli.bench_bus.HubProcess", Hub)
+    monkeypatch.setattr("hil_bench.cli.run_setup.HubProcess", Hub)
     assert main(["run", "--hub", "0", "--duration", "0.01", *words]) == 0
     assert made == [limit]
 

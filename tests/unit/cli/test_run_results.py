@@ -73,7 +73,7 @@ class ScriptedBus:
 
 
 def put_in_place(monkeypatch, bus):
-    monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: bus)
+    monkeypatch.setattr("hil_bench.cli.run_setup.open_transport", lambda *_: bus)
 
 
 @pytest.mark.parametrize("mode", [[], ["--lockstep"]])

@@ -7,8 +7,7 @@ from rich.console import Console
 from support.feed_loop import FeedLoop
 
 from hil_bench.cli import main, watch
-from hil_bench.cli.watch_values import bar
-from hil_bench.cli.watch_view import WatchView
+from hil_bench.cli.watch import WatchView, bar
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 

@@ -12,8 +12,8 @@ from support.patience import GUARD
 from hil_bench.abilities.campaign.verbs import campaign
 from hil_bench.abilities.commissioning.verbs import commission
 from hil_bench.abilities.scenario.verbs import test as test_verb
-from hil_bench.cli import main, work_side
-from hil_bench.cli.work_side import ShownRows, WorkView
+from hil_bench.cli import feed_side, main
+from hil_bench.cli.feed_side import ShownRows, WorkView
 from hil_bench.outside.feed.client import connect
 from hil_bench.outside.feed.places import Place, find_names
 
@@ -162,7 +162,7 @@ def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
     watcher = threading.Thread(target=stop)
 
     def work():
-        with work_side.watched_work(Words(), "shadow", "bench.toml"):
+        with feed_side.watched_work(Words(), "shadow", "bench.toml"):
             watcher.start()
             threading.Event().wait(GUARD)
 
@@ -176,7 +176,7 @@ def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
 def test_without_a_wish_nobody_can_watch():
     args = Words()
     args.name = None
-    with work_side.watched_work(args, "shadow", "bench.toml") as view:
+    with feed_side.watched_work(args, "shadow", "bench.toml") as view:
         assert not view.is_watched
         assert find_names() == []
         view.show(now="nothing")

@@ -14,7 +14,7 @@ from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import SetStep
 from hil_bench.cli import ctl, main
 from hil_bench.cli.feed_side import hello_of
-from hil_bench.cli.loop_summary import node_lines
+from hil_bench.cli.paced_run import node_lines
 from hil_bench.errors import ConfigError
 from hil_bench.session import attached
 

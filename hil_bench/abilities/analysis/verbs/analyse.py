@@ -11,8 +11,8 @@ from hil_bench.abilities.analysis.verbs.analyses import Names, add_analyses, add
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import print_lines
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.extras import require_extra
 
 _EXAMPLES = """\

@@ -34,13 +34,11 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     read_parameter,
 )
 from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argument
-from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code, worst
-from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.numbers import count, count_from_zero
-from hil_bench.cli.progress import Work, shown_work
+from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
+from hil_bench.cli.feed_side import add_work_arguments, watched_work
+from hil_bench.cli.parser import add_units_argument, count, count_from_zero
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.units_argument import add_units_argument
-from hil_bench.cli.work_side import add_work_arguments, watched_work
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError, about_file, whole_file
 
 logger = logging.getLogger(__name__)

@@ -5,8 +5,8 @@ import os
 
 from hil_bench.abilities.campaign.executing import Note
 from hil_bench.abilities.campaign.records import RunResult
-from hil_bench.cli.numbers import count_from_zero
-from hil_bench.cli.progress import Work
+from hil_bench.cli.parser import count_from_zero
+from hil_bench.cli.status_line import Work
 
 
 def add_jobs_argument(parser: argparse.ArgumentParser) -> None:

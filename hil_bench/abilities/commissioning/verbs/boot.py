@@ -6,10 +6,14 @@ import sys
 from pathlib import Path
 
 from hil_bench.abilities.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import (
+    add_bench_arguments,
+    add_network_arguments,
+    load_bench_config,
+    seen_from_bus,
+)
 from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_drivers import Network

@@ -45,25 +45,24 @@ from hil_bench.abilities.commissioning.verbs.commission_view import (
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (
     add_bench_arguments,
+    add_network_arguments,
     add_output_argument,
     load_bench_config,
     make_directory,
+    seen_from_bus,
 )
-from hil_bench.cli.controller_side import OpenNetwork, open_network
-from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
-from hil_bench.cli.progress import Work, shown_work
-from hil_bench.cli.recording_arguments import recording_code, report_lines
-from hil_bench.cli.results import add_json_argument, is_silent, print_results
-from hil_bench.cli.units_argument import add_units_argument
-from hil_bench.cli.work_recording import recorded_work
-from hil_bench.cli.work_side import (
+from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
+from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
+from hil_bench.cli.feed_side import (
     ShownRows,
     add_work_arguments,
     hold_to_real_time,
     watched_work,
 )
+from hil_bench.cli.parser import add_units_argument
+from hil_bench.cli.recording_arguments import recording_code, report_lines
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.report import RecordingReport

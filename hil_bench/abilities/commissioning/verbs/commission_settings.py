@@ -9,9 +9,9 @@ from pathlib import Path
 
 from hil_bench.abilities.commissioning.borrowed import Returned
 from hil_bench.abilities.commissioning.journal import BorrowedSetting, SettingsJournal
+from hil_bench.cli.arguments import bus_words
 from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.network_arguments import bus_words
 from hil_bench.errors import ConfigError
 from hil_drivers import NmtState
 

@@ -6,7 +6,7 @@ from hil_bench.abilities.commissioning.measures import StepResult
 from hil_bench.abilities.commissioning.plan import CommissioningPlan, Limits, Step
 from hil_bench.abilities.commissioning.report import verdict_of
 from hil_bench.abilities.commissioning.session import Commissioning
-from hil_bench.cli.work_side import WorkView
+from hil_bench.cli.feed_side import WorkView
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.session.work_feed import WorkItem
 from hil_bench.shown_units import shown_unit

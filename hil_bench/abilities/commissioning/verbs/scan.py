@@ -10,10 +10,9 @@ from hil_bench.abilities.commissioning.identity import NodeDescription
 from hil_bench.abilities.commissioning.listening import BusTraffic, Traffic, listen
 from hil_bench.abilities.commissioning.lss import LssAddress, LssScan
 from hil_bench.abilities.commissioning.survey import Survey, survey
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, add_network_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.network_arguments import add_network_arguments
 from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError
 

@@ -18,12 +18,16 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.eds_findings import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import (
+    add_bench_arguments,
+    add_network_arguments,
+    load_bench_config,
+    seen_from_bus,
+)
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
-from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError, about_file, whole_file
 
 _EXAMPLES = """\

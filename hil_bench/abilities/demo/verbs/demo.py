@@ -15,12 +15,10 @@ from hil_bench.abilities.demo.verbs.demo_session import (
 )
 from hil_bench.abilities.modbus.serving import require_pymodbus
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
-from hil_bench.cli.exit_codes import Ending, ExitCode
+from hil_bench.cli.arguments import add_output_argument, check_one_bus, make_directory, read_speed
+from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.helpers import Helpers, add_loss_argument
-from hil_bench.cli.interruption import interruption
-from hil_bench.cli.loop_summary import helper_lines, loop_lines
-from hil_bench.cli.network_arguments import check_one_bus
+from hil_bench.cli.paced_run import helper_lines, loop_lines
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,

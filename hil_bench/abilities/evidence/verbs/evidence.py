@@ -23,8 +23,8 @@ from hil_bench.abilities.evidence.traceability import ResultsFile, read_results,
 from hil_bench.abilities.evidence.versions import examine_software
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 
 _PAGE, _JSON = "index.html", "evidence.json"

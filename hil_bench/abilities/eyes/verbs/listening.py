@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from hil_bench.bench.configuration.records import BusConfig
-from hil_bench.cli.interruption import interruption
+from hil_bench.cli.exit_codes import interruption
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener

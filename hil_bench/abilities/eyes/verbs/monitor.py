@@ -21,9 +21,8 @@ from hil_bench.abilities.eyes.verbs.listening import (
 )
 from hil_bench.abilities.eyes.verbs.monitor_explain import explain_bus
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
-from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.results import add_json_argument
 from hil_bench.frame import frame_bits
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text

@@ -17,9 +17,8 @@ from hil_bench.abilities.eyes.verbs.listening import (
     heard,
     open_listener,
 )
-from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.recording_arguments import (
     add_trigger_arguments,
     check_pre_trigger,

@@ -48,10 +48,9 @@ from hil_bench.abilities.identification.verbs.identify_design import (
 )
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
-from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.progress import Work, shown_work
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, warn_of
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.config.settings import Settings
 from hil_bench.config.values import find_nearest
 from hil_bench.errors import ConfigError, about_file, whole_file

@@ -21,10 +21,9 @@ from hil_bench.abilities.replay.drive import (
 )
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
-from hil_bench.cli.doubts import warn_of
-from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.interruption import interruption
-from hil_bench.cli.progress import Work, shown_work
+from hil_bench.cli.exit_codes import ExitCode, interruption
+from hil_bench.cli.results import warn_of
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import Recording

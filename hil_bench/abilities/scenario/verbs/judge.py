@@ -18,10 +18,9 @@ from hil_bench.abilities.scenario.verbs.verdicts import (
     finding_content,
     finding_lines,
 )
-from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.units_argument import add_units_argument
+from hil_bench.cli.parser import add_units_argument
+from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 

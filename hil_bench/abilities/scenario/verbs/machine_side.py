@@ -20,10 +20,8 @@ from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.verbs.selection import prepare_chosen
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
-from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.bus_arguments import add_bus_arguments
+from hil_bench.cli.arguments import add_bus_arguments, load_bench_config, seen_from_bus
 from hil_bench.cli.controller_side import OpenNetwork
-from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig

@@ -32,13 +32,11 @@ from hil_bench.abilities.scenario.verbs.machine_side import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.arguments import make_directory
-from hil_bench.cli.controller_side import OpenNetwork, open_network
-from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
+from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
+from hil_bench.cli.feed_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import is_silent
-from hil_bench.cli.work_recording import recorded_work
-from hil_bench.cli.work_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.outside.recording.inline_recorder import RecordingSink

@@ -28,11 +28,9 @@ from hil_bench.abilities.scenario.verbs.verdicts import (
     result_lines,
 )
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.bench_events import BenchEvents
-from hil_bench.cli.exit_codes import Ending, ExitCode, worst
+from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.feed_side import open_feed
-from hil_bench.cli.helpers import Helpers
-from hil_bench.cli.interruption import Interruption, interruption
+from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.recording_arguments import recording_code, recording_wish, report_lines
 from hil_bench.cli.results import is_silent, print_results

@@ -14,8 +14,7 @@ from hil_bench.abilities.scenario.resolve import Action, SetAction
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.bench.configuration import FaultConfig
-from hil_bench.cli.feed_side import ShownWork
-from hil_bench.cli.work_side import WorkView
+from hil_bench.cli.feed_side import ShownWork, WorkView
 from hil_bench.errors import ConfigError
 from hil_bench.session.work_feed import WorkItem, WorkMargin, WorkState
 

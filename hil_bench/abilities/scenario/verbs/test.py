@@ -36,12 +36,10 @@ from hil_bench.abilities.scenario.verbs.verdicts import (
     result_content,
     result_lines,
 )
-from hil_bench.cli.exit_codes import Ending, ExitCode, worst
-from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.numbers import count
+from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
+from hil_bench.cli.feed_side import add_work_arguments, watched_work
+from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
-from hil_bench.cli.units_argument import add_units_argument
-from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.session.pool import Pool, TaskEnd
 

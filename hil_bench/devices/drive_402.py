@@ -8,11 +8,12 @@ deviation, each as a part of full], .03 integral time [ms].
 Positions count 65536 increments a revolution, velocities increments a second, accelerations
 increments a second squared.
 
-Modes of operation (0x6060): 1 profile position, 3 profile velocity, 8 cyclic synchronous position,
-9 cyclic synchronous velocity. Profile position takes a set-point with the rising edge of bit 4 of
-the control word and acknowledges it by bit 12 of the status word until bit 4 is 0; bit 5 changes it
-at once, otherwise one set-point waits; bit 6 makes it relative. Bit 8, halt, stops in both profile
-modes. The cyclic modes move to each new target within the interpolation period 0x60C2.
+Modes of operation (0x6060): 1 profile position, 3 profile velocity, 6 homing (`homing`), 8 cyclic
+synchronous position, 9 cyclic synchronous velocity. Profile position takes a set-point with the
+rising edge of bit 4 of the control word and acknowledges it by bit 12 of the status word until bit
+4 is 0; bit 5 changes it at once, otherwise one set-point waits; bit 6 makes it relative. Bit 8,
+halt, stops in both profile modes. The cyclic modes move to each new target within the interpolation
+period 0x60C2.
 
 Following error: a position further from its demand than 0x6065 for longer than 0x6066 is a fault,
 0x8611. So are an RPDO that timed out, a lost heartbeat, and leaving OPERATIONAL while enabled. The
@@ -40,6 +41,7 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.devices.drive_state_machine import MOVING, STATUS, DriveState, DriveStateMachine
+from hil_bench.devices.homing import Homing
 from hil_bench.devices.motion_profiles import Motion
 from hil_bench.devices.profile_objects import TpdoTrigger, optional, required
 from hil_bench.devices.saturation import saturate
@@ -47,9 +49,10 @@ from hil_bench.errors import SdoAbort
 
 PROFILE_POSITION: Final = 1
 PROFILE_VELOCITY: Final = 3
+HOMING: Final = 6
 CYCLIC_POSITION: Final = 8
 CYCLIC_VELOCITY: Final = 9
-MODES: Final = (PROFILE_POSITION, PROFILE_VELOCITY, CYCLIC_POSITION, CYCLIC_VELOCITY)
+MODES: Final = (PROFILE_POSITION, PROFILE_VELOCITY, HOMING, CYCLIC_POSITION, CYCLIC_VELOCITY)
 """What 0x6060 may hold, beside 0 for none."""
 
 INCREMENTS: Final = 65536 / (2.0 * math.pi)
@@ -65,7 +68,7 @@ _SPECIFIC, _FOLLOWING = 1 << 12, 1 << 13
 _SECOND: Final = 1_000_000_000
 _MILLISECOND: Final = 1_000_000
 _LOWEST, _HIGHEST = -(1 << 31), (1 << 31) - 1
-_POSITION_MODES: Final = (PROFILE_POSITION, CYCLIC_POSITION)
+_POSITION_MODES: Final = (PROFILE_POSITION, HOMING, CYCLIC_POSITION)
 
 
 class DriveDevice:
@@ -89,6 +92,7 @@ class DriveDevice:
         self._full_speed = full_speed * INCREMENTS
         self._machine = DriveStateMachine()
         self._motion = Motion()
+        self._homing = Homing(self._find(0x6098, INTEGER8))
         self._measured = self._speed = self._integral = 0.0
         self._target = self._cyclic_velocity = 0.0
         self._waiting: float | None = None
@@ -176,7 +180,7 @@ class DriveDevice:
             now: bench time [ns].
         """
         if math.isfinite(angle):
-            self._measured = angle * INCREMENTS
+            self._measured = angle * INCREMENTS - self._homing.origin
         if math.isfinite(speed):
             self._speed = speed * INCREMENTS
         self._position.value = saturate(self._measured, _LOWEST, _HIGHEST, unknown=0)
@@ -200,8 +204,12 @@ class DriveDevice:
         elif mode == CYCLIC_VELOCITY:
             motion.restart(motion.position, self._target_velocity.value)
             motion.position += motion.velocity * dt
-        elif is_halted or not mode:
+        elif is_halted or mode in {0, HOMING}:
             motion.ramp_to(0.0, rise, fall, dt)
+            if self._homing.is_under_way and motion.velocity == 0.0 and self._stands:
+                self._homing.attain(self._measured)
+                self._measured = 0.0
+                self._hold()
         elif mode == PROFILE_VELOCITY:
             motion.ramp_to(self._target_velocity.value, rise, fall, dt)
         else:
@@ -271,9 +279,14 @@ class DriveDevice:
         if mode == PROFILE_VELOCITY:
             wanted = 0 if self._control.value & _HALT else self._target_velocity.value
             reached = abs(self._speed - wanted) <= 0.02 * self._full_speed
-            stands = abs(self._speed) <= 0.005 * self._full_speed
-            return (_REACHED if reached else 0) | (_SPECIFIC if stands else 0)
+            return (_REACHED if reached else 0) | (_SPECIFIC if self._stands else 0)
+        if mode == HOMING:
+            return self._homing.status
         return _SPECIFIC if mode else 0  # cyclic modes: the drive follows the command
+
+    @property
+    def _stands(self) -> bool:
+        return abs(self._speed) <= 0.005 * self._full_speed
 
     def _receive_control_word(self, word: int) -> None:
         if self.node.events:
@@ -292,6 +305,8 @@ class DriveDevice:
         if is_enabled and not was_enabled:
             self._hold()
         self._take_set_point(word, is_enabled=is_enabled and was_enabled)
+        is_homing = self._mode_display.value == HOMING
+        self._homing.receive(word, may_start=is_enabled and was_enabled and is_homing)
 
     def _take_set_point(self, word: int, *, is_enabled: bool) -> None:
         is_new = bool(word & _NEW) and not self._was_new
@@ -318,6 +333,7 @@ class DriveDevice:
     def _change_mode(self, mode: int) -> None:
         if mode != self._mode_display.value:
             self._mode_display.value = mode
+            self._homing.is_under_way = False
             self._hold()
 
     def _hold(self) -> None:
@@ -360,6 +376,7 @@ class DriveDevice:
 
     def _start(self) -> None:
         self._machine.start()
+        self._homing.restart()
         self._measured = self._speed = self._integral = 0.0
         self._then = None
         self._lost.clear()

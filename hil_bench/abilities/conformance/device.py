@@ -36,6 +36,7 @@ class DeviceUnderTest:
         settling: time that the device is given to act on a frame that it does not answer [s].
         sdo: its default SDO channel.
         fall: why it does not stay OPERATIONAL; empty while nothing says so.
+        absence: since when it answers nothing; empty while it answers.
         was_started: whether a check has relied on OPERATIONAL since somebody cleared this.
     """
 
@@ -49,6 +50,7 @@ class DeviceUnderTest:
         self.settling = patience / 25
         self.sdo = SdoClient(wire, REQUEST + node_id, ANSWER + node_id, patience)
         self.fall = ""
+        self.absence = ""
         self.was_started = False
         self._sends_boot_up = True
 

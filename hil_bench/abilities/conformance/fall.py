@@ -1,13 +1,15 @@
-"""The cause by which a device does not stay OPERATIONAL, found once for all checks that need it.
+"""Causes that many checks would find again: a device that leaves OPERATIONAL, or falls silent.
 
 CiA 301 lets a device leave OPERATIONAL by an error of its own (1029h). It then sends no PDO and
-takes none: the checks of these would each find a consequence.
+takes none: the checks of these would each find a consequence. A device that no longer answers
+passes no check at all, and fails none by itself.
 """
 
 import contextlib
 from collections.abc import Iterable
 
-from hil_bench.abilities.conformance.device import HEARTBEAT_MS, DeviceUnderTest
+from hil_bench.abilities.conformance.device import BOOT_PATIENCE, HEARTBEAT_MS, DeviceUnderTest
+from hil_bench.abilities.conformance.sdo_client import upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
@@ -58,6 +60,31 @@ def fall_after(dut: DeviceUnderTest) -> str:
         dut.fall = find_fall(dut)
         return dut.fall or f"{cause}, until its reset"
     return ""
+
+
+def absence_after(dut: DeviceUnderTest, check: str) -> str:
+    """Return that a device has answered nothing since a check has just failed; empty if it answers.
+
+    Args:
+        dut: the device; `dut.absence` keeps the cause for the checks to come.
+        check: the text of the check.
+    """
+    deadline = dut.wire.now() + BOOT_PATIENCE
+    while dut.wire.now() < deadline:
+        if is_there(dut, dut.patience):
+            return ""
+    dut.absence = f'the device answers no SDO request since the check "{check}"'
+    return f"the device answers no SDO request afterwards, for {BOOT_PATIENCE:g} s"
+
+
+def is_there(dut: DeviceUnderTest, timeout: float) -> bool:
+    """Return True if a device answers a read of 1000h, with whatever, within a time [s]."""
+    dut.sdo.send(upload_request(0x1000))
+    if dut.sdo.answer(timeout=timeout) is None:
+        return False
+    dut.absence = ""
+    dut.wire.forget()
+    return True
 
 
 def _errors_present(dut: DeviceUnderTest, errors_before: list[int]) -> str:

@@ -22,7 +22,7 @@ from hil_bench.abilities.conformance import (
 )
 from hil_bench.abilities.conformance.check import Chapter, Check, Degree, Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
-from hil_bench.abilities.conformance.fall import fall_after
+from hil_bench.abilities.conformance.fall import absence_after, fall_after, is_there
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.canopen_device.nmt import NmtCommand
 
@@ -56,7 +56,8 @@ class Outcome(StrEnum):
     NOT_FOLLOWED = "not followed"
     """The device deviates from what is recommended; it may."""
     NOT_RUN = "not run"
-    """The check needs OPERATIONAL, which the device does not keep; another one names the cause."""
+    """The check needs what the device does not keep, OPERATIONAL or to answer at all; another one
+    names the cause."""
     NOT_APPLICABLE = "not applicable"
 
 
@@ -103,6 +104,8 @@ def run_suite(
 
 def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -> Result:
     dut.was_started = False
+    if dut.absence and not is_there(dut, dut.settling):
+        return Result(chapter, check, Outcome.NOT_RUN, dut.absence)
     try:
         detail = check.judge(dut)
     except NotApplicable as reason:
@@ -110,7 +113,10 @@ def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -
     except NotRun as cause:
         result = Result(chapter, check, Outcome.NOT_RUN, str(cause))
     except Deviation as deviation:
-        fall = fall_after(dut) if dut.was_started else ""
+        _settle(dut, allowed)
+        fall = absence_after(dut, check.text)
+        if dut.was_started and not fall:
+            fall = fall_after(dut)
         detail = f"{fall}; {deviation}" if fall else str(deviation)
         is_advice = check.degree is Degree.RECOMMENDED and not fall
         outcome = Outcome.NOT_FOLLOWED if is_advice else Outcome.FAILED

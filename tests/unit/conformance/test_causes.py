@@ -12,6 +12,8 @@ OPERATIONAL = Frame(0x705, b"\x05")
 # Generic error with a device profile bit, by the EMCY that CANopenNode sends without its storage.
 EMCY = Frame(0x085, bytes.fromhex("0050 11 2f 00000000"))
 
+UNKNOWN_COMMAND = Frame(0x605, bytes.fromhex("e0 00 10 00 00000000"))
+
 
 class Falling:
     """Takes a device back to PRE-OPERATIONAL whenever it hears one frame."""
@@ -124,6 +126,53 @@ def test_a_device_that_stays_operational_is_judged_by_its_own_failures(laborator
     assert len(failed) > 1
     assert not any("become OPERATIONAL" in result.detail for result in failed)
     assert those(results, Outcome.NOT_RUN) == []
+
+
+class Silent:
+    """Takes a device off the bus from one frame on, until the suite has asked it often enough."""
+
+    def __init__(self, laboratory, trigger, until=10**9):
+        self.trigger, self.until, self.unheard = trigger, until, None
+        laboratory.hears = self.hears
+
+    def hears(self, frame):
+        if self.unheard is None and frame == self.trigger:
+            self.unheard = 0
+        if self.unheard is None or self.unheard > self.until:
+            return [frame]
+        self.unheard += frame.can_id == 0x605
+        return []
+
+
+def test_a_device_that_ends_at_a_reset_fails_one_check(laboratory):
+    """CANopenNode's program ends at NMT reset node, where nobody starts it again."""
+    Silent(laboratory, Frame(0x000, b"\x81\x05"))
+    results = laboratory.run()
+    (failed,) = those(results, Outcome.FAILED)
+    assert failed is results[0]
+    silent = "the device answers no SDO request"
+    assert failed.detail.startswith(f"{silent} afterwards, for 5 s; no boot-up")
+    assert len(those(results, Outcome.NOT_RUN)) == len(results) - 1
+    since = f'{silent} since the check "reset node is followed by the boot-up message"'
+    assert report.not_run(results) == [f"{len(results) - 1} checks not run: {since}"]
+
+
+def test_a_device_that_falls_silent_while_nothing_is_written_fails_one_check(laboratory):
+    Silent(laboratory, UNKNOWN_COMMAND)
+    results = laboratory.run(Impact.READ)
+    (failed,) = those(results, Outcome.FAILED)
+    assert failed.check.text == "an unknown command specifier aborts with 0504 0001h"
+    assert all(r.outcome is Outcome.NOT_RUN for r in results[results.index(failed) + 1 :])
+
+
+def test_a_device_that_comes_back_is_judged_again(laboratory):
+    """Twenty requests are more than the wait after the failed check takes, and fewer than all."""
+    Silent(laboratory, UNKNOWN_COMMAND, until=20)
+    results = laboratory.run(Impact.READ)
+    assert len(those(results, Outcome.FAILED)) == 1
+    outcomes = [result.outcome for result in results]
+    last = max(k for k, outcome in enumerate(outcomes) if outcome is Outcome.NOT_RUN)
+    assert Outcome.PASSED in outcomes[last:]
 
 
 def test_a_recommendation_that_is_not_followed_is_no_failure(laboratory):

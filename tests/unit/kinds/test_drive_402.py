@@ -175,7 +175,73 @@ def test_without_operational_it_is_not_enabled(master):
     assert master.state == 0x23
 
 
-@pytest.mark.parametrize(("index", "value"), [(0x6060, 6), (0x6083, 0)])
+HOMING_BITS = 0x3400
+"""Bits 13, 12 and 10, in which masters read how homing goes (`homing`)."""
+
+
+def turned(master):
+    """Turn two revolutions away, and leave the drive enabled in mode 6."""
+    master.enable(1)
+    master.node.write(0x607A, 0, master.get(0x6064) + 2 * REVOLUTION)
+    master.word(0x1F, 0x0F)
+    master.wait(3.5)
+    master.node.write(0x6060, 0, 6)
+    master.wait(0.01)
+    assert master.status & HOMING_BITS == 0x0400  # not started
+
+
+def test_homing_makes_the_present_position_zero(master):
+    turned(master)
+    before = master.get(0x6064)
+    master.word(0x1F)
+    assert master.status & HOMING_BITS == 0x1400  # attained, target reached
+    assert before > 1.9 * REVOLUTION
+    assert abs(master.get(0x6064)) < 0.01 * REVOLUTION
+    master.word(0x0F)
+    assert master.status & HOMING_BITS == 0x1400
+    master.node.write(0x6060, 0, 1)
+    master.node.write(0x607A, 0, REVOLUTION)
+    master.word(0x1F)
+    master.wait(3.5)
+    turned_since = master.bench.signals["axis1.angle"][-1] / 6.283185307179586 * REVOLUTION - before
+    assert turned_since == pytest.approx(REVOLUTION, abs=1500)
+    assert master.state == ENABLED
+
+
+def test_homing_waits_until_the_axis_stands(master):
+    master.enable(3)
+    master.node.write(0x60FF, 0, 10 * REVOLUTION)
+    master.wait(3.5)
+    master.node.write(0x6060, 0, 6)
+    master.node.write(0x6098, 0, 35)
+    master.word(0x1F)
+    assert master.status & HOMING_BITS == 0  # under way
+    master.wait(3.5)
+    assert master.status & HOMING_BITS == 0x1400
+    assert abs(master.get(0x6064)) < 0.1 * REVOLUTION
+
+
+def test_homing_is_interrupted_by_bit_4(master):
+    master.enable(3)
+    master.node.write(0x60FF, 0, 10 * REVOLUTION)
+    master.wait(3.5)
+    master.node.write(0x6060, 0, 6)
+    master.word(0x1F, 0x0F)
+    master.wait(3.5)
+    assert master.status & HOMING_BITS == 0x0400
+    assert master.get(0x6064) > 10 * REVOLUTION
+
+
+def test_a_reset_forgets_the_home_position(master):
+    turned(master)
+    before = master.get(0x6064)
+    master.word(0x1F)
+    master.network.send(0x000, b"\x81\x01")
+    master.wait(0.5)
+    assert master.get(0x6064) == pytest.approx(before, abs=0.05 * REVOLUTION)
+
+
+@pytest.mark.parametrize(("index", "value"), [(0x6060, 4), (0x6083, 0), (0x6098, 17)])
 def test_what_cannot_be_is_refused(master, index, value):
     with pytest.raises(SdoAbortError):
         master.node.write(index, 0, value)

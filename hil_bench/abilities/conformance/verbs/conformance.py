@@ -40,8 +40,8 @@ exit code 0 where no check failed, 1 where one did or the device does not answer
 that the device does not follow is no failure
 
 Each check has a degree: required of every device, optional (a device without the service is "not
-applicable"), recommended. Where the device leaves OPERATIONAL by an error of its own, one check
-fails and names the cause; those that need OPERATIONAL are "not run".
+applicable"), recommended. Where the device leaves OPERATIONAL by an error of its own, or answers no
+more, one check fails and names the cause; those that need it are "not run".
 
 Without --write nothing is written and no state changes. With it the node is reset, started and
 stopped, its objects are written and restored, its RPDOs are sent: only where nothing can move. It

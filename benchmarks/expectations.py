@@ -31,13 +31,11 @@ from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
 from hil_bench.abilities.scenario.judgement import judge
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.monitor import Monitor
-from hil_bench.abilities.scenario.nodes import Condition
+from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
-from hil_bench.abilities.scenario.sliding import Floats
-from hil_bench.abilities.scenario.values import Block
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
+from hil_bench.abilities.scenario.values import Block, Floats
 from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
 

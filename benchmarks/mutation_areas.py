@@ -55,18 +55,14 @@ AREAS: Final = {
     "verdict": [
         *_files(
             "hil_bench/abilities/scenario",
-            "coverage judgement examination explain monitor recorded",
+            "build dimensions examination judgement monitor nodes operators parse",
         ),
         *_files(
             "hil_bench/abilities/scenario",
-            "atoms bounds build calls column_checks dimensions nodes",
+            "reach recorded resolve results streams syntax values witness",
         ),
-        *_files(
-            "hil_bench/abilities/scenario", "operands operators parse reach resolve results sliding"
-        ),
-        *_files("hil_bench/abilities/scenario", "streams syntax values vocabulary witness wording"),
         *_files("hil_bench/abilities/campaign", "records"),
-        *_files("hil_bench/abilities/scenario/verbs", "verdicts"),
+        *_files("hil_bench/abilities/scenario/verbs", "scenario_report"),
         *_files("hil_bench/cli", "exit_codes"),
     ],
     "modbus": [
@@ -103,7 +99,7 @@ TESTS: Final = {
         *_REFEREE,
         *_tests("scenario", "coverage language recorded evaluation"),
     ],
-    "hil_bench/abilities/scenario/column_checks.py": [
+    "hil_bench/abilities/scenario/recorded.py": [
         *_REFEREE,
         *_tests("recording", "column_units"),
     ],
@@ -118,7 +114,7 @@ TESTS: Final = {
     ],
     "hil_bench/abilities/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
     "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
-    "hil_bench/abilities/scenario/verbs/verdicts.py": _tests("cli", "test scenario_run"),
+    "hil_bench/abilities/scenario/verbs/scenario_report.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),

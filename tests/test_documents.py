@@ -23,9 +23,9 @@ from hil_bench.abilities.identification.columns import read_column_map
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.plants.registry import DEFAULT_PLANT

@@ -14,10 +14,10 @@ import numpy as np
 from hil_bench import cli
 from hil_bench.abilities.scenario.judgement import Judgement, judge
 from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.recorded import judge_with_trace
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.files import read_recording
 from referee.asking import conditions_in, laid_on_ticks, names_in, refusals

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
+from hil_bench.abilities.scenario.nodes import Vocabulary
 
 TICK = 1_000_000
 NAMES = ("a", "b", "c")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
 from hil_bench.abilities.campaign.running import play_spec, verdicts_of
 from hil_bench.abilities.campaign.summary import size_of
-from hil_bench.abilities.scenario.report.exhibits import make_exhibit
+from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
 from hil_bench.errors import HilBenchError
 

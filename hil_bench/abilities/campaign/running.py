@@ -7,8 +7,8 @@ from hil_bench.abilities.campaign.identity import case_digest, controller_digest
 from hil_bench.abilities.campaign.plan import nested
 from hil_bench.abilities.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
-from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, Run, play, prepare
 from hil_bench.errors import ConfigError, HilBenchError

@@ -18,11 +18,9 @@ from hil_bench.abilities.campaign.records import RunResult, RunSpec
 from hil_bench.abilities.campaign.running import check_case, conclude, prepare_spec
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.section import ControllersConfig
-from hil_bench.abilities.scenario.driving import RunnerDriver, controller_of
-from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.reach import names_in
-from hil_bench.abilities.scenario.resolve import TimedAction
-from hil_bench.abilities.scenario.run import PlayOptions, play
+from hil_bench.abilities.scenario.resolve import PreparedScenario, TimedAction
+from hil_bench.abilities.scenario.run import PlayOptions, RunnerDriver, controller_of, play
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.errors import HilBenchError
 from hil_bench.session.virtual_bench import VirtualBench

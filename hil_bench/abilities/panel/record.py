@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.panel.own_program import run_words
-from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
-from hil_bench.abilities.scenario.writing import to_toml
+from hil_bench.abilities.scenario.writing import JournalSteps, to_toml
 from hil_bench.errors import ConfigError
 
 SUFFIX = ".scenario.toml"

@@ -6,13 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.atoms import (
-    ComparisonMargins,
-    EdgeMargins,
-    EventMargins,
-    StateMargins,
-)
-from hil_bench.abilities.scenario.bounds import Bounds, negate
 from hil_bench.abilities.scenario.nodes import Atom, Condition, Window
 from hil_bench.abilities.scenario.streams import (
     Ahead,
@@ -32,7 +25,15 @@ from hil_bench.abilities.scenario.streams import (
     any_of,
 )
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.abilities.scenario.values import Block
+from hil_bench.abilities.scenario.values import (
+    Block,
+    Bounds,
+    ComparisonMargins,
+    EdgeMargins,
+    EventMargins,
+    StateMargins,
+    negate,
+)
 
 
 class Span(NamedTuple):

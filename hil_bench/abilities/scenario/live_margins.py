@@ -5,13 +5,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_margin
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import UNBOUNDED, Comparison, Condition, Relation, Window
-from hil_bench.abilities.scenario.prepared import PreparedScenario
-from hil_bench.abilities.scenario.resolve import Requirement
+from hil_bench.abilities.scenario.resolve import PreparedScenario, Requirement
 from hil_bench.abilities.scenario.witness import Witness
-from hil_bench.abilities.scenario.wording import show_margin
 from hil_bench.session.work_feed import Band, WorkMargin
 
 _BLOCK = 64

@@ -12,7 +12,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.bounds import Bounds, negate
 from hil_bench.abilities.scenario.build import (
     AT_START,
     Asked,
@@ -23,9 +22,8 @@ from hil_bench.abilities.scenario.build import (
 )
 from hil_bench.abilities.scenario.nodes import Condition
 from hil_bench.abilities.scenario.reach import has_duration
-from hil_bench.abilities.scenario.sliding import Floats
 from hil_bench.abilities.scenario.streams import Stream
-from hil_bench.abilities.scenario.values import Block
+from hil_bench.abilities.scenario.values import Block, Bounds, Floats, negate
 
 Pair = tuple[float, float]
 """Lower and upper bound of the margin at the first tick."""

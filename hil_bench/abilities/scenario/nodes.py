@@ -1,10 +1,14 @@
-"""The tree of an expectation: typed, checked, in SI; nothing here is computed yet."""
+"""The tree of an expectation, typed, checked and in SI, and the names that it may use."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import NamedTuple
 
 from hil_bench.abilities.scenario.dimensions import Dimension
+from hil_bench.outside.recording.channels import TIME, Channel
+
+# The tree of an expectation: typed, checked, in SI; nothing here is computed yet.
 
 
 class Position(NamedTuple):
@@ -279,3 +283,46 @@ Condition = (
     | Until
     | Since
 )
+
+
+# The names that an expectation may use: signals, states, events and parameters.
+
+DM1 = "dm1"
+EMCY = "emcy"
+FRAME = "frame"
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The names that a bench or a recording knows.
+
+    Attributes:
+        signals: the symbol of the SI unit of each signal.
+        states: of each signal that is a state, the number of each of its texts.
+        nodes: names of the nodes, for ``emcy(NODE)``.
+        has_frames: whether ``frame(COB-ID)`` and ``emcy(NODE)`` are known.
+        parameters: the SI value of each parameter; its name ends in its unit.
+        shared: of each name that stands for several signals, what tells them apart.
+        ecus: names of the J1939 devices, for ``dm1(DEVICE)``.
+    """
+
+    signals: Mapping[str, str]
+    states: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    nodes: tuple[str, ...] = ()
+    has_frames: bool = False
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    shared: Mapping[str, str] = field(default_factory=dict)
+    ecus: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names that stand for a value."""
+        return (*self.signals, *self.states, *self.parameters)
+
+
+def channel_vocabulary(
+    channels: Iterable[Channel], parameters: Mapping[str, float] | None = None
+) -> Vocabulary:
+    """Return the vocabulary of a recording without states and frames."""
+    units = {each.name: each.unit for each in channels if each.name != TIME.name}
+    return Vocabulary(units, parameters=dict(parameters or {}))

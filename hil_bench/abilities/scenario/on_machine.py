@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil_bench.abilities.scenario.nodes import channel_vocabulary
 from hil_bench.abilities.scenario.recorded import Trace
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
 from hil_bench.abilities.scenario.resolve import (
@@ -22,7 +23,6 @@ from hil_bench.abilities.scenario.resolve import (
 )
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
-from hil_bench.abilities.scenario.vocabulary import channel_vocabulary
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.auxiliary_valve import SET_POINT

@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.calls import CALLS
 from hil_bench.abilities.scenario.dimensions import (
     NUMBER,
     TIME,
@@ -17,6 +16,8 @@ from hil_bench.abilities.scenario.dimensions import (
     unit_of_name,
 )
 from hil_bench.abilities.scenario.nodes import (
+    DM1,
+    EMCY,
     UNBOUNDED,
     Condition,
     Number,
@@ -24,19 +25,21 @@ from hil_bench.abilities.scenario.nodes import (
     Position,
     Reading,
     Relation,
+    Vocabulary,
     Window,
 )
-from hil_bench.abilities.scenario.operands import (
+from hil_bench.abilities.scenario.operators import CALLS, combine, compare
+from hil_bench.abilities.scenario.syntax import (
+    DEEPEST,
+    ExpectationError,
     MeasuredValue,
     Operand,
     State,
     Text,
     condition_of,
     quantity_of,
+    read_syntax,
 )
-from hil_bench.abilities.scenario.operators import combine, compare
-from hil_bench.abilities.scenario.syntax import DEEPEST, ExpectationError, read_syntax
-from hil_bench.abilities.scenario.vocabulary import DM1, EMCY, Vocabulary
 from hil_bench.config.values import find_nearest, quote
 
 if TYPE_CHECKING:

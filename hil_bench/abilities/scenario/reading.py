@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.controllers.kinds import find_kind
-from hil_bench.abilities.scenario.courses import read_course
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
 from hil_bench.abilities.scenario.places import LocatedProblems, Spot
@@ -26,7 +25,7 @@ from hil_bench.abilities.scenario.records import (
     SyncStep,
     TextPlace,
 )
-from hil_bench.abilities.scenario.step_keys import (
+from hil_bench.abilities.scenario.schema import (
     CONTROLLER_KEYS,
     DURATION_KEY,
     EXPECT_KEYS,
@@ -36,6 +35,7 @@ from hil_bench.abilities.scenario.step_keys import (
     STEP_KINDS,
     fault_step_keys,
 )
+from hil_bench.abilities.scenario.spreadsheet import read_course
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.config.document import Document, check_tables, give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
 from hil_bench.abilities.scenario.dimensions import unit_of_name
-from hil_bench.abilities.scenario.nodes import Condition
+from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import look_back, reach
 from hil_bench.abilities.scenario.records import (
@@ -19,9 +20,10 @@ from hil_bench.abilities.scenario.records import (
     Scenario,
     SetStep,
     SyncStep,
+    ticks_of,
 )
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.bench.configuration.faults import build_fault, check_amount, check_effect
 from hil_bench.bench.configuration.records import FaultConfig
@@ -30,6 +32,7 @@ from hil_bench.config.settings import Origin, Problems, read_table
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.faults.kinds import SENSOR_KINDS, FaultKind
 from hil_bench.errors import ConfigError
+from hil_bench.session.session import Session
 from hil_bench.units import ONE, Unit
 
 _NEVER = 1e9
@@ -267,3 +270,32 @@ def _unit(amount: Amount) -> str:
     """Return the symbol of the unit of a parameter; empty where it has none, and for a number."""
     unit = unit_of_name(amount.name).unit if isinstance(amount, Reference) else ONE
     return "" if unit is ONE else unit.symbol
+
+
+# A scenario that is ready to be played.
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedScenario:
+    """A scenario that fits its bench.
+
+    Attributes:
+        scenario: as loaded.
+        config: its bench.
+        parameters: the SI value of each parameter.
+        actions: its steps.
+        requirements: its expectations.
+        sessions: the one that it was checked on, for the first run; empty unless asked for.
+    """
+
+    scenario: Scenario
+    config: BenchConfig
+    parameters: Mapping[str, float]
+    actions: tuple[TimedAction, ...]
+    requirements: tuple[Requirement, ...]
+    sessions: list[Session] = field(default_factory=list, compare=False, repr=False)
+
+    @property
+    def last_tick(self) -> int:
+        """Number of the last tick of a run."""
+        return ticks_of(self.scenario.duration, self.config.tick_ns) - 1

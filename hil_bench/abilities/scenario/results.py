@@ -5,10 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hil_bench.abilities.scenario.evidence import Evidence
-from hil_bench.abilities.scenario.judgement import Judgement, RequirementOutcome
-from hil_bench.abilities.scenario.prepared import PreparedScenario
+from hil_bench.abilities.scenario.judgement import Evidence, Judgement, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import HilBenchError, about_file, whole_file
 

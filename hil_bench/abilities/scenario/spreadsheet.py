@@ -1,12 +1,17 @@
-"""CSV as spreadsheets write it: with a BOM, semicolons and decimal commas, empty lines."""
+"""CSV as spreadsheets write it, and a course of many points in one."""
 
 import csv
 import io
+import math
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.scenario.records import Amount, Reference
 from hil_bench.errors import ConfigError, about_file
+
+# CSV as spreadsheets write it: with a BOM, semicolons and decimal commas, empty lines.
 
 _FIRST_WORD = re.compile(r'\s*"?[A-Za-z_]+"?\s*([;,])')
 
@@ -88,3 +93,55 @@ def _place(row: list[str], line: str, number: int) -> list[Cell]:
         cells.append(Cell(text, number, position + 1))
         position += len(text)
     return cells
+
+
+# A course of many points: a CSV file of times and values, from a spreadsheet or a recording.
+
+Course = tuple[tuple[float, Amount], ...]
+_MOST_POINTS = 1_000_000
+
+
+def read_course(path: Path, parameters: Collection[str] = ()) -> Course:
+    """Return times [s] and values of a file with two columns; a row of names may come first.
+
+    Args:
+        path: of the file.
+        parameters: names that may stand in the place of values.
+
+    Raises:
+        ConfigError: the file cannot be read, or is no course.
+    """
+    sheet = read_cells(path)
+    rows = sheet.rows
+    if rows and sheet.number(rows[0][0].text) is None:
+        rows = rows[1:]
+    if not 1 <= len(rows) <= _MOST_POINTS:
+        raise ConfigError(f"{path}: has {len(rows)} points; give 1 to {_MOST_POINTS}")
+    points: list[tuple[float, Amount]] = []
+    for row in rows:
+        if len(row) != 2:
+            raise ConfigError(f"{path}:{row[0].line}: has {len(row)} cells; give time_s and value")
+        time = _number(path, sheet.number(row[0].text), row[0])
+        name = row[1].text.strip()
+        value: Amount = (
+            Reference(name)
+            if name in parameters
+            else _number(path, sheet.number(row[1].text), row[1], parameters)
+        )
+        if time < 0 or (points and time <= points[-1][0]):
+            raise ConfigError(f"{path}:{row[0].line}: time does not go on; give rising times")
+        points.append((time, value))
+    return tuple(points)
+
+
+def _number(path: Path, value: float | None, cell: Cell, parameters: Collection[str] = ()) -> float:
+    """Return the number of a cell.
+
+    Raises:
+        ConfigError: it holds none.
+    """
+    if value is None or not math.isfinite(value):
+        place = f"{path}:{cell.line}:{cell.column}"
+        known = f" or one of {', '.join(parameters)}" if parameters else ""
+        raise ConfigError(f"{place}: {cell.text[:20]!r} is no number; give one such as 0.5{known}")
+    return value

@@ -13,20 +13,22 @@ from typing import Protocol
 
 import numpy as np
 
-from hil_bench.abilities.scenario.atoms import turn_margins
-from hil_bench.abilities.scenario.bounds import (
+from hil_bench.abilities.scenario.nodes import Turn
+from hil_bench.abilities.scenario.values import (
     NOTHING,
+    Block,
     Bounds,
+    Floats,
     constant,
     exact,
     join,
     map_bounds,
     negate,
+    slide,
+    turn_margins,
     unknown,
+    until,
 )
-from hil_bench.abilities.scenario.nodes import Turn
-from hil_bench.abilities.scenario.sliding import Floats, slide, until
-from hil_bench.abilities.scenario.values import Block
 
 
 def identity_of(extreme: np.ufunc) -> float:

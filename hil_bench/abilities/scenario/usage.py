@@ -7,8 +7,8 @@ from dataclasses import fields
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
 from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
-from hil_bench.abilities.scenario.registers import MODBUS
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
+from hil_bench.abilities.scenario.targets import MODBUS
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest

@@ -8,22 +8,75 @@ from types import MappingProxyType
 import numpy as np
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.scenario.ecu_readings import ecu_names, ecu_reader
-from hil_bench.abilities.scenario.registers import RegisterTarget, name_registers, name_shared
-from hil_bench.abilities.scenario.sliding import Floats
-from hil_bench.abilities.scenario.targets import is_number
-from hil_bench.abilities.scenario.vocabulary import EMCY, FRAME, Vocabulary
+from hil_bench.abilities.scenario.nodes import DM1, EMCY, FRAME, Vocabulary
+from hil_bench.abilities.scenario.targets import (
+    RegisterTarget,
+    is_number,
+    name_registers,
+    name_shared,
+)
+from hil_bench.abilities.scenario.values import Floats
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import ecus_of
+from hil_bench.bench.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
+from hil_bench.devices.j1939.address_claim import ClaimState
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.session.session import Session
+from hil_bench.units import si_unit
+
+# Readings of a J1939 device: its signals, its address claim, its trouble codes.
+
+Read = Callable[[Sequence[float]], float]
+"""Returns a value [SI]; it is given the row of the tick."""
+
+_STATE, _ADDRESS = "state", "address"
+_STATES: Mapping[str, int] = MappingProxyType(
+    {state.value: number for number, state in enumerate(ClaimState)}
+)
+
+
+def ecu_names(
+    ecus: Mapping[str, EcuHandle],
+) -> tuple[dict[str, str], dict[str, Mapping[str, int]]]:
+    """Return the SI unit of each signal, and the numbers of the texts of each state."""
+    signals: dict[str, str] = {}
+    states: dict[str, Mapping[str, int]] = {}
+    for name, ecu in ecus.items():
+        signals[f"{name}.{_ADDRESS}"] = "-"
+        if _STATE not in ecu:
+            states[f"{name}.{_STATE}"] = _STATES
+        signals |= {f"{name}.{each}": si_unit(v.unit)[0] for each, v in ecu.values.items()}
+    return signals, states
+
+
+def ecu_reader(ecus: Mapping[str, EcuHandle], name: str) -> Read | None:
+    """Return the reader of a name or of a trouble code's activity; None for another name."""
+    if name.startswith(f"{DM1}("):
+        device, *numbers = name[len(DM1) + 1 : -1].split(", ")
+        return _code_reader(ecus[device], tuple(map(int, numbers)))
+    owner, _, rest = name.partition(".")
+    ecu = ecus.get(owner)
+    if ecu is None:
+        return None
+    if rest in ecu:
+        value = ecu.values[rest]
+        factor = si_unit(value.unit)[1]
+        return lambda _row: value.read() * factor
+    if rest == _STATE:
+        return lambda _row: float(_STATES[ecu.ecu.state])
+    return (lambda _row: float(ecu.address)) if rest == _ADDRESS else None
+
+
+def _code_reader(ecu: EcuHandle, code: tuple[int, ...]) -> Read:
+    """Return the reader of an active code with this SPN and FMI; those left out match any."""
+    return lambda _row: float(any(each[: len(code)] == code for each in ecu.trouble_codes))
+
 
 _EMCY_OBJECT = 0x1014
 _NMT_STATES: Mapping[str, int] = MappingProxyType({state.name: int(state) for state in NmtState})

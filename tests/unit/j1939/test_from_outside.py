@@ -10,8 +10,8 @@ from support.feed_loop import FeedLoop
 import hil_bench
 from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.panel.fault_table import fault_choices
-from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import SetStep
+from hil_bench.abilities.scenario.writing import JournalSteps
 from hil_bench.cli import ctl, main
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.cli.paced_run import node_lines

@@ -13,11 +13,11 @@ from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.judgement import judge
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.recorded import lay_on_ticks
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.records import (
     Controller,
     Expectation,
@@ -28,7 +29,6 @@ from hil_bench.abilities.scenario.resolve import (
     resolve_steps,
 )
 from hil_bench.abilities.scenario.usage import usage_problems
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
 from hil_bench.abilities.scenario.writing import to_csv, to_toml, write_scenario
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.devices.faults.kinds import FaultKind

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.scenario.from_journal import JournalSteps
 from hil_bench.abilities.scenario.records import FaultStep, SetStep
+from hil_bench.abilities.scenario.writing import JournalSteps
 
 HELLO = {"channels": [["pressure_a.measured", "Pa"], ["position.measured", "m"]]}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.scenario.dimensions import find_unit
-from hil_bench.abilities.scenario.judgement import RequirementOutcome, judge
+from hil_bench.abilities.scenario.judgement import RequirementOutcome, judge, show_gap, show_reading
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import (
     All,
@@ -15,14 +15,13 @@ from hil_bench.abilities.scenario.nodes import (
     Eventually,
     Implies,
     Not,
+    Vocabulary,
     Window,
 )
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import reach, survives_a_cut
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.abilities.scenario.vocabulary import Vocabulary
-from hil_bench.abilities.scenario.wording import show_gap, show_reading
 from hil_bench.units import BAR, ONE
 
 TICK = 1_000_000

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from hil_bench.abilities.scenario.nodes import channel_vocabulary
 from hil_bench.abilities.scenario.recorded import Trace, judge_trace, lay_on_ticks
 from hil_bench.abilities.scenario.records import Expectation
 from hil_bench.abilities.scenario.resolve import compile_texts
-from hil_bench.abilities.scenario.vocabulary import channel_vocabulary
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError

@@ -10,8 +10,8 @@ from hil_bench.abilities.modbus.protocol.register_map import Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.on_machine import prepare_for_machine
-from hil_bench.abilities.scenario.registers import name_registers
 from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.abilities.scenario.targets import name_registers
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel

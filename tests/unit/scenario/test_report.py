@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
+from hil_bench.abilities.scenario import picture
+from hil_bench.abilities.scenario import report as report_module
 from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.report import exhibits, picture
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
@@ -57,7 +58,7 @@ def draws():
 def _drawn(request, monkeypatch):
     """Draw for those tests alone that look at pictures: it takes a second each."""
     if "draws" not in request.fixturenames:
-        monkeypatch.setattr(exhibits, "draw_scene", lambda _scene: b"<svg/>")
+        monkeypatch.setattr(report_module, "draw_scene", lambda _scene: b"<svg/>")
 
 
 def scenario(tmp_path, *that, name="a", title="T", more="", ids=()):
@@ -94,8 +95,8 @@ def test_a_failure_has_its_times_frames_and_picture(tmp_path):
 
 def test_a_word_that_stays_is_no_news_where_the_frames_begin(tmp_path, monkeypatch):
     """The valve of "manual" is ACTIVE from its start on: its PDOs are cyclic at 400 ms."""
-    monkeypatch.setattr(exhibits, "_BEFORE", 50_000_000)
-    monkeypatch.setattr(exhibits, "_KNOWN", 100_000_000)
+    monkeypatch.setattr(report_module, "_BEFORE", 50_000_000)
+    monkeypatch.setattr(report_module, "_KNOWN", 100_000_000)
     text = "always from 400 ms to 410 ms axis1.P_A < 0 bar"
     manual = '[controller]\nexample = "manual"\n'
     path = scenario(tmp_path, ("R1", text), more=manual)

@@ -10,13 +10,11 @@ from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.verbs.scenario_report import (
     add_report_argument,
     check_report_argument,
-    recording_chapter,
-    write_report,
-)
-from hil_bench.abilities.scenario.verbs.verdicts import (
     exit_code_for,
     finding_content,
     finding_lines,
+    recording_chapter,
+    write_report,
 )
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument

@@ -2,9 +2,10 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from hil_bench.abilities.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.abilities.commissioning.plan import (
@@ -17,7 +18,7 @@ from hil_bench.abilities.commissioning.plan import (
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.on_machine import MachineScenario, prepare_for_machine
 from hil_bench.abilities.scenario.records import Scenario
-from hil_bench.abilities.scenario.verbs.selection import prepare_chosen
+from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.arguments import add_bus_arguments, load_bench_config, seen_from_bus
@@ -25,6 +26,44 @@ from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+
+# `-k`: which requirements of which scenarios are chosen, prepared one after the other.
+
+Prepared = TypeVar("Prepared", PreparedScenario, MachineScenario)
+
+
+def prepare_chosen(
+    args: argparse.Namespace, paths: Sequence[Path], prepare: Callable[[Scenario], Prepared]
+) -> list[Prepared]:
+    """Return the scenarios that have a chosen requirement, with those alone.
+
+    Args:
+        args: of the command line, with `k`.
+        paths: the files of the scenarios.
+        prepare: checks a scenario against what it is played on.
+
+    Raises:
+        ConfigError: something is wrong in any of them, or nothing is chosen.
+    """
+    chosen, wrong = [], []
+    for path in paths:
+        try:
+            prepared = prepare(load_scenario(path))
+        except ConfigError as error:
+            wrong.append(str(error))
+            continue
+        requirements = tuple(
+            each
+            for each in prepared.requirements
+            if args.k.lower() in f"{path}\n{prepared.scenario.title}\n{each.id}".lower()
+        )
+        if requirements:
+            chosen.append(replace(prepared, requirements=requirements))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    if not chosen:
+        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,22 +11,21 @@ import math
 from collections.abc import Iterator
 
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, Scenario
-from hil_bench.abilities.scenario.resolve import parameter_values
+from hil_bench.abilities.scenario.resolve import PreparedScenario, parameter_values
 from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.run import PlayOptions, prepare, prepare_on
 from hil_bench.abilities.scenario.stage import Stage
-from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_parameter
-from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
-from hil_bench.abilities.scenario.verbs.verdicts import (
+from hil_bench.abilities.scenario.verbs.run_options import has_bus, read_parameter
+from hil_bench.abilities.scenario.verbs.scenario_report import (
     exit_code_for,
     finding_content,
     finding_lines,
     result_content,
     result_lines,
 )
+from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.feed_side import open_feed

@@ -7,10 +7,9 @@ from pathlib import Path
 from hil_bench.abilities.scenario.dimensions import UNITS
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.live_margins import LiveMargins
-from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
-from hil_bench.abilities.scenario.resolve import Action, SetAction
+from hil_bench.abilities.scenario.resolve import Action, PreparedScenario, SetAction
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.bench.configuration import FaultConfig

@@ -9,33 +9,34 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.abilities.eyes.frame_text import FrameText
-from hil_bench.abilities.scenario.prepared import PreparedScenario
-from hil_bench.abilities.scenario.report.content import Chapter
+from hil_bench.abilities.scenario.report import Chapter
+from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import (
     ScenarioResult,
     play_for_result,
     write_junit,
 )
 from hil_bench.abilities.scenario.run import PlayOptions, prepare
-from hil_bench.abilities.scenario.verbs.machine_side import add_machine_arguments, is_on_machine
+from hil_bench.abilities.scenario.verbs.machine_side import (
+    add_machine_arguments,
+    is_on_machine,
+    prepare_chosen,
+)
 from hil_bench.abilities.scenario.verbs.machine_test import play_on_machine
-from hil_bench.abilities.scenario.verbs.scenario_arguments import (
+from hil_bench.abilities.scenario.verbs.run_options import (
     add_parameter_argument,
     read_parameter,
 )
 from hil_bench.abilities.scenario.verbs.scenario_report import (
     add_report_argument,
     check_report_argument,
+    exit_code_for,
+    result_content,
+    result_lines,
     run_chapter,
     write_report,
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
-from hil_bench.abilities.scenario.verbs.selection import prepare_chosen
-from hil_bench.abilities.scenario.verbs.verdicts import (
-    exit_code_for,
-    result_content,
-    result_lines,
-)
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
 from hil_bench.cli.feed_side import add_work_arguments, watched_work
 from hil_bench.cli.parser import add_units_argument, count

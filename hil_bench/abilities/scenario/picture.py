@@ -13,12 +13,10 @@ import numpy.typing as npt
 
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import Span, StreamBuilder
-from hil_bench.abilities.scenario.evidence import Evidence
+from hil_bench.abilities.scenario.judgement import Evidence, show_atom, show_value, unit_of
 from hil_bench.abilities.scenario.nodes import Atom, Comparison, Condition, Relation
 from hil_bench.abilities.scenario.reach import names_in
-from hil_bench.abilities.scenario.sliding import Floats
-from hil_bench.abilities.scenario.values import Block, build_values
-from hil_bench.abilities.scenario.wording import show_atom, show_value, unit_of
+from hil_bench.abilities.scenario.values import Block, Floats, build_values
 from hil_bench.figure_style import BLACK, BLUE, GREY, ORANGE, RED, settle_layout
 from hil_bench.outside.recording.plot import MotionPanel, motion_panels, styled
 from hil_bench.units import ONE
@@ -26,6 +24,7 @@ from hil_bench.units import ONE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 _SIGNS = {
     Relation.LESS: -1.0,

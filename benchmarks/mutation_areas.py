@@ -101,6 +101,7 @@ TESTS: Final = {
     ],
     "hil_bench/abilities/scenario/recorded.py": [
         *_REFEREE,
+        *_tests("scenario", "coverage language recorded evaluation"),
         *_tests("recording", "column_units"),
     ],
     "hil_bench/abilities/scenario/resolve.py": [

@@ -22,7 +22,7 @@ from hil_bench.abilities.campaign.search.records import (
 from hil_bench.abilities.campaign.store import set_words
 from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
 from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
-from hil_bench.abilities.scenario.verbs.run_options import (
+from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,
 )

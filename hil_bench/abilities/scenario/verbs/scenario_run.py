@@ -17,7 +17,7 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario, parameter_val
 from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.run import PlayOptions, prepare, prepare_on
 from hil_bench.abilities.scenario.stage import Stage
-from hil_bench.abilities.scenario.verbs.run_options import has_bus, read_parameter
+from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_parameter
 from hil_bench.abilities.scenario.verbs.scenario_report import (
     exit_code_for,
     finding_content,

@@ -23,7 +23,7 @@ from hil_bench.abilities.scenario.verbs.machine_side import (
     prepare_chosen,
 )
 from hil_bench.abilities.scenario.verbs.machine_test import play_on_machine
-from hil_bench.abilities.scenario.verbs.run_options import (
+from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,
 )

@@ -250,6 +250,10 @@ class DeviceUnderTest:
         """Return True if a frame is the device's EMCY, by the predefined connection set."""
         return is_data(frame, _EMERGENCY + self.node_id)
 
+    def is_error(self, frame: Frame) -> bool:
+        """Return True if a frame is the device's EMCY of an error, not of the end of one."""
+        return self.is_emergency(frame) and frame.data[1:2] != b"\0"
+
     @cached_property
     def others(self) -> frozenset[int]:
         """Node-IDs of the other nodes on the bus: those that answer an SDO request."""

@@ -12,9 +12,9 @@ from hil_bench.abilities.conformance.error_control_checks import (
     CONSUMER,
     HEARTBEAT_LOST,
     LOST_AFTER,
-    NO_ERROR,
     WATCHED_MS,
     beat,
+    error_end,
     watched_producer,
 )
 from hil_bench.abilities.conformance.sdo_client import code_text, download_request
@@ -67,15 +67,12 @@ def message(dut: DeviceUnderTest) -> str:
 @CHAPTER.check(
     "7.2.7.1", "when the error is gone, EMCY 0000h and the error register say so", Impact.WRITE
 )
-def error_reset(dut: DeviceUnderTest) -> None:
+def error_reset(dut: DeviceUnderTest) -> str:
     """Lose a heartbeat and send it again."""
     with _lost_heartbeat(dut) as producer:
         dut.emergency(HEARTBEAT_LOST, "a lost heartbeat")
         beat(dut, producer)
-        data = dut.emergency(NO_ERROR, "the heartbeat came back")
-        register = dut.number(_ERROR_REGISTER)
-        if data[2] != register or register & _COMMUNICATION:
-            raise Deviation(f"error register {data[2]:02X}h in EMCY, {register:02X}h in 1001h")
+        return error_end(dut, "the heartbeat came back", lambda: beat(dut, producer))
 
 
 @CHAPTER.check(

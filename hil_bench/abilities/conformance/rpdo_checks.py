@@ -113,7 +113,7 @@ def in_time(dut: DeviceUnderTest) -> None:
     pdo = first_pdo(dut, RPDOS, TYPE, EVENT_TIMER)
     with _receiving(dut, pdo, {TYPE: _ASYNCHRONOUS, EVENT_TIMER: 500}) as before:
         dut.wire.send(Frame(pdo.can_id, before))
-        if dut.wire.take(dut.is_emergency, 0.2) is not None:
+        if dut.wire.take(dut.is_error, 0.2) is not None:
             raise Deviation("EMCY within the time")
 
 

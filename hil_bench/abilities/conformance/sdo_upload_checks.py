@@ -101,19 +101,27 @@ def time_out(dut: DeviceUnderTest) -> str:
 
 
 @CHAPTER.check("7.2.4.3.1", "what is no SDO request gets no answer")
-def no_request(dut: DeviceUnderTest) -> None:
-    """Send requests of seven bytes and none, a remote frame and one with a 29-bit identifier."""
-    for frame in (
-        Frame(dut.sdo.request_id, upload_request(0x1000), is_extended=True),
-        Frame(dut.sdo.request_id, is_remote=True),
-        Frame(dut.sdo.request_id, b""),
-        Frame(dut.sdo.request_id, upload_request(0x1000)[:7]),
+def no_request(dut: DeviceUnderTest) -> str:
+    """Send requests of seven bytes and none, a remote frame and one with a 29-bit identifier.
+
+    A short frame may as well be aborted, and one that has all that is needed be served.
+    """
+    request = upload_request(0x1000)
+    detail = ""
+    for frame, what, may_abort in (
+        (Frame(dut.sdo.request_id, request, is_extended=True), "a 29-bit identifier", False),
+        (Frame(dut.sdo.request_id, is_remote=True), "a remote frame", False),
+        (Frame(dut.sdo.request_id, b""), "no byte", True),
+        (Frame(dut.sdo.request_id, request[:7]), "seven bytes", True),
     ):
         dut.wire.send(frame)
         answer = dut.sdo.answer()
-        # A short frame may as well be aborted.
-        if answer is not None and (answer[:1] != b"\x80" or frame.is_extended or frame.is_remote):
-            raise Deviation(f"{shown(frame.data)}: answer {shown(answer)}; silence is right")
+        if answer is None or (may_abort and answer[:1] == b"\x80"):
+            continue
+        if not (frame.data and may_abort and answer[:4] == b"\x43" + request[1:4]):
+            raise Deviation(f"{what}: answer {shown(answer)}; silence is right")
+        detail = f"a request of {what} is served"
+    return detail
 
 
 @CHAPTER.check("7.2.4.2", "a device answers requests to itself only")

@@ -73,7 +73,10 @@ def outcomes(request):
         ("7.2.4.3.17", "a toggle bit that does not alternate aborts with 0503 0000h"),
         ("7.2.4.3.3", "an expedited download is confirmed and can be read back"),
         ("7.2.4.3.4", "a segmented download of a long object is read back"),
-        ("7.2.4.3.17", "a wrong toggle bit aborts with 0503 0000h"),
+        (
+            "7.2.4.3.17",
+            "a segment with a wrong toggle bit aborts with 0503 0000h, or counts for nothing",
+        ),
         ("7.3.2.3", "OPERATIONAL has SDO"),
     ],
 )

@@ -6,6 +6,7 @@ status line, plots. In which units people are shown values: `hil_bench.shown_uni
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -29,6 +30,12 @@ class Unit(NamedTuple):
     def from_si(self, value: float) -> float:
         """Return `value`, given in SI, in this unit."""
         return value / self.factor
+
+    @property
+    def si(self) -> str:
+        """The symbol of its SI unit; empty for a number."""
+        symbol = si_unit(self.symbol)[0]
+        return "" if symbol == "-" else symbol
 
 
 _INCH, _FOOT, _POUND_FORCE, _US_GALLON = 0.0254, 0.3048, 4.4482216152605, 3.785411784e-3
@@ -98,6 +105,11 @@ SECOND_AND_NEWTON = Unit("[s, N]", "_s_n")
 SECOND_AND_NEWTON_METRE = Unit("[s, N m]", "_s_n_m")
 SECOND_AND_KELVIN = Unit("[s, K]", "_s_k")
 
+UNIT_OF: Mapping[str, Unit] = {
+    each.symbol: each for each in tuple(vars().values()) if isinstance(each, Unit)
+}
+"""By symbol."""
+
 UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
     "-": (ONE, PERCENT),
     "Pa": (PASCAL, MILLIBAR, KILOPASCAL, BAR, MEGAPASCAL),
@@ -141,6 +153,7 @@ _SPELLED: Mapping[str, Mapping[str, float]] = {
     "m/s²": {"m/s2": 1.0, "mm/s2": 1e-3},
     "m²": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
     "m³": {"m3": 1.0, "l": 1e-3, "L": 1e-3, "ml": 1e-6, "mL": 1e-6, "cm3": 1e-6},
+    "m³/(s Pa)": {"m3/(s Pa)": 1.0, "l/(min bar)": LITRE_PER_MINUTE_BAR.factor},
     "m³/s": {
         "m3/s": 1.0,
         "m3/min": 1.0 / _MINUTE,
@@ -232,6 +245,7 @@ def read_unit(text: str) -> SiUnit | None:
     return _CONVERSIONS.get(symbol.translate(_SPELLING))
 
 
+@lru_cache(maxsize=256)
 def si_unit(symbol: str) -> tuple[str, float]:
     """Return the SI unit of a unit, and its factor; of an unknown one itself, and 1.
 

@@ -26,6 +26,20 @@ class Origin(StrEnum):
     COMMAND_LINE = "command line"
 
 
+class Range(NamedTuple):
+    """A range of a key, in the key's own unit.
+
+    Attributes:
+        low: the least.
+        high: the largest.
+        reason: whose range it is.
+    """
+
+    low: float
+    high: float
+    reason: str
+
+
 class Key(NamedTuple):
     """One key of a table.
 
@@ -36,6 +50,11 @@ class Key(NamedTuple):
         unit: its unit.
         field: the attribute of the record that it fills, where that has another name.
         example: a value for the message about a missing key; only a key that must be given has one.
+        usual: what data sheets and machines have; beyond it a value is doubted.
+        possible: what nature allows; beyond it a value is refused.
+        accepts: values that a record accepts, as `rows` has it; empty for each finite number.
+        group: of the keys that belong together.
+        sheet: the data sheet that has the key, or determines it.
     """
 
     name: str
@@ -44,6 +63,11 @@ class Key(NamedTuple):
     unit: Unit = ONE
     field: str = ""
     example: str = ""
+    usual: Range | None = None
+    possible: Range | None = None
+    accepts: str = ""
+    group: str = ""
+    sheet: str = ""
 
 
 class Setting(NamedTuple):

@@ -10,15 +10,12 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE, Unit
 
 Value = Any  # of a type that its reader has checked
 Reader = Callable[[object], Value]
 
-_HIGHEST_NODE_ID = 127
-_INTERFACES = {"socketcan", "socketcand", "virtual"}  # every python-can has them
 _LONGEST = 40  # characters of a bad value that a message repeats
 _LARGEST = 2**63 - 1  # integer of TOML
 _MOST_BITS = 14_000  # of an integer in decimal: Python refuses to write out those of 4300 digits
@@ -109,22 +106,6 @@ def zero_or(read: Reader) -> Reader:
     return read_or_zero
 
 
-def tpdo_numbers(value: object) -> tuple[int, ...]:
-    """Return numbers of TPDOs, none of them twice.
-
-    Raises:
-        ConfigError: it is no such list.
-    """
-    right = "give a list of numbers of TPDOs, such as [1, 2]"
-    if not isinstance(value, list | tuple):
-        raise ConfigError(f"{describe(value)} is not a list; {right}")
-    read = integer(1, 512)
-    numbers = tuple(int(read(number)) for number in value)
-    if len(set(numbers)) < len(numbers):
-        raise ConfigError(f"{list(numbers)} has a number twice; {right}")
-    return numbers
-
-
 def interval(unit: Unit) -> Reader:
     """Return a reader of ``[start, end]`` in `unit`, start below end."""
     right = f"give [start, end] in {unit.symbol}, start below end"
@@ -172,22 +153,6 @@ def integer(low: int, high: int | None = None) -> Reader:
     return read
 
 
-def node_id(value: object) -> int:
-    """Return a CANopen node-ID, 255 for a node that has none yet.
-
-    Raises:
-        ConfigError: the value is something else.
-    """
-    right = f'give an integer from 1 to {_HIGHEST_NODE_ID}, or "unconfigured"'
-    if value in (UNCONFIGURED, "unconfigured"):
-        return UNCONFIGURED
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise ConfigError(f"{describe(value)} is not a node-ID; {right}")
-    if not 1 <= value <= _HIGHEST_NODE_ID:
-        raise ConfigError(f"{describe(value)} is out of range; {right}")
-    return value
-
-
 def choice(choices: Iterable[str]) -> Reader:
     """Return a reader of words, which may be the values of an enumeration."""
     known = ", ".join(f'"{word}"' for word in choices)
@@ -232,53 +197,6 @@ def texts(value: object) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
         raise ConfigError(f'{describe(value)} is not a list of texts; write it as ["A", "B"]')
     return tuple(value)
-
-
-def interface(value: object) -> str:
-    """Return the name of an interface that python-can has.
-
-    Raises:
-        ConfigError: it has none of this name.
-    """
-    name = text(value)
-    if name in _INTERFACES:
-        return name
-    from can import VALID_INTERFACES  # noqa: PLC0415 - takes longer than all of `hil-bench check`
-
-    if name not in VALID_INTERFACES:
-        nearest = find_nearest(name, VALID_INTERFACES)
-        raise ConfigError(
-            f'python-can has no interface {describe(name)}; the nearest is "{nearest}"'
-        )
-    return name
-
-
-def channel(value: object) -> str | int:
-    """Return a channel, which some interfaces name and others number.
-
-    Raises:
-        ConfigError: the value is something else.
-    """
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    if not isinstance(value, str) or not value:
-        raise ConfigError(
-            f'{describe(value)} is not a channel; give text or a number, as in "can0"'
-        )
-    return value
-
-
-def bus_option(value: object) -> str | int | float | bool:
-    """Return a value that a bus class of python-can takes as a keyword argument.
-
-    Raises:
-        ConfigError: the value is an array, a table or a date.
-    """
-    if not isinstance(value, str | int | float):
-        raise ConfigError(
-            f"{describe(value)} cannot be a bus option; give text, a number or a truth value"
-        )
-    return value
 
 
 def _finite(value: object, right: str) -> float:

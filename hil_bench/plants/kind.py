@@ -9,27 +9,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
-from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.config.settings import Key, Problems, Range, Settings
 from hil_bench.plants.page import Page
 from hil_bench.plants.plant import Plant, PlantGroup
 from hil_bench.plants.quantity import Influence, Quantity
 from hil_bench.units import ONE, Unit
 
 _NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
-
-
-class Range(NamedTuple):
-    """A range of a key, in the key's own unit.
-
-    Attributes:
-        low: the least.
-        high: the largest.
-        reason: whose range it is.
-    """
-
-    low: float
-    high: float
-    reason: str
 
 
 class Fact(NamedTuple):
@@ -91,8 +77,6 @@ class PlantKind(ABC, Generic[AxisT]):
         keys: of that table.
         quantities: what can be seen of it and its one command, in the order of a recording.
         command_unit: the unit of `full_scale`.
-        usual: what data sheets and machines have, by key; beyond it a value is doubted.
-        possible: what nature allows, by key; beyond it a value is refused.
         usual_results: what machines reach, by the name of a `Fact`; beyond it a result is doubted.
         default_nodes: the nodes of a file without any.
     """
@@ -101,8 +85,6 @@ class PlantKind(ABC, Generic[AxisT]):
     keys: tuple[Key, ...] = ()
     quantities: tuple[Quantity, ...]
     command_unit: Unit = ONE
-    usual: Mapping[str, Range] = _NOTHING
-    possible: Mapping[str, Range] = _NOTHING
     usual_results: Mapping[str, Range] = _NOTHING
     default_nodes: Mapping[str, Mapping[str, object]] = _NOTHING
 
@@ -194,6 +176,16 @@ class PlantKind(ABC, Generic[AxisT]):
     def start_with(self) -> str:
         """The quantity that a recording must have, for a plant to begin where it does."""
         return self.quantities[0].name
+
+    @cached_property
+    def usual(self) -> Mapping[str, Range]:
+        """The ranges that data sheets and machines have, by key; beyond it a value is doubted."""
+        return {key.name: key.usual for key in self.keys if key.usual is not None}
+
+    @cached_property
+    def possible(self) -> Mapping[str, Range]:
+        """The ranges that nature allows, by key; beyond it a value is refused."""
+        return {key.name: key.possible for key in self.keys if key.possible is not None}
 
     @cached_property
     def by_name(self) -> Mapping[str, Quantity]:

@@ -11,7 +11,7 @@ from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG, 
 from hil_bench.abilities.identification.report import AS_CONFIGURED
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin, Setting
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS
+from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
 
 _HEADER = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]?\]\s*(#.*)?$")
 _DATA_SHEET = {key.name for key in DATA_SHEET_KEYS}

@@ -9,12 +9,26 @@ from hil_bench.bench.configuration.keys import BUS_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig, Carrier
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import bus_option, describe
+from hil_bench.config.values import describe
+from hil_bench.errors import ConfigError
 
 MOST_BUSES = 8
 """More than any machine has; a recording has room for 32."""
 
 _KNOWN = tuple(key.name for key in BUS_KEYS)
+
+
+def bus_option(value: object) -> str | int | float | bool:
+    """Return a value that a bus class of python-can takes as a keyword argument.
+
+    Raises:
+        ConfigError: the value is an array, a table or a date.
+    """
+    if not isinstance(value, str | int | float):
+        raise ConfigError(
+            f"{describe(value)} cannot be a bus option; give text, a number or a truth value"
+        )
+    return value
 
 
 WIRE_TABLE = "wire"

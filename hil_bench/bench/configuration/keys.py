@@ -7,20 +7,20 @@ from functools import cache
 from typing import Any, Final
 
 from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.objects import objects
 from hil_bench.config.settings import CLOCK_MICROSECOND, Key
 from hil_bench.config.values import (
-    channel,
     choice,
+    describe,
+    find_nearest,
     integer,
-    interface,
-    node_id,
     non_negative,
     nonzero,
     number,
     text,
-    tpdo_numbers,
 )
+from hil_bench.errors import ConfigError
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.programs import program_memory
@@ -29,7 +29,76 @@ from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
 
+_HIGHEST_NODE_ID = 127
+_INTERFACES = {"socketcan", "socketcand", "virtual"}  # every python-can has them
+
 TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes", "j1939", "faults")
+
+
+def interface(value: object) -> str:
+    """Return the name of an interface that python-can has.
+
+    Raises:
+        ConfigError: it has none of this name.
+    """
+    name = text(value)
+    if name in _INTERFACES:
+        return name
+    from can import VALID_INTERFACES  # noqa: PLC0415 - takes longer than all of `hil-bench check`
+
+    if name not in VALID_INTERFACES:
+        nearest = find_nearest(name, VALID_INTERFACES)
+        raise ConfigError(
+            f'python-can has no interface {describe(name)}; the nearest is "{nearest}"'
+        )
+    return name
+
+
+def channel(value: object) -> str | int:
+    """Return a channel, which some interfaces name and others number.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if not isinstance(value, str) or not value:
+        raise ConfigError(
+            f'{describe(value)} is not a channel; give text or a number, as in "can0"'
+        )
+    return value
+
+
+def node_id(value: object) -> int:
+    """Return a CANopen node-ID, 255 for a node that has none yet.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    right = f'give an integer from 1 to {_HIGHEST_NODE_ID}, or "unconfigured"'
+    if value in (UNCONFIGURED, "unconfigured"):
+        return UNCONFIGURED
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ConfigError(f"{describe(value)} is not a node-ID; {right}")
+    if not 1 <= value <= _HIGHEST_NODE_ID:
+        raise ConfigError(f"{describe(value)} is out of range; {right}")
+    return value
+
+
+def tpdo_numbers(value: object) -> tuple[int, ...]:
+    """Return numbers of TPDOs, none of them twice.
+
+    Raises:
+        ConfigError: it is no such list.
+    """
+    right = "give a list of numbers of TPDOs, such as [1, 2]"
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{describe(value)} is not a list; {right}")
+    read = integer(1, 512)
+    numbers = tuple(int(read(number)) for number in value)
+    if len(set(numbers)) < len(numbers):
+        raise ConfigError(f"{list(numbers)} has a number twice; {right}")
+    return numbers
 
 
 REALTIME_KEYS = (

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from hil_bench.bench.configuration.records import BenchConfig
-from hil_bench.config.settings import Origin, Problems, Setting, Settings, quote_name
+from hil_bench.config.settings import Origin, Problems, Range, Setting, Settings, quote_name
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import find_assumed_supply
-from hil_bench.plants.kind import PlantKind, Range
+from hil_bench.plants.kind import PlantKind
 from hil_bench.plants.registry import DEFAULT_PLANT
 
 Kind = PlantKind[Any]

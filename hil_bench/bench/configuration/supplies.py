@@ -18,8 +18,8 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C, find_oil, known_oil
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import EFFICIENCY, derive_pump
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
 from hil_bench.plants.hydraulic_cylinder.keys import (
+    PUMP_SHEET,
     SHARED_KEYS,
     SUPPLY_KEY,
     SUPPLY_KEYS,
@@ -85,7 +85,7 @@ class SuppliesSection:
                 right = f"give it in [{TABLE}.{name}]"
                 problems.add(problems.place(table, key.name), f"belongs to the supply; {right}")
             given = self._supplies[name].get(key.name)
-            if given is not None and key not in PUMP_KEYS:
+            if given is not None and key not in PUMP_SHEET:
                 reason = f"from {TABLE}.{name}"
                 lent[key.name] = settings[key.name]._replace(
                     value=given.value, origin=Origin.DATA_SHEET, reason=reason

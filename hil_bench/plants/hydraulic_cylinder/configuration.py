@@ -8,6 +8,7 @@ from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.keys import (
     AIR_KEYS,
+    AXIS_KEYS,
     BRISTLE_KEYS,
     CAVITATION_KEYS,
     COMPENSATOR_KEY,
@@ -20,7 +21,6 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     FILTER_KEYS,
     FILTER_RATING,
     LAND_KEYS,
-    LOAD_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
     PUMP_KEYS,
@@ -93,44 +93,17 @@ _SUPPLY_DEFECTS = (
 )
 _FILTER_DEFECTS = (Influence("filter_clogging", "-", 0.0, 1.0),)
 
-_PHYSICAL_KEYS = {
-    key.field or key.name: key.name
-    for key in (
-        *PARAMETER_KEYS,
-        *OPTION_KEYS,
-        *END_STOP_KEYS,
-        *CAVITATION_KEYS,
-        *AIR_KEYS,
-        *BRISTLE_KEYS,
-        *LAND_KEYS,
-        COMPENSATOR_KEY,
-        *COUNTERBALANCE_KEYS,
-        *COUNTERBALANCE_RATING,
-        *PUMP_KEYS,
-        *SUPPLY_KEYS,
-        *LOAD_KEYS,
-        DELAY_KEY,
-    )
-} | {
-    **{key.name: key.name for key in FILTER_KEYS},
+_NAMED_APART = {"position", *(key.field for key in (*CUSHION_KEYS["cushion_a"], *WALL_KEYS["a"]))}
+_KEYS_OF_SYMBOLS = {
+    **{key.name: key.name for key in AXIS_KEYS},
+    **{key.field: key.name for key in AXIS_KEYS if key.field not in {"", *_NAMED_APART}},
     "bristles": "friction",
     "supply_unit": "supply",
-    "supply": "supply",
     "lands": "flow_saturation",
     "the cushion": "cushion_a_length_mm",
-    **{key.name: key.name for keys in CUSHION_KEYS.values() for key in keys},
     "line_a": "line_a_length_m",
     "line_b": "line_b_length_m",
     "lines": "line_model",
-    "line_model": "line_model",
-    **{
-        name: name
-        for side, keys in WALL_KEYS.items()
-        for name in (f"line_{side}_length_m", f"line_{side}_inner_mm", *(key.name for key in keys))
-    },
-    VISCOSITY_KEY.name: VISCOSITY_KEY.name,
-    "pump_control": "pump_control",
-    "counterbalance": "counterbalance",
 }
 """The key of each symbol that `ParameterError` names."""
 
@@ -456,7 +429,7 @@ def _check_position(name: str, axis: Settings, problems: Problems) -> None:
 def explain_refusal(table: str, error: ParameterError, problems: Problems) -> None:
     """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
     keys = list(
-        dict.fromkeys(_PHYSICAL_KEYS[each] for each in error.symbols if each in _PHYSICAL_KEYS)
+        dict.fromkeys(_KEYS_OF_SYMBOLS[each] for each in error.symbols if each in _KEYS_OF_SYMBOLS)
     )
     related = f" (see also {', '.join(keys[1:])})" if len(keys) > 1 else ""
     place = problems.place(table, keys[0] if keys else "")

@@ -14,10 +14,9 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
 )
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.picture import cylinder_page
-from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
-from hil_bench.plants.hydraulic_cylinder.summary import summarise
+from hil_bench.plants.hydraulic_cylinder.summary import USUAL_RESULTS, summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.page import Page
@@ -31,8 +30,6 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     name = "hydraulic_cylinder"
     keys = AXIS_KEYS
     quantities: tuple[Quantity, ...] = QUANTITIES
-    usual = USUAL
-    possible = POSSIBLE
     usual_results = USUAL_RESULTS
     default_nodes = MappingProxyType(
         {**VALVE_NODES, "position": {"profile": "encoder_406", "node_id": 4}}

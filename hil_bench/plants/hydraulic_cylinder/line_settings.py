@@ -2,8 +2,7 @@
 
 from hil_bench.config.settings import Settings, convert
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
-from hil_bench.plants.hydraulic_cylinder.keys import VISCOSITY_KEY, WALL_KEYS
+from hil_bench.plants.hydraulic_cylinder.keys import VISCOSITY_KEY, WALL_KEYS, LineModel
 from hil_bench.plants.hydraulic_cylinder.model.line import Line, korteweg
 
 _STEEL = 206e9

@@ -4,9 +4,11 @@
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
+from hil_bench.config.settings import Range
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
@@ -21,6 +23,18 @@ from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency, line_frequency
 from hil_bench.plants.kind import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
+
+_SPEED = "our choice: polyurethane seals take 0.5 m/s, servo-cylinders 5"
+_ACCELERATION = "our choice: machines have some m/s², a hammer's piston 1000 g"
+SWING: Final = Range(0.2, 1000.0, "our choice: cranes have 1 Hz, short test cylinders some hundred")
+
+USUAL_RESULTS: Final[Mapping[str, Range]] = {
+    "top speed extending": Range(0.0, 5000.0, _SPEED),
+    "top speed retracting": Range(0.0, 5000.0, _SPEED),
+    "largest acceleration": Range(0.0, 1e4, _ACCELERATION),
+    "eigenfrequency, lowest": SWING,
+}
+"""What machines reach, in the units of the facts (decision 103)."""
 
 _SWINGS = 1.0 / (2.0 * math.pi)
 _ANY_FLOW = 1e3  # [m³/s]

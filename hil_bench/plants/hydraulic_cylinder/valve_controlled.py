@@ -6,8 +6,7 @@ from typing import Final
 
 from hil_bench.config.settings import Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
-from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, Supply
+from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, LineModel, Supply
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, with_lines, with_supply
 from hil_bench.plants.kind import AxisT, PlantKind
 from hil_bench.plants.quantity import Quantity

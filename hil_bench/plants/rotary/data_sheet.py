@@ -9,7 +9,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump, find_assumed_supply
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
+from hil_bench.plants.hydraulic_cylinder.keys import LineModel
 from hil_bench.plants.rotary.keys import RATING_KEYS
 
 PORT_SHARE = 1.0

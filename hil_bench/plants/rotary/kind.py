@@ -15,9 +15,8 @@ from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
 from hil_bench.plants.rotary.motor import HydraulicMotor
 from hil_bench.plants.rotary.picture import motor_page
-from hil_bench.plants.rotary.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.rotary.quantities import QUANTITIES
-from hil_bench.plants.rotary.summary import find_unresolved, summarise
+from hil_bench.plants.rotary.summary import USUAL_RESULTS, find_unresolved, summarise
 
 
 class Rotary(ValveControlled[RotaryConfig]):
@@ -26,8 +25,6 @@ class Rotary(ValveControlled[RotaryConfig]):
     name = "rotary"
     keys = ROTARY_KEYS
     quantities: tuple[Quantity, ...] = QUANTITIES
-    usual = USUAL
-    possible = POSSIBLE
     usual_results = USUAL_RESULTS
     default_nodes = MappingProxyType(
         {**VALVE_NODES, "encoder": {"profile": "rotary_encoder_406", "node_id": 4}}

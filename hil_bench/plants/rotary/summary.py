@@ -1,8 +1,10 @@
 """The key figures of a motor: speeds, torques, pressures, frequencies, times."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
+from hil_bench.config.settings import Range
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import SteadyMotion, steady_motion
 from hil_bench.plants.hydraulic_cylinder.resolution import (
     SAMPLES_PER_PERIOD,
@@ -10,6 +12,7 @@ from hil_bench.plants.hydraulic_cylinder.resolution import (
     eigenfrequency,
 )
 from hil_bench.plants.hydraulic_cylinder.summary import (
+    SWING,
     at_setting,
     burst_motion,
     damping_ratio,
@@ -20,6 +23,15 @@ from hil_bench.plants.hydraulic_cylinder.summary import (
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
+
+_TURNS = Range(0.0, 10_000.0, "our choice: small axial pistons reach it")
+
+USUAL_RESULTS: Final[Mapping[str, Range]] = {
+    "top speed forwards": _TURNS,
+    "top speed backwards": _TURNS,
+    "eigenfrequency": SWING,
+}
+"""What machines reach, in the units of the facts."""
 
 
 def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:

@@ -6,8 +6,8 @@ import can
 import can.cli
 import pytest
 
+from hil_bench.bench.configuration.keys import interface
 from hil_bench.cli.arguments import add_bus_arguments
-from hil_bench.config.values import interface
 
 
 def read(add, words):

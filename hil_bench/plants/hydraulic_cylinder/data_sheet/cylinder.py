@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import CYLINDER_KEYS, LineModel
+from hil_bench.plants.hydraulic_cylinder.keys import CYLINDER_SHEET, LineModel
 
 STEEL = 7850.0
 """Density of steel [kg/m³]."""
@@ -21,7 +21,7 @@ COULOMB_SHARE = 2.0 / 3.0
 VISCOUS_PRESSURE = 4e5
 """A typical viscous friction, as a pressure at 1 m/s: that of Table I [Pa s/m]."""
 
-_NAMES = tuple(key.name for key in CYLINDER_KEYS)
+_NAMES = tuple(key.name for key in CYLINDER_SHEET)
 _RODS = ("bore_mm", "rod_mm", "second_rod_mm")
 
 

@@ -8,25 +8,15 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump, find_assumed_supply
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import (
-    CYLINDER_KEYS,
-    DATA_SHEET_KEYS,
-    OIL_KEYS,
-    VALVE_KEYS,
-)
+from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
 
 _PARTS = (
-    (CYLINDER_KEYS, "piston_area_cm2", "the cylinder", "bore_mm, rod_mm and stroke_mm"),
-    (
-        VALVE_KEYS,
-        "orifice_width_mm",
-        "the valve",
-        "rated_flow_l_min and rated_pressure_drop_bar",
-    ),
-    (OIL_KEYS, "bulk_modulus_mpa", "the oil", "oil or bulk_modulus_mpa"),
-    ((), "supply_pressure_bar", "the supply", "supply_pressure_bar"),
+    ("piston_area_cm2", "the cylinder", "bore_mm, rod_mm and stroke_mm"),
+    ("orifice_width_mm", "the valve", "rated_flow_l_min and rated_pressure_drop_bar"),
+    ("bulk_modulus_mpa", "the oil", "oil or bulk_modulus_mpa"),
+    ("supply_pressure_bar", "the supply", "supply_pressure_bar"),
 )
-"""The parts of an axis: their data, a physical key that stands for each, and what gives it."""
+"""The parts of an axis: a physical key that stands for each, and what gives it."""
 
 
 def apply_data_sheet(settings: Settings, problems: Problems) -> Settings:
@@ -58,7 +48,7 @@ def find_leftovers(settings: Settings) -> Iterator[tuple[str, str]]:
     names = [key.name for key in DATA_SHEET_KEYS if settings[key.name].origin is not Origin.DEFAULT]
     if not names:
         return
-    for _, key, part, right in _PARTS:
+    for key, part, right in _PARTS:
         setting = settings[key]
         if setting.origin is Origin.DEFAULT:
             wrong = f"{setting.value:g} is Table I's, although {names[0]} describes another machine"

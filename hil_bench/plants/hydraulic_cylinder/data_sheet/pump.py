@@ -4,13 +4,12 @@ from collections.abc import Iterator
 
 from hil_bench.config.settings import Origin, Settings
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
-from hil_bench.plants.hydraulic_cylinder.keys import SUPPLY_KEYS, Supply
+from hil_bench.plants.hydraulic_cylinder.keys import PUMP_SHEET, SUPPLY_KEYS, Supply
 
 EFFICIENCY = 0.92
 """A typical volumetric efficiency of a gear or piston pump at its rated pressure."""
 
-_NAMES = tuple(key.name for key in PUMP_KEYS)
+_NAMES = tuple(key.name for key in PUMP_SHEET)
 _ACTING = ("pump_flow_l_min", "relief_pressure_bar", "supply_pressure_bar")
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import VALVE_KEYS
+from hil_bench.plants.hydraulic_cylinder.keys import VALVE_SHEET
 from hil_bench.plants.hydraulic_cylinder.model.edges import edge_opening
 
 RESPONSE = 0.9
@@ -17,7 +17,7 @@ DAMPING_RATIO = 0.7
 SPOOL_STROKE_MM = 1.0
 """The stroke of a spool of which none is given: flows depend on the share of it alone."""
 
-_NAMES = tuple(key.name for key in VALVE_KEYS)
+_NAMES = tuple(key.name for key in VALVE_SHEET)
 _RATED = ("rated_flow_l_min", "rated_pressure_drop_bar")
 _LEAKAGE = ("null_leakage_l_min", "null_leakage_pressure_bar")
 _EDGES = ("pa", "at", "pb", "bt")

@@ -7,11 +7,12 @@ from types import NoneType
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    require_fields,
     require_finite,
     require_kind,
-    require_not_negative,
     require_positive,
 )
+from hil_bench.plants.hydraulic_cylinder.rows import ROWS
 
 ATMOSPHERE = 101_325.0
 """Standard atmosphere, absolute [Pa]."""
@@ -46,7 +47,7 @@ class EntrainedAir:
     air_exponent: float = 1.4
 
     def __post_init__(self) -> None:
-        require_positive("air_fraction", self.air_fraction, "")
+        require_fields(self, ROWS.groups["air"])
         if self.air_fraction > 0.5:
             raise ParameterError(
                 f"air_fraction = {self.air_fraction:g}: must be at most 0.5, or it is foam",
@@ -78,8 +79,7 @@ class LuGreFriction:
     sigma_1: float = 2e3
 
     def __post_init__(self) -> None:
-        require_positive("sigma_0", self.sigma_0, "N/m")
-        require_not_negative("sigma_1", self.sigma_1, "N s/m")
+        require_fields(self, ROWS.groups["bristles"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,9 +104,7 @@ class VariablePump:
 
     def __post_init__(self) -> None:
         require_kind("senses_load", self.senses_load, bool)
-        require_positive("margin", self.margin, "Pa", "the pump")
-        require_positive("swivel_time", self.swivel_time, "s", "the pump")
-        require_positive("leakage", self.leakage, "m³/(s Pa)", "the pump")
+        require_fields(self, ROWS.groups["pump"], "the pump")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,12 +139,7 @@ class SupplyUnit:
     def __post_init__(self) -> None:
         require_kind("variable", self.variable, VariablePump, NoneType)
         require_kind("filter", self.filter, Filter, NoneType)
-        require_not_negative("pump_flow", self.pump_flow, "m³/s")
-        require_positive("relief_pressure", self.relief_pressure, "Pa")
-        require_positive("relief_gradient", self.relief_gradient, "m³/(s Pa)")
-        require_positive("line_volume", self.line_volume, "m³")
-        require_not_negative("accumulator_volume", self.accumulator_volume, "m³")
-        require_not_negative("precharge_pressure", self.precharge_pressure, "Pa")
+        require_fields(self, ROWS.groups["supply unit"])
         require_exponent("gas_exponent", self.gas_exponent)
         if self.accumulator_volume and self.precharge_pressure >= self.relief_pressure:
             raise ParameterError(
@@ -199,13 +192,7 @@ class MeteringLands:
     null_opening: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("gain_pa", "gain_at", "gain_pb", "gain_bt"):
-            require_positive(name, getattr(self, name), "")
-        require_not_negative("saturation", self.saturation, "")
-        for name in ("overlap_pa", "overlap_at", "overlap_pb", "overlap_bt"):
-            if getattr(self, name) is not None:
-                require_finite(name, getattr(self, name), "m")
-        require_not_negative("null_opening", self.null_opening, "m")
+        require_fields(self, ROWS.groups["lands"])
 
     @property
     def overlaps(self) -> tuple[float | None, float | None, float | None, float | None]:
@@ -259,14 +246,9 @@ class CounterbalanceValve:
     def __post_init__(self) -> None:
         if not (self.in_line_a or self.in_line_b):
             raise ParameterError("in_line_a, in_line_b = False: must be in a line, or leave it out")
-        for name, unit in (
-            ("setting", "Pa"),
-            ("span", "Pa"),
-            ("conductance", "m³/(s Pa^0.5)"),
-            ("time_constant", "s"),
-        ):
-            require_positive(name, getattr(self, name), unit, "the counterbalance valve")
-        require_not_negative("pilot_ratio", self.pilot_ratio, "", "the counterbalance valve")
+        of = "the counterbalance valve"
+        require_fields(self, ROWS.groups["counterbalance"], of)
+        require_positive("conductance", self.conductance, "m³/(s Pa^0.5)", of)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,8 +267,7 @@ class Cushion:
     orifice: float
 
     def __post_init__(self) -> None:
-        require_positive("length", self.length, "m", "the cushion")
-        require_positive("orifice", self.orifice, "m", "the cushion")
+        require_fields(self, ROWS.groups["cushion_a"], "the cushion")
 
     @property
     def orifice_area(self) -> float:

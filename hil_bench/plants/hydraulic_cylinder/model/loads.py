@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    require_fields,
     require_finite,
     require_kind,
-    require_not_negative,
-    require_positive,
 )
+from hil_bench.plants.hydraulic_cylinder.rows import ROWS
 
 GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s²]."""
@@ -26,7 +26,7 @@ class ConstantLoad:
     load_force: float
 
     def __post_init__(self) -> None:
-        require_finite("load_force", self.load_force, "N")
+        require_fields(self, ROWS.groups["constant load"])
 
     def force_at(self, _x: float, _t: float) -> float:
         """Return the force against positive motion [N]."""
@@ -46,8 +46,7 @@ class SpringLoad:
     spring_rest: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("spring_stiffness", self.spring_stiffness, "N/m")
-        require_finite("spring_rest", self.spring_rest, "m")
+        require_fields(self, ROWS.groups["spring"])
 
     def force_at(self, x: float, _t: float) -> float:
         """Return the force against positive motion [N] at piston position x [m]."""
@@ -69,8 +68,7 @@ class MassOnSlope:
     slope: float = 0.0
 
     def __post_init__(self) -> None:
-        require_not_negative("load_mass", self.load_mass, "kg")
-        require_finite("slope", self.slope, "rad")
+        require_fields(self, ROWS.groups["slope"])
         if abs(self.slope) > math.radians(90.0):
             raise ParameterError(
                 f"slope = {self.slope:g} rad: must lie between -pi/2 and pi/2", "slope"

@@ -24,10 +24,16 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
     SpringLoad,
 )
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    require_fields,
     require_finite,
     require_kind,
-    require_not_negative,
     require_positive,
+)
+from hil_bench.plants.hydraulic_cylinder.rows import ROWS
+
+_NUMBERS = (
+    *(key for key in ROWS.groups["options"] if key.accepts),
+    *ROWS.groups["compensator"],
 )
 
 VACUUM_PRESSURE = -ATMOSPHERE
@@ -54,8 +60,7 @@ class EndStop:
     damping: float = 2e4
 
     def __post_init__(self) -> None:
-        require_positive("stiffness", self.stiffness, "N/m", "the end stop")
-        require_not_negative("damping", self.damping, "N s/m", "the end stop")
+        require_fields(self, ROWS.groups["end stop"], "the end stop")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,19 +121,11 @@ class PlantOptions:
         self._check_kinds()
         if self.tanh_gain != math.inf:
             require_positive("tanh_gain", self.tanh_gain, "s/m")
-        require_not_negative("laminar_transition", self.laminar_transition, "Pa")
-        require_not_negative("C_LA", self.C_LA, "m³/(s Pa)")
-        require_not_negative("C_LB", self.C_LB, "m³/(s Pa)")
+        require_fields(self, _NUMBERS)
         if sum(isinstance(load, LoadSeries) for load in self.loads) > 1:
             raise ParameterError(
                 "load_series = several: must be one at the most; add them up", "load_series"
             )
-        if self.alpha_negative is not None:
-            require_positive("alpha_negative", self.alpha_negative, "m")
-        if self.beta_negative is not None:
-            require_not_negative("beta_negative", self.beta_negative, "m")
-        if self.compensator_margin is not None:
-            require_positive("compensator_margin", self.compensator_margin, "Pa")
         if self.cavitation_floor is not None:
             require_finite("cavitation_floor", self.cavitation_floor, "Pa")
             if self.cavitation_floor > 0.0 or self.cavitation_floor < VACUUM_PRESSURE - 1.0:

@@ -5,32 +5,10 @@ from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
-from hil_bench.plants.hydraulic_cylinder.model.validation import (
-    require_finite,
-    require_not_negative,
-    require_positive,
-)
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_fields
+from hil_bench.plants.hydraulic_cylinder.rows import ROWS
 
-_POSITIVE = {
-    "alpha": "m",
-    "omega_0": "rad/s",
-    "xi": "",
-    "C_d": "",
-    "w": "m",
-    "rho": "kg/m³",
-    "E": "Pa",
-    "A_A": "m²",
-    "A_B": "m²",
-    "V_A0": "m³",
-    "V_B0": "m³",
-    "P_S": "Pa",
-    "m": "kg",
-    "chi": "m/s",
-    "delta": "",
-    "h": "m",
-}
-_NOT_NEGATIVE = {"beta": "m", "C_L": "m³/(s Pa)", "F_c": "N", "F_s": "N", "sigma": "kg/s"}
-_FINITE = {"P_T": "Pa"}
+_KEYS = ROWS.groups["parameters"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +36,7 @@ class PlantParameters:
         m: moving mass, eq. (12) [kg].
         F_c: Coulomb friction, eq. (13) [N].
         F_s: Stribeck (stiction) friction, eq. (13) [N].
-        sigma: viscous friction coefficient, eq. (13) [kg/s].
+        sigma: viscous friction coefficient, eq. (13) [N s/m].
         chi: Stribeck velocity, eq. (13) [m/s].
         delta: Stribeck exponent, eq. (13) [-].
         h: half of the stroke, eqs. (10), (11) [m].
@@ -91,12 +69,7 @@ class PlantParameters:
     h: float
 
     def __post_init__(self) -> None:
-        for symbol, unit in _POSITIVE.items():
-            require_positive(symbol, getattr(self, symbol), unit)
-        for symbol, unit in _NOT_NEGATIVE.items():
-            require_not_negative(symbol, getattr(self, symbol), unit)
-        for symbol, unit in _FINITE.items():
-            require_finite(symbol, getattr(self, symbol), unit)
+        require_fields(self, _KEYS)
         self._check_relations()
 
     def _check_relations(self) -> None:

@@ -1,7 +1,9 @@
 """Refusals of numbers that make no physical sense, in one wording."""
 
 import math
+from collections.abc import Iterable
 
+from hil_bench.config.settings import Key
 from hil_bench.errors import ParameterError
 
 SMALLEST = 1e-15
@@ -52,6 +54,25 @@ def require_not_negative(symbol: str, value: float, unit: str, of: str = "") -> 
     require_finite(symbol, value, unit, of)
     if value < 0.0:
         raise ParameterError(*_refusal(symbol, of, f"{value:g}{_unit(unit)}: must be 0 or greater"))
+
+
+def require_fields(record: object, keys: Iterable[Key], of: str = "") -> None:
+    """Refuse the first field of a record that its key does not accept, as the others here do.
+
+    Args:
+        record: to check.
+        keys: of its fields that are numbers.
+        of: whose they are, where a message says so.
+    """
+    for key in keys:
+        value = getattr(record, key.field)
+        if value is not None or not key.accepts.startswith("none"):
+            _CHECKS[key.accepts.removeprefix("none").lstrip(", ")](
+                key.field, value, key.unit.si, of
+            )
+
+
+_CHECKS = {"> 0": require_positive, ">= 0": require_not_negative, "": require_finite}
 
 
 def require_count(symbol: str, value: int) -> None:

@@ -1,0 +1,116 @@
+"""Parameters as the rows of a table: one row declares one key.
+
+The columns of the file are separated by tabs:
+
+- `group`: the keys that belong together, as those of one record do;
+- `key`, `unit`, `default`, `field`, `example`: as of a `Key`; a default that is left out is None;
+- `accepts`: what is read, ``low..high`` in the key's unit, ``true or false``, ``text``, ``points``,
+  or ``a word``, whose reader `Rows.with_words` gets; or what the record
+  accepts: ``> 0``, ``>= 0``, each with ``none,`` before it where it may be None;
+- `usual`, `usually`, `possible`, `naturally`: the ranges of a `Key`, and the reason of each;
+- `symbol`, `absent`, `meaning`: of the documents: symbol in the equations, what holds where there
+  is no default, and one line of help;
+- `sheet`: the data sheet that has the key, or that determines it.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from hil_bench.config.settings import Key, Range
+from hil_bench.config.values import Reader, Value, boolean, number, points, text
+from hil_bench.units import UNIT_OF, Unit
+
+HALF_MILLIMETRE: Final = Unit("mm", "_mm", 0.5e-3)
+"""Of a length of which a model has the half."""
+
+_UNITS: Final = {**UNIT_OF, "mm/2": HALF_MILLIMETRE}
+
+
+class Rows(NamedTuple):
+    """The keys of a table of parameters.
+
+    Attributes:
+        keys: in the order of the file.
+        groups: those that belong together, by the name of their group.
+    """
+
+    keys: tuple[Key, ...]
+    groups: Mapping[str, tuple[Key, ...]]
+
+    def sheet(self, name: str) -> tuple[Key, ...]:
+        """Return the keys that a data sheet has."""
+        return tuple(key for key in self.groups["sheet"] if key.sheet == name)
+
+    def with_words(self, words: Mapping[str, Reader]) -> "Rows":
+        """Return the keys in which those of words have their readers."""
+        return _grouped(
+            key._replace(read=words[key.name], default=words[key.name](key.default))
+            if key.name in words
+            else key
+            for key in self.keys
+        )
+
+
+def read_rows(path: Path) -> Rows:
+    """Return the keys that a file declares."""
+    head, *lines = path.read_text(encoding="utf-8").splitlines()
+    names = head.split("\t")
+    return _grouped(_key(dict(zip(names, line.split("\t"), strict=True))) for line in lines)
+
+
+def _grouped(keys: Iterable[Key]) -> Rows:
+    groups: dict[str, list[Key]] = {}
+    every = tuple(keys)
+    for key in every:
+        groups.setdefault(key.group, []).append(key)
+    return Rows(every, {name: tuple(group) for name, group in groups.items()})
+
+
+def _key(row: Mapping[str, str]) -> Key:
+    unit, accepts = _UNITS[row["unit"]], row["accepts"]
+    return Key(
+        row["key"],
+        _reader(unit, accepts),
+        _default(row["default"], accepts),
+        unit,
+        row["field"],
+        row["example"],
+        usual=_range(row["usual"], row["usually"]),
+        possible=_range(row["possible"], row["naturally"]),
+        accepts=accepts if accepts.startswith((">", "none")) else "",
+        group=row["group"],
+        sheet=row["sheet"],
+    )
+
+
+def _default(default: str, accepts: str) -> Value:
+    match accepts:
+        case "points":
+            return ()
+        case "a word":
+            return default
+        case "true or false":
+            return default == "true"
+        case _:
+            return float(default) if default else None
+
+
+def _reader(unit: Unit, accepts: str) -> Reader:
+    if ".." in accepts:
+        low, high = _limits(accepts)
+        return number(unit, low=low, high=high)
+    if accepts == "points":
+        return points(unit)
+    others = {"text": text, "a word": text, "true or false": boolean}
+    return others.get(accepts) or number(unit)
+
+
+def _range(limits: str, reason: str) -> Range | None:
+    return Range(*_limits(limits), reason) if limits else None
+
+
+def _limits(text: str) -> tuple[float, float]:
+    low, _, high = text.partition("..")
+    return float(low or -math.inf), float(high or math.inf)

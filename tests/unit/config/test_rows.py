@@ -1,0 +1,151 @@
+"""Each parameter of a plant is declared once, as a row of a table; all else follows from it."""
+
+import ast
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from hil_bench.bench.configuration import Origin, load_config
+from hil_bench.plants.hydraulic_cylinder.model import extensions, loads, options, parameters
+from hil_bench.plants.hydraulic_cylinder.rows import ROWS
+
+ROOT = Path(__file__).parents[3]
+PLANTS = ROOT / "hil_bench" / "plants"
+TABLES = {
+    "configuration.md": PLANTS / "hydraulic_cylinder" / "parameters.tsv",
+    "rotary.md": PLANTS / "rotary" / "parameters.tsv",
+}
+"""By the document that explains their keys."""
+
+TOGETHER = {"volume_a_cm3", "volume_b_cm3"}
+"""In one row of the document."""
+
+NO_USUAL = {"position_mm", "load_slope_deg", "angle_deg", "viscous_friction_n_m_s"} | {
+    "load_viscous_n_m_s"
+}
+"""Limited by the stroke and to a right angle, any angle, and two that vary freely."""
+
+
+def rows(table: Path) -> list[dict[str, str]]:
+    head, *lines = table.read_text(encoding="utf-8").splitlines()
+    return [dict(zip(head.split("\t"), line.split("\t"), strict=True)) for line in lines]
+
+
+CYLINDER, ROTARY = map(rows, TABLES.values())
+OWN = [row for row in CYLINDER if row["group"] != "shared"]
+
+
+@pytest.mark.parametrize("row", [*CYLINDER, *ROTARY], ids=lambda row: row["key"])
+def test_a_row_is_complete(row: dict[str, str]) -> None:
+    is_number = row["accepts"] not in {"text", "a word", "points", "true or false"}
+
+    assert row["group"]
+    assert row["meaning"]
+    assert bool(row["default"]) + bool(row["absent"]) + bool(row["example"]) == (
+        1 if row["accepts"] != "points" else 0
+    )
+    assert bool(row["usual"]) == bool(row["usually"])
+    assert bool(row["possible"]) == bool(row["naturally"])
+    if row["group"] != "tank":
+        assert bool(row["usual"]) == (is_number and row["key"] not in NO_USUAL)
+    for limits in (row["usual"], row["possible"]):
+        low, _, high = limits.partition("..")
+        assert not limits or float(low or "-inf") < float(high or "inf")
+
+
+def test_a_table_has_each_key_once() -> None:
+    for table in (OWN, ROTARY):
+        assert len({row["key"] for row in table}) == len(table)
+
+
+RECORDS = {
+    parameters.PlantParameters: ("parameters",),
+    options.EndStop: ("end stop",),
+    extensions.EntrainedAir: ("air",),
+    extensions.LuGreFriction: ("bristles",),
+    extensions.MeteringLands: ("lands",),
+    extensions.Cushion: ("cushion_a",),
+    extensions.VariablePump: ("pump",),
+    extensions.SupplyUnit: ("supply unit",),
+    extensions.CounterbalanceValve: ("counterbalance",),
+    loads.ConstantLoad: ("constant load",),
+    loads.SpringLoad: ("spring",),
+    loads.MassOnSlope: ("slope",),
+    options.PlantOptions: ("options", "compensator", "cavitation"),
+}
+"""The groups whose rows are the numbers of a record."""
+
+OTHERS = {"conductance"}
+"""A number that follows from two keys."""
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.__name__)
+def test_the_numbers_of_a_record_are_rows(record: type) -> None:
+    numbers = {
+        field.name
+        for field in fields(record)
+        if field.type in (float, float | None) and field.name not in OTHERS
+    }
+    keys = [key for group in RECORDS[record] for key in ROWS.groups[group]]
+
+    assert {key.field or key.name for key in keys} - {"signed_root"} == numbers
+    for key in keys:
+        said = re.search(
+            rf"^ +{key.field}: (?:.|\n)*?\[([^\]]+)\]", record.__doc__ or "", re.MULTILINE
+        )
+        unit = "" if said is None or said[1] == "-" else said[1]
+        assert not key.field or said is None or unit == key.unit.si
+
+
+def test_no_module_declares_a_key_of_a_table() -> None:
+    names = {row["key"] for row in (*CYLINDER, *ROTARY)} - {"oil", "model", "supply"}
+    second = []
+    for path in (*PLANTS.rglob("*.py"), *(ROOT / "hil_bench" / "bench").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Key":
+                first = node.args[0] if node.args else None
+                if isinstance(first, ast.Constant) and first.value in names:
+                    second.append(f"{path.name}: {first.value}")
+            if isinstance(node, ast.Dict):
+                second += [
+                    f"{path.name}: {key.value}"
+                    for key, value in zip(node.keys, node.values, strict=True)
+                    if isinstance(key, ast.Constant)
+                    and key.value in names
+                    and isinstance(value, ast.Call)
+                    and getattr(value.func, "id", "") == "Range"
+                ]
+    assert second == []
+
+
+def test_the_sheet_of_a_key_is_the_one_that_determines_it(write) -> None:
+    # Every datum of the four sheets: what they determine are the rows of these sheets.
+    config = load_config(
+        write(
+            "[plant.axis1]\nbore_mm = 63\nrod_mm = 36\nstroke_mm = 500\nrated_flow_l_min = 60\n"
+            "rated_pressure_drop_bar = 5\noverlap_percent = 15\nfrequency_90deg_hz = 40\n"
+            "ratio_a_b = 2\nflow_at_half_opening_percent = 60\nnull_leakage_l_min = 1.5\n"
+            'null_leakage_pressure_bar = 210\noil = "HLP 46"\nsupply = "unit"\n'
+            "pump_displacement_cm3 = 28\npump_speed_rpm = 1450\nrelief_pressure_bar = 210\n"
+        )
+    )
+
+    derived = {each.key.name for each in config.settings if each.origin is Origin.DATA_SHEET}
+
+    assert derived == {row["key"] for row in OWN if row["sheet"] and row["group"] != "sheet"}
+
+
+@pytest.mark.parametrize("document", TABLES)
+def test_the_document_says_what_the_rows_say(document: str) -> None:
+    text = (ROOT / "docs" / document).read_text(encoding="utf-8")
+    for row in OWN if document == "configuration.md" else ROTARY:
+        given = {"text": '"{}"', "a word": '"{}"', "points": "[]"}.get(row["accepts"], "{}")
+        default = row["absent"] or f"`{given.format(row['default'])}`"
+        if row["example"]:
+            default = "must be given"
+        unit = row["unit"].removesuffix("/2")
+        meaning = ": ".join(part for part in (row["symbol"], row["meaning"]) if part)
+        if row["key"] not in TOGETHER:
+            assert f"\n| `{row['key']}` | {unit} | {default} | {meaning} |\n" in text

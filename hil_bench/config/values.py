@@ -178,14 +178,14 @@ def boolean(value: object) -> bool:
 
 
 def text(value: object) -> str:
-    """Return text that is not empty.
+    """Return text that is not empty, and may be a path.
 
     Raises:
         ConfigError: the value is something else.
     """
     if not isinstance(value, str) or not value.strip():
         raise ConfigError(f"{describe(value)} is not a name; give text in quotes")
-    return value
+    return _without_nul(value)
 
 
 def texts(value: object) -> tuple[str, ...]:
@@ -196,7 +196,13 @@ def texts(value: object) -> tuple[str, ...]:
     """
     if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
         raise ConfigError(f'{describe(value)} is not a list of texts; write it as ["A", "B"]')
-    return tuple(value)
+    return tuple(map(_without_nul, value))
+
+
+def _without_nul(value: str) -> str:
+    if "\0" in value:
+        raise ConfigError(f"{describe(value)} has a NUL character, which no name and no path has")
+    return value
 
 
 def _finite(value: object, right: str) -> float:

@@ -153,6 +153,13 @@ def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder,
     assert "1 CAN FD frames left out" in said
 
 
+def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys):
+    with (folder / "t.log").open("a") as file:
+        file.write("(0.011) ca\x9bn0 181#AABB\n")  # a C1 control: CSI in one character
+    main(["explain", "t.log"])
+    assert "left out (1 of ca\\x9bn0)" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

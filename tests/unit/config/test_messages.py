@@ -74,6 +74,7 @@ ONE_VALUE = [
     ("[plant.axis1]\nspool_delay_ms = 1", 'plant.axis1.spool_delay_ms: delay = 0.001 s; only for model = "reduced"'),
     ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint", "runge-kutta"'),
     ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),
+    ('[bus]\ninterface = "a\\u0000"', r'bus.interface: "a\u0000" has a NUL character, which no name and no path has'),
     ('[bus]\ninterface = ""', 'bus.interface: "" is not a name; give text in quotes'),
     ("[bus]\nchannel = 1.5", 'bus.channel: 1.5 is not a channel; give text or a number, as in "can0"'),
     ('[bus]\nchanne = "can0"', "bus.channe: unknown key; the nearest known key is channel"),

@@ -14,7 +14,7 @@ from hil_bench.abilities.eyes.sight import Service
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, printable
 from hil_bench.outside.recording.frames import LeftOut
 
 _SHOWN = f"--eds alone, else {BUILT_IN}"
@@ -146,7 +146,7 @@ def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
         more = left_out.damaged_lines - 1
         found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
     if left_out.channels:
-        others = ", ".join(f"{count} of {name}" for name, count in left_out.channels.items())
+        others = printable(", ".join(f"{n} of {name}" for name, n in left_out.channels.items()))
         found.append(f"frames of other channels left out ({others}); a log of each is read alone")
     if left_out.ending:
         found.append(f"ends early: {left_out.ending}")

@@ -1,9 +1,16 @@
 """Frames on the buses of a bench: which of the buses, and how long each is taken."""
 
-from hil_bench.canopen_device.frame import Frame
+from typing import Final
+
+from hil_bench.canopen_device.frame import BRS, Frame
 
 BUS_SHIFT = 11
 
+FD_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Data bytes that a frame of CAN FD may have, by its DLC (ISO 11898-1)."""
+
+CLASSICAL_DATA: Final = 8
+"""Most data bytes of a classical frame."""
 
 ERROR_FLAG = 0x2000_0000
 """Bit of the identifier of an error frame, as SocketCAN has it: `linux/can/error.h` says what the
@@ -41,3 +48,46 @@ def frame_bits(length: int, *, is_extended: bool = False) -> float:
 
 FRAME_BITS = tuple(frame_bits(length) for length in range(9))
 """`frame_bits` of a frame with an 11-bit identifier, by its length."""
+
+
+def bits_of(frame: Frame, speedup: float = 1.0) -> float:
+    """Return `frame_bits` of a frame, those of a frame of CAN FD likewise.
+
+    Up to and with BRS, and from the acknowledgement on, a frame of CAN FD has 29 bits with an
+    11-bit identifier; between them are ESI, DLC, data, stuff count, CRC with its fixed stuff bits
+    and its delimiter, at the data bit rate (ISO 11898-1; `linux/can/length.h` counts the fields).
+
+    Args:
+        frame: the frame.
+        speedup: data bit rate over bit rate; the bits are those of the bit rate.
+    """
+    length, is_extended = len(frame.data), frame.is_extended
+    if not frame.fd:
+        return frame_bits(length, is_extended=is_extended)
+    head = FD_HEAD + FD_EXTENSION * is_extended
+    data = FD_DLC + 8 * length
+    slow = head + ACK_TO_NEXT + (head - 1) / 4 / 2
+    fast = data + fd_crc_bits(length) + data / 4 / 2
+    return slow + (fast / speedup if frame.fd & BRS else fast)
+
+
+FD_HEAD: Final = 17
+"""Bits of a frame of CAN FD with an 11-bit identifier, from its start to BRS."""
+
+FD_EXTENSION: Final = 19
+"""How many more those of a 29-bit identifier are."""
+
+FD_DLC: Final = 5
+"""ESI and DLC."""
+
+ACK_TO_NEXT: Final = 12
+"""Acknowledgement with its delimiter, end of frame, intermission."""
+
+
+def fd_crc_bits(length: int) -> int:
+    """Return the bits of the CRC field of CAN FD: stuff count, CRC, fixed stuff bits, delimiter."""
+    return 4 + (17 + 6 if length <= MOST_OF_CRC17 else 21 + 7) + 1
+
+
+MOST_OF_CRC17: Final = 16
+"""Data bytes up to which a frame of CAN FD has the CRC of 17 bits; above, it has that of 21."""

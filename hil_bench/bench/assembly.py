@@ -50,7 +50,7 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
     config = config or load_config()
     bench = build_bench(config)
     bench.start(0)
-    return EmbeddedBus(bench.tick, config.tick_ns, medium=bench.medium)
+    return EmbeddedBus(bench.tick, config.tick_ns, medium=bench.medium, fd=config.bus.fd)
 
 
 def build_bench(config: BenchConfig) -> Bench:

@@ -140,9 +140,9 @@ class Switchboard:
         """
         if self._heard:
             return False
-        can_id, _, _, is_extended, bus = frame
-        if is_extended:
-            return bus not in self._extended
+        can_id, _, _, is_extended, bus, fd = frame
+        if is_extended or fd:
+            return fd != 0 or bus not in self._extended
         address = can_id | bus << BUS_SHIFT
         return address in self._timeless or address not in self.routes
 
@@ -150,8 +150,8 @@ class Switchboard:
         """Return the ports of the nodes that may have something to do after these frames."""
         if len(frames) != 1 or self._heard or self._laid:
             return self.ports
-        can_id, _, _, is_extended, bus = frames[0]
-        return () if is_extended else self._listeners.get(can_id | bus << BUS_SHIFT, ())
+        can_id, _, _, is_extended, bus, fd = frames[0]
+        return () if is_extended or fd else self._listeners.get(can_id | bus << BUS_SHIFT, ())
 
     def receive(self, frames: Sequence[Frame], now: int, ports: Sequence[Port]) -> None:
         """Hand the nodes what came from the buses and from each other; act on deadlines.
@@ -169,9 +169,9 @@ class Switchboard:
             for handle in self._inside.get(frame.can_id | frame.bus << BUS_SHIFT, ()):
                 handle(frame, time)
         for frame in frames:
-            can_id, _, _, is_extended, bus = frame
+            can_id, _, _, is_extended, bus, fd = frame
             address = can_id | bus << BUS_SHIFT
-            if is_extended or address >= len(table) or not table[address]:
+            if is_extended or fd or address >= len(table) or not table[address]:
                 self._receive_other(frame, now)
                 continue
             for handle in table[address]:
@@ -181,8 +181,9 @@ class Switchboard:
                 port.node.expire(now)
 
     def _receive_other(self, frame: Frame, now: int) -> None:
-        """Take a frame that no CANopen node listens to."""
-        handle = self._extended.get(frame.bus) if frame.is_extended else None
+        """Take a frame that no CANopen node listens to, as none does to CAN FD."""
+        is_theirs = frame.is_extended and not frame.fd
+        handle = self._extended.get(frame.bus) if is_theirs else None
         if handle is None:
             self.unrouted += 1
         else:
@@ -190,7 +191,7 @@ class Switchboard:
 
     def count_foreign(self, frame: Frame, now: int) -> None:
         """Count a frame from elsewhere that has an identifier of one of our nodes."""
-        if not frame.is_extended:
+        if not frame.is_extended and not frame.fd:
             for watch in self._watches.get(address_of(frame.can_id, frame.bus), ()):
                 watch(frame, now)
 
@@ -223,7 +224,7 @@ class Switchboard:
         marks = self._marks
         found = []
         for frame in sent:
-            can_id, _, _, _, bus = frame
+            can_id, _, _, _, bus, _ = frame
             address = can_id | bus << BUS_SHIFT
             if address < len(marks) and marks[address]:
                 found.append(frame)
@@ -333,7 +334,7 @@ def _numbered(emit: Emit, bus: int) -> Emit:
     """Return a callable that sets the bus number of a frame before `emit` takes it."""
 
     def number(frame: Frame) -> None:
-        can_id, data, is_remote, is_extended, _ = frame
-        emit(make_frame(Frame, (can_id, data, is_remote, is_extended, bus)))
+        can_id, data, is_remote, is_extended, _, fd = frame
+        emit(make_frame(Frame, (can_id, data, is_remote, is_extended, bus, fd)))
 
     return number

@@ -88,7 +88,7 @@ class ProcessData(Service):
             rpdo.expire(now)
 
     def _receive_sync(self, frame: Frame, now: int) -> None:
-        _, data, is_remote, is_extended, _ = frame
+        _, data, is_remote, is_extended, _, _ = frame
         if is_remote or is_extended:
             self._counters.ignored_frames += 1
         elif self._is_communicating and not self._producer.is_producing:

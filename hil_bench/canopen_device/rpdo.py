@@ -77,7 +77,7 @@ class Rpdo:
         mapping = self._mapping
         if mapping is None or not self._is_operational:
             return
-        _, data, is_remote, is_extended, _ = frame
+        _, data, is_remote, is_extended, _, _ = frame
         if is_remote or is_extended:
             self._counters.ignored_frames += 1
             return

@@ -105,7 +105,7 @@ class SdoServer:
         if answer is None:
             self._enqueue(frame)
         elif answer:
-            self._answers.append(make_frame(Frame, (self.response_id, answer, False, False, 0)))
+            self._answers.append(make_frame(Frame, (self.response_id, answer, False, False, 0, 0)))
             self._node_agenda.bring_forward(0)
 
     def reset(self) -> None:
@@ -123,7 +123,7 @@ class SdoServer:
         while self._queue:
             answer = self._answer(self._queue.popleft(), now)
             if answer is not None:
-                emit(make_frame(Frame, (response_id, answer, False, False, 0)))
+                emit(make_frame(Frame, (response_id, answer, False, False, 0, 0)))
         transfer = self._transfer
         if transfer is None:
             return NEVER
@@ -132,7 +132,7 @@ class SdoServer:
         return transfer.due if self._transfer is transfer else NEVER
 
     def _enqueue(self, frame: Frame) -> None:
-        _, request, is_remote, is_extended, _ = frame
+        _, request, is_remote, is_extended, _, _ = frame
         if is_remote or is_extended:
             self._counters.ignored_frames += 1
         elif not self.is_enabled:
@@ -149,7 +149,7 @@ class SdoServer:
         response_id = self.response_id
         try:
             for data in transfer.proceed(now):
-                emit(make_frame(Frame, (response_id, data, False, False, 0)))
+                emit(make_frame(Frame, (response_id, data, False, False, 0, 0)))
         except SdoAbort as abort:
             emit(Frame(response_id, self._abort(transfer.target, abort.code)))
 

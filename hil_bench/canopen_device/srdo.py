@@ -155,8 +155,8 @@ class Srdo:
             return
         data = self._mapping.read()
         plain, inverted = self.can_ids
-        emit(make_frame(Frame, (plain, data, False, False, 0)))
-        emit(make_frame(Frame, (inverted, invert(data), False, False, 0)))
+        emit(make_frame(Frame, (plain, data, False, False, 0, 0)))
+        emit(make_frame(Frame, (inverted, invert(data), False, False, 0, 0)))
         self.due += self._cycle
         if self.due <= now:
             self.due = now + self._cycle

@@ -142,7 +142,7 @@ class Tpdo:
         if data is not None:
             if self._seal is not None:
                 data = self._seal.close(can_id, data)
-            emit(make_frame(Frame, (can_id, data, False, False, 0)))
+            emit(make_frame(Frame, (can_id, data, False, False, 0, 0)))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
             if self._event_time:

@@ -62,7 +62,7 @@ class _BusOptions(argparse.Action):
 def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> None:
     """Add the arguments of a bus, absent from the namespace where they are not given.
 
-    Those of CAN FD and bit timing are known only for `load_bench_config` to say why they are wrong.
+    That of bit timing is known only for `load_bench_config` to say why it is wrong.
 
     Args:
         parser: takes the arguments.
@@ -84,8 +84,13 @@ def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> No
     group.add_argument(
         "-b", "--bitrate", type=int, metavar="BITRATE", help="bit rate in bit/s, as in 500000"
     )
-    group.add_argument("--fd", action="store_true", help=argparse.SUPPRESS)
-    group.add_argument("--data-bitrate", help=argparse.SUPPRESS)
+    group.add_argument("--fd", action="store_true", help="the bus carries CAN FD, too")
+    group.add_argument(
+        "--data-bitrate",
+        type=int,
+        metavar="BITRATE",
+        help="bit rate of the data phase of CAN FD in bit/s, as in 2000000",
+    )
     group.add_argument("--timing", nargs="+", help=argparse.SUPPRESS)
     group.add_argument(
         "--bus-kwargs",
@@ -99,7 +104,7 @@ def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> No
 # Arguments that name a bench, its file, seed, bus and axis; and where output goes.
 
 _LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
-_NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--timing"}
+_FD_OPTIONS = ("fd", "data_bitrate")
 
 
 BUILT_IN = "the built-in bench of one axis"
@@ -226,18 +231,18 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         modbus: as for `load_config`.
 
     Raises:
-        ConfigError: the configuration is wrong, or an option is none of classical CAN.
+        ConfigError: the configuration is wrong, or an option is not for this program.
     """
-    for name, option in _NOT_CLASSICAL.items():
-        if name in args:
-            raise ConfigError(f"{option}: CANopen is classical CAN; give -b or leave it out")
+    if "timing" in args:
+        raise ConfigError("--timing: bit timing is the adapter's; give -b or leave it out")
+    options = {name: getattr(args, name) for name in _FD_OPTIONS if name in args}
     return load_config(
         args.config,
         seed=args.seed,
         interface=getattr(args, "interface", None),
         channel=getattr(args, "channel", None),
         bitrate=getattr(args, "bitrate", None),
-        bus_options=getattr(args, "bus_kwargs", None),
+        bus_options=(getattr(args, "bus_kwargs", None) or {}) | options,
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
         modbus=modbus,
         faults=[parse_fault(words) for words in getattr(args, "fault", [])],
@@ -329,14 +334,23 @@ def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
     return config.seen_from(name)
 
 
+_BUS_FLAGS = (
+    ("-i", "interface"),
+    ("-c", "channel"),
+    ("-b", "bitrate"),
+    ("--data-bitrate", "data_bitrate"),
+)
+
+
 def bus_words(args: argparse.Namespace) -> list[str]:
     """Return the words of a command line that name the same bus."""
     words = ["--on", args.on] if args.on else []
     if args.virtual:
         return [*words, "--virtual"]
-    for flag, name in (("-i", "interface"), ("-c", "channel"), ("-b", "bitrate")):
+    for flag, name in _BUS_FLAGS:
         if name in args:
             words += [flag, str(getattr(args, name))]
+    words += ["--fd"] if "fd" in args else []
     options = getattr(args, "bus_kwargs", None) or {}
     if options:
         words += ["--bus-kwargs", *(f"{name}={value}" for name, value in options.items())]

@@ -110,7 +110,9 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
             yield _open_configured(config, stack)
         elif args.lockstep:
             channels = hub_channels(config)
-            hosted = HostedBus(port=args.hub, channels=list(channels.values()))
+            hosted = HostedBus(
+                port=args.hub, channels=list(channels.values()), fd=_fd_speedups(config)
+            )
             stack.callback(hosted.close)
             lines = (
                 f"bus    {hosted.description}",
@@ -125,7 +127,7 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
 def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
     parts = {}
     for name, bus in config.buses.items():
-        parts[name] = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+        parts[name] = open_transport(*bus.address)
         stack.callback(parts[name].close)
     bitrate = sum(
         bus.bitrate or own_bitrate(parts[name]) or USUAL_BITRATE
@@ -145,6 +147,7 @@ def _open_hub(
         port=args.hub,
         channels=tuple(channels.values()),
         bitrate=max(bitrates) * args.speed if is_limited else None,
+        fd=_fd_speedups(config),
     )
     stack.enter_context(hub)
     parts = {}
@@ -177,6 +180,12 @@ def own_bitrate(transport: Transport) -> int | None:
 def hub_channels(config: BenchConfig) -> dict[str, str]:
     """Return the channel of each bus on a hub, by the bus' name."""
     return {name: f"can{number}" for number, name in enumerate(config.buses)}
+
+
+def _fd_speedups(config: BenchConfig) -> dict[str, float]:
+    """Return the channels of CAN FD on a hub, with `BusConfig.speedup` of each."""
+    channels = hub_channels(config)
+    return {channels[name]: bus.speedup for name, bus in config.buses.items() if bus.fd}
 
 
 def _join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ def stuffed_bits(frame: Frame) -> list[int]:
 
 def _with_crc(frame: Frame) -> tuple[int, int]:
     """Return start bit to CRC as one number, and how many bits it has."""
-    can_id, data, is_remote, is_extended, _ = frame
+    can_id, data, is_remote, is_extended, _, _ = frame
     if is_extended:  # 11 bits, SRR and IDE recessive, 18 bits, RTR, two reserved bits
         word = (can_id >> 18) << 2 | 0b11
         word = ((word << 18 | can_id & 0x3FFFF) << 1 | is_remote) << 2

@@ -32,9 +32,9 @@ from hil_bench.outside.feed.messages import (
     pack_value,
     unpack_value,
 )
-from hil_bench.outside.feed.packing import pack_frames
 from hil_bench.outside.feed.process import FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
     BeginFault,
     ClearFault,

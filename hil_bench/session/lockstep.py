@@ -84,8 +84,8 @@ class LockStep:
 
     def receive(self, frame: Frame) -> Sequence[Frame]:
         """Take the next frame of the bus; return all that the bench has to say to it, in order."""
-        can_id, _, is_remote, is_extended, bus = frame
-        if can_id != SYNC_COB_ID or is_remote or is_extended or bus:
+        can_id, _, is_remote, is_extended, bus, fd = frame
+        if can_id != SYNC_COB_ID or is_remote or is_extended or bus or fd:
             return self.session.serve((frame,))
         self.syncs += 1
         if self._ticks_per_sync == 1:

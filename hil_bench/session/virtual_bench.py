@@ -112,11 +112,15 @@ class VirtualBench:
             self._open.enter_context(part.attached(self.session, self.config))
         self.session.start()
         self.bus = EmbeddedBus(
-            self.session.tick, self.config.tick_ns, pacer=pacer, medium=self.bench.medium
+            self.session.tick,
+            self.config.tick_ns,
+            pacer=pacer,
+            medium=self.bench.medium,
+            fd=self.config.bus.fd,
         )
         self.buses: dict[str, EmbeddedPort] = {
-            name: self.bus.make_further() if number else self.bus
-            for number, name in enumerate(self.config.buses)
+            name: self.bus.make_further(fd=bus.fd) if number else self.bus
+            for number, (name, bus) in enumerate(self.config.buses.items())
         }
         self.pump: Callable[[float], None] = self.bus.advance
         self._clock: Callable[[], float] = self.bus.now

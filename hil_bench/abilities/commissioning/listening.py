@@ -6,7 +6,8 @@ import can
 
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.canopen_device.identifiers import function_of
-from hil_bench.frame import frame_bits
+from hil_bench.frame import bits_of
+from hil_bench.outside.messages import frame_of
 from hil_drivers import Network
 
 
@@ -80,9 +81,8 @@ class BusTraffic:
         traffic = self.identifiers.setdefault(key, Traffic(*key))
         traffic.frames += 1
         traffic.data, traffic.is_remote = bytes(message.data), message.is_remote_frame
-        self.bits += frame_bits(
-            0 if message.is_remote_frame else len(message.data), is_extended=message.is_extended_id
-        )
+        frame = frame_of(message)
+        self.bits += 0.0 if frame is None else bits_of(frame)
 
 
 def listen(network: Network, duration: float) -> BusTraffic:

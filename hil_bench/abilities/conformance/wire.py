@@ -7,7 +7,7 @@ import can
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, first_line
-from hil_bench.outside.transports.python_can import frame_of, message_of
+from hil_bench.outside.messages import frame_of, message_of
 
 Matches = Callable[[Frame], bool]
 """Whether a frame is the one that is waited for."""
@@ -112,7 +112,7 @@ class Wire:
         if message is None:
             return False
         frame = frame_of(message)
-        if frame is not None:
+        if frame is not None and not frame.fd:
             self._inbox.append(Arrival(frame, message.timestamp))
             del self._inbox[:-_LONGEST_INBOX]
         return True

@@ -215,7 +215,7 @@ class Desk:
         for frame in received:
             if own and frame in own:
                 own.remove(frame)
-            elif frame.bus in places:
+            elif frame.bus in places and not frame.fd:  # whose CAN is classical
                 inbox.append(TimedFrame(time, self._to_own(frame)))
         if self._is_on_all:
             inbox += [make_timed(TimedFrame, (time, frame)) for frame in sent]

@@ -16,9 +16,12 @@ from hil_bench.abilities.eyes.values import Reading
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.words import emergency_text, is_error_reset
-from hil_bench.frame import frame_bits
+from hil_bench.frame import BUS_SHIFT, bits_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.bus_load import BusLoad
+
+FIRST_FD: Final = 1 << BUS_SHIFT
+"""Added to the identifier of frames of CAN FD, which are none of a node's."""
 
 EXTENDED: Final = -1
 """Stands for all 29-bit identifiers, as CANopen has none and there are half a billion."""
@@ -97,18 +100,19 @@ class BusState:
     Args:
         decoder: reads the frames.
         bitrate: of the bus [bit/s].
+        speedup: how many times faster the data phase of CAN FD is.
 
     Attributes:
         decoder: as passed in.
         now: the time, from the first frame on [ns].
         load: of the last second [-].
         frames: how many there were.
-        streams: by identifier; those of 29 bits under `EXTENDED`.
+        streams: by identifier; those of 29 bits under `EXTENDED`, of CAN FD from `FIRST_FD` on.
         values: of each identifier of a PDO, by index and sub-index.
         errors: by node-ID, what the reported codes mean by code.
     """
 
-    def __init__(self, decoder: Decoder, bitrate: int) -> None:
+    def __init__(self, decoder: Decoder, bitrate: int, speedup: float = 1.0) -> None:
         self.decoder = decoder
         self.now = 0
         self.load = 0.0
@@ -121,13 +125,14 @@ class BusState:
         self._events: dict[tuple[object, ...], Sight] = {}
         self._meter = BusLoad(bitrate)
         self._bits = 0.0
+        self._speedup = speedup
         self._last = 0
 
     def take(self, logged: LoggedFrame) -> None:
         """Take a frame."""
         frame = logged.frame
         self.now = self._last = logged.now
-        self._bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
+        self._bits += bits_of(frame, self._speedup)
         self.load = self._meter.update(self.now, self._bits)
         self.frames += 1
         own = None
@@ -188,10 +193,13 @@ class BusState:
 
     def _count(self, frame: Frame, sight: Sight | None) -> None:
         key = EXTENDED if frame.is_extended else frame.can_id
+        if frame.fd and not frame.is_extended:
+            key = FIRST_FD + frame.can_id
         stream = self.streams.get(key)
         if stream is None:
-            function = function_of(frame.can_id)
-            name, node_id = ("29-bit", None) if frame.is_extended else function
+            name, node_id = function_of(frame.can_id)
+            if frame.fd or frame.is_extended:
+                name, node_id = "29-bit" if frame.is_extended else "CAN FD", None
             stream = self.streams[key] = Stream(frame, name, node_id)
         stream.frame = frame
         stream.count += 1

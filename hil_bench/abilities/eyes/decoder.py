@@ -13,6 +13,7 @@ from hil_bench.abilities.eyes.frame_sights import (
     emcy_sight,
     error_sight,
     extended_sight,
+    fd_sight,
     heartbeat_sight,
     nmt_sight,
     pdo_sight,
@@ -78,6 +79,8 @@ class Decoder:
         frame = logged.frame
         if frame.can_id >= ERROR_FLAG and not frame.is_extended:
             return [*sights, error_sight(logged)]
+        if frame.fd:
+            return [*sights, fd_sight(logged)]
         if frame.is_extended:
             read = self._j1939.take(logged)
             return [*sights, *([extended_sight(logged)] if read is None else read)]

@@ -12,7 +12,7 @@ from hil_bench.abilities.eyes.j1939 import describe
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.words import abort_text, nmt_text
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -27,6 +27,14 @@ def extended_sight(logged: LoggedFrame) -> Sight:
     if not frame.is_remote:
         words = f"{words}; J1939: {describe(frame.can_id, frame.data)}"
     return Sight(logged.now, logged.frame, Service.OTHER, "29-bit", words=words)
+
+
+def fd_sight(logged: LoggedFrame) -> Sight:
+    """Describe a frame of CAN FD, which is none of CiA 301 or SAE J1939-21."""
+    frame = logged.frame
+    flags = [name for flag, name in ((BRS, "BRS"), (ESI, "ESI")) if frame.fd & flag]
+    words = " ".join((*flags, f"{len(frame.data)} bytes", _digits(frame)))
+    return Sight(logged.now, frame, Service.OTHER, "CAN FD", words=words)
 
 
 def error_sight(logged: LoggedFrame) -> Sight:

@@ -32,14 +32,16 @@ class BusFindings:
         """Take frames; return the message of what is wrong where that has changed.
 
         Args:
-            frames: as the feed has them: time, bus, way, identifier, data, extended, remote.
+            frames: as the feed has them: time, bus, way, identifier, data, extended, remote,
+                CAN FD.
         """
         is_news = False
-        for time, bus, _way, can_id, data, is_extended, is_remote in frames:
+        for time, bus, _way, can_id, data, is_extended, is_remote, fd in frames:
             if bus not in self._buses and len(self._buses) >= _MOST_BUSES:
                 continue
             explainer, live = self._buses.get(bus) or self._begin(bus)
-            frame = Frame(can_id, bytes.fromhex(data), bool(is_remote), bool(is_extended))
+            payload = bytes.fromhex(data)
+            frame = Frame(can_id, payload, bool(is_remote), bool(is_extended), fd=fd)
             explainer.take(LoggedFrame(frame, round(time * _NS), None))
             is_news |= any([*live.look(explainer.now)])
         return self._message() if is_news else None

@@ -17,14 +17,15 @@ class FrameNews:
         """Return those of some frames that are news, the newest of a flood.
 
         Args:
-            frames: as the feed has them: time, bus, way, identifier, data, extended, remote.
+            frames: as the feed has them: time, bus, way, identifier, data, extended, remote,
+                CAN FD.
         """
         return [*self._news(frames)][-_MOST_AT_ONCE:]
 
     def _news(self, frames: Sequence[Sequence[Any]]) -> Iterator[Sequence[Any]]:
         for frame in frames:
-            _, bus, _, identifier, data, is_extended, is_remote = frame
-            if is_extended or is_remote:
+            _, bus, _, identifier, data, is_extended, is_remote, fd = frame
+            if is_extended or is_remote or fd:
                 continue
             if identifier == _NMT or identifier in _EMCY:
                 yield frame

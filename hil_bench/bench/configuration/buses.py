@@ -11,11 +11,16 @@ from hil_bench.config.document import Document, read_named_sections, read_sectio
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 
 MOST_BUSES = 8
 """More than any machine has; a recording has room for 32."""
 
 _KNOWN = tuple(key.name for key in BUS_KEYS)
+
+
+_PACE = frozenset({"bitrate", "fd", "data_bitrate"})
+"""Keys that say how a bus works, not which one it is."""
 
 
 def bus_option(value: object) -> str | int | float | bool:
@@ -125,7 +130,7 @@ def _read_bus(
         given = {key: value for key, value in given.items() if key in _KNOWN}
     for key, value in overrides.items():
         if value is not None:
-            place = f"--{key}" if key in _KNOWN else f"--bus-kwargs {key}"
+            place = f"--{key.replace('_', '-')}" if key in _KNOWN else f"--bus-kwargs {key}"
             given[key] = Given(value, Origin.COMMAND_LINE, place)
     return _read(FIRST_BUS, given, problems)
 
@@ -164,6 +169,8 @@ def _check_buses(
 ) -> None:
     """Note devices on a bus that is not there, buses without any, and two that are one."""
     known = {FIRST_BUS: bus, **further}
+    for name, each in known.items():
+        _check_data_bitrate(name if name == FIRST_BUS else f"buses.{name}", each, problems)
     used = set()
     for table, wanted in devices.items():
         used.add(wanted)
@@ -180,9 +187,24 @@ def _check_buses(
     _check_channels(known, problems)
 
 
+def _check_data_bitrate(table: str, bus: Settings, problems: Problems) -> None:
+    """Note a data bit rate that no frame can have."""
+    rate, bitrate = bus["data_bitrate"].value, bus["bitrate"].value or USUAL_BITRATE
+    if rate is None:
+        return
+    wrong = ""
+    if not bus["fd"].value:
+        wrong = "the bus is classical, and has one bit rate; give fd = true, or leave it out"
+    elif rate < bitrate:
+        wrong = f"{describe(rate)} is less than the bit rate; give {bitrate} or more"
+    if wrong:
+        problems.add(problems.place(table, "data_bitrate"), wrong)
+
+
 def _build_bus(bus: Settings, wire: BusTable | None) -> BusConfig:
     """Return the record of a checked bus."""
     known = {name: bus[name].value for name in _KNOWN}
+    known["fd"] = bool(known["fd"])
     options = {name: setting.value for name, setting in bus.items() if name not in known}
     return BusConfig(**known, options=options, wire=wire.build() if wire else None)
 
@@ -206,7 +228,7 @@ def _check_channels(buses: Mapping[str, Settings], problems: Problems) -> None:
         if bus["channel"].value is None:
             continue
         settings = tuple(
-            sorted((key, str(setting.value)) for key, setting in bus.items() if key != "bitrate")
+            sorted((key, str(setting.value)) for key, setting in bus.items() if key not in _PACE)
         )
         owner = owners.setdefault(settings, name)
         if owner != name:

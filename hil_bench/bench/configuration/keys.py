@@ -11,6 +11,7 @@ from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.objects import objects
 from hil_bench.config.settings import CLOCK_MICROSECOND, Key
 from hil_bench.config.values import (
+    boolean,
     choice,
     describe,
     find_nearest,
@@ -122,6 +123,8 @@ BUS_KEYS = (
     Key("interface", interface),
     Key("channel", channel),
     Key("bitrate", integer(1, 1_000_000)),
+    Key("fd", boolean),
+    Key("data_bitrate", integer(1, 12_000_000)),
 )
 
 _FIRST_KIND = next(iter(KINDS.built_in))

@@ -12,6 +12,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.units import Unit
@@ -37,6 +38,8 @@ class BusConfig:
         bitrate: bit rate [bit/s].
         options: further keyword arguments of that interface's bus class.
         wire: of its table ``wire``; None for a bus that takes no time.
+        fd: whether it carries frames of CAN FD, too.
+        data_bitrate: bit rate of their data phase [bit/s]; None for that of the rest.
     """
 
     interface: str | None = None
@@ -44,11 +47,23 @@ class BusConfig:
     bitrate: int | None = None
     options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
     wire: Carrier | None = None
+    fd: bool = False
+    data_bitrate: int | None = None
 
     @property
     def address(self) -> tuple[str | None, str | int | None, int | None, Mapping[str, object]]:
         """The address of the bus: interface, channel, bit rate and options."""
-        return self.interface, self.channel, self.bitrate, self.options
+        options = dict(self.options)
+        if self.fd:
+            options["fd"] = True
+        if self.data_bitrate is not None:
+            options["data_bitrate"] = self.data_bitrate
+        return self.interface, self.channel, self.bitrate, options
+
+    @property
+    def speedup(self) -> float:
+        """How many times faster the data phase of CAN FD is than the rest."""
+        return (self.data_bitrate or 0) / (self.bitrate or USUAL_BITRATE) or 1.0
 
 
 @dataclass(frozen=True, slots=True)

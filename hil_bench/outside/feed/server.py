@@ -30,7 +30,7 @@ from hil_bench.outside.feed.messages import (
     encode,
     number_text,
 )
-from hil_bench.outside.feed.packing import unpack_frames
+from hil_bench.outside.packed_frames import unpack_frames
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics
 from hil_bench.outside.reception import capacity
@@ -227,7 +227,7 @@ class FeedServer:
 
 
 def _rest(frame: Any) -> Sequence[object]:  # noqa: ANN401 - a Frame
-    return frame.data.hex(), frame.is_extended, frame.is_remote
+    return frame.data.hex(), frame.is_extended, frame.is_remote, frame.fd
 
 
 def _loop_health(statistics: TickStatistics | None) -> dict[str, object]:

@@ -5,19 +5,20 @@ import re
 from typing import IO
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.frame import ERROR_FLAG
+from hil_bench.frame import ERROR_FLAG, FD_LENGTHS
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
 """A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most
 of them python-can makes data frames."""
 
+_FD_DATA = "|".join(f"(?:[0-9A-F]{{2}}){{{length}}}" for length in FD_LENGTHS)
 _LINE = re.compile(
     r"\(\d{1,12}\.\d{1,9}\) \S+ (?:[0-9A-F]{3}|[0-9A-F]{8})"
-    r"#(?:(?:[0-9A-F]{2}){0,8}|R[0-8]?|#[0-9A-F](?:[0-9A-F]{2}){0,64})(?: [RT])?\s*",
+    rf"#(?:(?:[0-9A-F]{{2}}){{0,8}}|R[0-8]?|#[0-7](?:{_FD_DATA}))(?: [RT])?\s*",
     re.IGNORECASE,
 )
-"""A line of a candump log."""
+"""A line of a candump log. One of CAN FD has a second # and a digit of flags, as `Frame.fd`."""
 
 _ERROR_PARTS = re.compile(
     r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
@@ -65,6 +66,11 @@ class CompleteLines(io.TextIOWrapper):
         self.error_frames -= len(errors)
         return errors
 
+    def damage(self) -> None:
+        """Count the last line as one that is no frame."""
+        self.damaged += 1
+        self.first_damaged = self.first_damaged or self.number
+
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
         while True:
             line = super().__next__()
@@ -81,8 +87,7 @@ class CompleteLines(io.TextIOWrapper):
                 self.says_direction = line.rstrip().endswith(_DIRECTIONS)
                 return line
             else:
-                self.damaged += 1
-                self.first_damaged = self.first_damaged or self.number
+                self.damage()
 
 
 def _error_of(match: re.Match[str]) -> LoggedFrame:

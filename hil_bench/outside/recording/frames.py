@@ -3,15 +3,15 @@
 import io
 import re
 import zlib
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, Any, TextIO
+from typing import IO, Any
 
 import can
-from can.io.asc import ASCReader, ASCWriter
+from can.io.asc import ASCWriter
 from can.io.blf import (
     LOG_CONTAINER,
     LOG_CONTAINER_STRUCT,
@@ -22,38 +22,17 @@ from can.io.blf import (
     BLFReader,
     BLFWriter,
 )
-from can.io.canutils import CanutilsLogReader
-from can.io.trc import TRCReader
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame
+from hil_bench.outside import messages as can_messages
 from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile
 from hil_bench.outside.recording.candump_lines import CompleteLines
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
-
-_Reader = Callable[[Any], Iterable[can.Message]]
-
-
-def _read_trc(lines: TextIO) -> Iterator[can.Message]:
-    """Read PEAK's TRC, its times from its first entry on: those of python-can have the date.
-
-    Yields:
-        The messages.
-    """
-    reader = TRCReader(lines)
-    for message in reader:
-        message.timestamp -= reader.start_time.timestamp() if reader.start_time else 0.0
-        yield message
-
-
-_TEXT_READERS: dict[str, _Reader] = {
-    ".asc": ASCReader,
-    ".log": CanutilsLogReader,
-    ".trc": _read_trc,
-}
+from hil_bench.outside.recording.text_readers import TEXT_READERS, Reader
 
 _ERROR_CLASSES = 0x1FFF_FFFF
 
@@ -100,7 +79,8 @@ def _candump_line(logged: LoggedFrame) -> str:
     frame, (seconds, nanoseconds) = logged.frame, divmod(logged.now, 1_000_000_000)
     digits = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
     data = "R" if frame.is_remote else frame.data.hex().upper()
-    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{data}\n"
+    flags = f"#{frame.fd & (BRS | ESI)}" if frame.fd else ""
+    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{flags}{data}\n"
 
 
 class _AscWriter(ASCWriter):
@@ -196,7 +176,7 @@ class LeftOut:
 
     Attributes:
         error_frames: of the bus.
-        fd_frames: CAN FD frames.
+        bad_lengths: frames of a length that no DLC has.
         damaged_lines: of a candump log, which are no frames.
         first_damaged: number of the first of them.
         ending: why the log ends before its end; empty where it does not.
@@ -204,7 +184,7 @@ class LeftOut:
     """
 
     error_frames: int = 0
-    fd_frames: int = 0
+    bad_lengths: int = 0
     damaged_lines: int = 0
     first_damaged: int = 0
     ending: str = ""
@@ -220,8 +200,8 @@ def read_frames(
 ) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
-    A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
-    are left out. A candump log says of no frame whether it was received, unless python-can wrote
+    A log whose writer was killed ends with its last complete frame. Error frames are left out. A
+    candump log says of no frame whether it was received, unless python-can wrote
     it.
 
     Args:
@@ -254,7 +234,7 @@ def read_frames(
             yield from map(logged_frame_of, messages)
             return
         lines = CompleteLines(file, candump=suffix == ".log")
-        messages = _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors)
+        messages = _messages(path, TEXT_READERS[suffix], lines, left_out, errors=errors)
         if is_one_channel:
             messages = _one_channel(messages, left_out)
         for message in messages:
@@ -350,12 +330,12 @@ def _unpacked(container: bytes) -> bytes:
 
 
 def _messages(
-    path: Path, reader: _Reader, source: IO[Any], left_out: LeftOut, *, errors: bool
+    path: Path, reader: Reader, source: IO[Any], left_out: LeftOut, *, errors: bool
 ) -> Iterator[can.Message]:
     """Yield messages until the end, or until what a killed writer left half written.
 
     Yields:
-        Those of classical CAN.
+        Those with a length that a frame can have.
 
     Raises:
         ConfigError: not one frame could be read.
@@ -373,13 +353,15 @@ def _messages(
             left_out.ending = f"what follows cannot be read ({reason})"
             return
         is_empty = False
-        left_out.error_frames += message.is_error_frame and not errors
-        left_out.fd_frames += message.is_fd
-        if not ((message.is_error_frame and not errors) or message.is_fd):
+        if message.is_error_frame and not errors:
+            left_out.error_frames += 1
+        elif can_messages.has_bad_length(message) and not message.is_error_frame:
+            left_out.bad_lengths += 1
+        else:
             yield message
 
 
-def _begin(reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+def _begin(reader: Reader, source: IO[Any]) -> Iterator[can.Message]:
     yield from reader(source)
 
 
@@ -401,26 +383,24 @@ def logged_frame_of(message: can.Message) -> LoggedFrame:
         data = bytes(message.data).ljust(8, b"\0")[:8]
         frame = Frame(ERROR_FLAG | message.arbitration_id & _ERROR_CLASSES, data)
         return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
+    fd = can_messages.fd_of(message)
     frame = Frame(
         message.arbitration_id,
         bytes(message.data),
-        is_remote=message.is_remote_frame,
+        is_remote=message.is_remote_frame and not fd,
         is_extended=message.is_extended_id,
+        fd=fd,
     )
     return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
 
 
 def message_of(logged: LoggedFrame) -> can.Message:
     """Return a recorded frame as python-can's message; the channel of the first bus is "can0"."""
-    frame = logged.frame
-    is_error = frame.can_id >= ERROR_FLAG
-    return can.Message(
-        timestamp=logged.now * 1e-9,
-        arbitration_id=frame.can_id & ~ERROR_FLAG,
-        is_extended_id=frame.is_extended or is_error,
-        is_error_frame=is_error,
-        is_remote_frame=frame.is_remote,
-        data=frame.data,
-        is_rx=logged.is_received is not False,
-        channel=f"can{frame.bus}",
-    )
+    message = can_messages.message_of(logged.frame)
+    if is_error_frame(logged.frame):
+        message.arbitration_id &= ~ERROR_FLAG
+        message.is_extended_id = message.is_error_frame = True
+    message.timestamp = logged.now * 1e-9
+    message.is_rx = logged.is_received is not False
+    message.channel = f"can{logged.frame.bus}"
+    return message

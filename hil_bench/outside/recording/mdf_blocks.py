@@ -4,8 +4,8 @@ Every block is: identifier, length, count of links, links (addresses in the file
 all little-endian, at addresses that are multiples of 8. A recording has a data group for the
 signals, one for the data frames and one for the remote frames of the bus (ASAM MDF 4.1 bus logging,
 "CAN_DataFrame", "CAN_RemoteFrame"), and with the first error frame one for those
-("CAN_ErrorFrame"). Each group's records stand in compressed, transposed blocks
-(DZ), chained by data lists (DL).
+("CAN_ErrorFrame"), with the first frame of CAN FD one more "CAN_DataFrame". Each group's records
+stand in compressed, transposed blocks (DZ), chained by data lists (DL).
 """
 
 import struct
@@ -91,6 +91,9 @@ _HEAD_FIELDS = [
 
 REMOTE_RECORD = np.dtype(_HEAD_FIELDS)
 DATA_RECORD = np.dtype([*_HEAD_FIELDS, ("DataBytes", "V8")])
+FD_RECORD = np.dtype(
+    [*_HEAD_FIELDS, ("EDL", "u1"), ("BRS", "u1"), ("ESI", "u1"), ("DataBytes", "V64")]
+)
 ERROR_RECORD = np.dtype([*_HEAD_FIELDS, ("DataBytes", "V8"), ("ErrorType", "u1")])
 """ID and DataBytes are those of SocketCAN's error frames, as python-can writes and reads them here;
 IDE is set, so that no tool takes the ID for one of the bus."""

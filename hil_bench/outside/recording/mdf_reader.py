@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.frame import ERROR_FLAG
+from hil_bench.frame import ERROR_FLAG, FD_LENGTHS
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -105,7 +105,7 @@ class _Reader:
             cg = self._block(group.links[1], b"##CG")
             _, _, flags, _, _, size, _ = mdf.CG_DATA.unpack_from(cg.data)
             if flags & mdf.BUS_EVENT:
-                frames += self._frames(cg, group.links[2])
+                frames += self._frames(cg, group.links[2], size)
             else:
                 channels = self._channels(cg.links[1], size)
                 dtype = recording_dtype(channels)
@@ -127,11 +127,14 @@ class _Reader:
             raise ValueError("its signals do not begin with the time")
         return channels
 
-    def _frames(self, cg: mdf.Block, data: int) -> Iterator[LoggedFrame]:
+    def _frames(self, cg: mdf.Block, data: int, size: int) -> Iterator[LoggedFrame]:
         time = self._block(cg.links[1], b"##CN")
         name = self._text(self._block(time.links[0], b"##CN").links[2])
         if name not in _RECORDS:
             raise ValueError("a group of frames is none of ours")
+        if name == mdf.DATA_FRAME and size == mdf.FD_RECORD.itemsize:
+            yield from self._fd_frames(data)
+            return
         for record in self._records(data, _RECORDS[name]).tolist():
             seconds, channel, can_id, is_extended, _, length, direction, *raw = record
             payload = bytes(raw[0])[: min(length, 8)] if raw else b""
@@ -142,6 +145,24 @@ class _Reader:
             else:
                 is_remote = name == mdf.REMOTE_FRAME
                 frame = Frame(can_id, payload, is_remote, bool(is_extended), bus)
+            yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
+
+    def _fd_frames(self, data: int) -> Iterator[LoggedFrame]:
+        """Yield the frames of CAN FD.
+
+        Yields:
+            Them.
+
+        Raises:
+            ValueError: one has a length that no DLC has.
+        """
+        for record in self._records(data, mdf.FD_RECORD).tolist():
+            seconds, channel, can_id, is_extended, _, length, direction, _, brs, esi, raw = record
+            if length not in FD_LENGTHS:
+                raise ValueError(f"a frame of CAN FD has {length} bytes")
+            fd = FDF | BRS * bool(brs) | ESI * bool(esi)
+            payload, bus = bytes(raw)[:length], max(channel, 1) - 1
+            frame = Frame(can_id, payload, is_extended=bool(is_extended), bus=bus, fd=fd)
             yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
 
     def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:

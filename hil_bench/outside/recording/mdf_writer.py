@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 import hil_bench
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.frame import ERROR_FLAG, is_error_frame
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
+from hil_bench.frame import ERROR_FLAG, FD_LENGTHS, is_error_frame
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
@@ -35,7 +35,8 @@ _ERROR_TYPES = {0x01: mdf.BIT_ERROR, 0x02: mdf.FORM_ERROR, 0x04: mdf.STUFF_ERROR
 class MdfFile(BlockFile):
     """An MF4 file of signals and frames.
 
-    The group of the error frames comes with the first of them, so a file without any has none.
+    The groups of the error frames and of CAN FD come with the first of them, so a file without any
+    has none.
 
     Args:
         path: the file.
@@ -62,7 +63,7 @@ class MdfFile(BlockFile):
         groups.append(header.add_frame_group(mdf.DATA_FRAME, mdf.DATA_RECORD, groups[-1].dg))
         groups.append(header.add_signal_group(channels, groups[-1].dg))
         self._remote, self._data, self._signals = groups
-        self._errors: _Group | None = None
+        self._later: dict[str, _Group] = {}
         start_ns = 0 if started is None else round(started.timestamp() * 1e9)
         super().__init__(path, header.finish(groups[-1].dg, start_ns, comment))
         self._links: list[tuple[int, bytes]] = []
@@ -74,19 +75,20 @@ class MdfFile(BlockFile):
 
     def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
         """Append frames."""
-        data, remote, errors = [], [], []
+        data, remote, errors, fd = [], [], [], []
         for logged in frames:
             if is_error_frame(logged.frame):
                 errors.append(_error_record(logged))
+            elif logged.frame.fd:
+                fd.append(_fd_record(logged))
             elif logged.frame.is_remote:
                 remote.append(_head_record(logged))
             else:
                 data.append(_data_record(logged))
         self._append_frames(self._data, data, mdf.DATA_RECORD)
         self._append_frames(self._remote, remote, mdf.REMOTE_RECORD)
-        if errors:
-            self._errors = self._errors or self._add_errors()
-            self._append_frames(self._errors, errors, mdf.ERROR_RECORD)
+        self._append_later(mdf.ERROR_FRAME, errors, mdf.ERROR_RECORD)
+        self._append_later(mdf.DATA_FRAME, fd, mdf.FD_RECORD)
 
     def _append_frames(
         self, group: "_Group", records: Sequence[tuple[Any, ...]], dtype: np.dtype[np.void]
@@ -94,13 +96,19 @@ class MdfFile(BlockFile):
         packed = np.array(records, dtype=dtype).view(np.uint8)
         self._append(group, packed.reshape(-1, dtype.itemsize))
 
-    def _add_errors(self) -> "_Group":
-        """Append the group of the error frames; it is linked in behind the last one."""
-        header = _Header(self._file.size)
-        group = header.add_frame_group(mdf.ERROR_FRAME, mdf.ERROR_RECORD, next_group=0)
-        self._file.append(header.blocks)
-        self._links.append((self._remote.dg + mdf.HEADER.size, _LINK.pack(group.dg)))
-        return group
+    def _append_later(
+        self, name: str, records: Sequence[tuple[Any, ...]], dtype: np.dtype[np.void]
+    ) -> None:
+        """Append records of a group that comes with the first of them, behind the last group."""
+        if records and name not in self._later:
+            header = _Header(self._file.size)
+            group = header.add_frame_group(name, dtype, next_group=0)
+            self._file.append(header.blocks)
+            last = next(reversed(self._later.values()), self._remote)
+            self._links.append((last.dg + mdf.HEADER.size, _LINK.pack(group.dg)))
+            self._later[name] = group
+        if records:
+            self._append_frames(self._later[name], records, dtype)
 
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written, then link it in; see `OutputFile.flush`."""
@@ -322,6 +330,14 @@ def _data_record(
     logged: LoggedFrame,
 ) -> tuple[float, int, int, int, int, int, int, bytes]:
     return (*_head_record(logged), logged.frame.data.ljust(8, b"\0"))
+
+
+def _fd_record(logged: LoggedFrame) -> tuple[Any, ...]:
+    frame = logged.frame
+    *head, _, length, direction = _head_record(logged)
+    flags = 1, frame.fd & BRS != 0, frame.fd & ESI != 0
+    dlc = FD_LENGTHS.index(length)
+    return (*head, dlc, length, direction, *flags, frame.data.ljust(64, b"\0"))
 
 
 def _error_record(

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import can
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 
 
@@ -30,12 +30,7 @@ class NetworkTap:
 
     def observe(self, message: can.Message) -> None:
         """Record a frame that the network received or sent."""
-        if message.is_error_frame or message.is_fd:
+        frame = frame_of(message)
+        if frame is None:
             return
-        frame = Frame(
-            message.arbitration_id,
-            bytes(message.data),
-            is_remote=message.is_remote_frame,
-            is_extended=message.is_extended_id,
-        )
         self._recording.append_frames([frame], round(self.now() * 1e9), is_received=message.is_rx)

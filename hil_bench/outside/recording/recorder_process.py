@@ -16,6 +16,7 @@ from typing import NamedTuple, Self
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+from hil_bench.outside.packed_frames import pack_frames, unpack_frames
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -31,9 +32,6 @@ LOOK = 100_000_000
 """Time between two looks whether the recorder is well [ns]."""
 
 _ROW, _FRAMES = 1, 2
-_FRAME = struct.Struct("<qIBB8s")  # time [ns], identifier, flags, length, data
-_EXTENDED, _REMOTE, _RECEIVED = 1, 2, 4
-_BUS_SHIFT = 3  # the flags above are the number of the bus
 _NICENESS = 5  # the loop comes first where both want the same core
 _START_TIMEOUT = 30.0
 _END_TIMEOUT = 30.0
@@ -139,20 +137,8 @@ class RecorderProcess:
         if frames:
             if self._clock() >= self._look_at:
                 self._look()
-            direction = _RECEIVED if is_received else 0
-            self._put(
-                _FRAMES,
-                b"".join(
-                    _FRAME.pack(
-                        now,
-                        can_id,
-                        is_extended + (is_remote << 1) + direction + (bus << _BUS_SHIFT),
-                        len(data),
-                        data,
-                    )
-                    for can_id, data, is_remote, is_extended, bus in frames
-                ),
-            )
+            for message in pack_frames(frames, now, is_received=is_received):
+                self._put(_FRAMES, message)
 
     def _look(self) -> None:
         """Say what has gone wrong since the last look."""
@@ -263,15 +249,4 @@ def drain(ring: SharedRing, recorder: Recorder) -> None:
         if kind == _ROW:
             recorder.append_row(message)
         else:
-            recorder.append_frames([_logged_frame(*part) for part in _FRAME.iter_unpack(message)])
-
-
-def _logged_frame(now: int, can_id: int, flags: int, length: int, data: bytes) -> LoggedFrame:
-    frame = Frame(
-        can_id,
-        data[:length],
-        is_remote=bool(flags & _REMOTE),
-        is_extended=bool(flags & _EXTENDED),
-        bus=flags >> _BUS_SHIFT,
-    )
-    return LoggedFrame(frame, now, bool(flags & _RECEIVED))
+            recorder.append_frames([LoggedFrame(*each) for each in unpack_frames(message)])

@@ -10,9 +10,12 @@ from typing import Any, NamedTuple
 # linux/sockios.h, linux/if_arp.h, linux/if.h
 _SIOCGIFFLAGS = 0x8913
 _SIOCGIFHWADDR = 0x8927
+_SIOCGIFMTU = 0x8921
 _ARPHRD_CAN = 280
 _IFF_UP = 1
 _IFREQ = struct.Struct("16sH22x")  # name, then flags or the type of the address
+_IFREQ_MTU = struct.Struct("16si20x")
+_CANFD_MTU = 72
 _ANSWER_TIMEOUT = 5.0
 
 
@@ -52,6 +55,12 @@ def is_up(name: str) -> bool:
     return bool(_ask(name, _SIOCGIFFLAGS) & _IFF_UP)
 
 
+def has_fd(name: str) -> bool | None:
+    """Return True if an interface carries CAN FD, None where there is no such interface."""
+    mtu = _ask(name, _SIOCGIFMTU, _IFREQ_MTU)
+    return mtu >= _CANFD_MTU if mtu else None
+
+
 def bitrate_of(name: str) -> int | None:
     """Return the bit rate of an interface [bit/s], None where it has none."""
     return _bitrate(_link_details(name))
@@ -68,16 +77,16 @@ def _describe(name: str) -> CanInterface:
     return CanInterface(name, is_up=is_up(name), kind=kind, bitrate=bitrate)
 
 
-def _ask(name: str, request: int) -> int:
+def _ask(name: str, request: int, form: struct.Struct = _IFREQ) -> int:
     """Return a number that the kernel has of a network interface, 0 where it has none."""
     try:
         import fcntl  # noqa: PLC0415 - Windows has none
 
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as any_socket:
-            answer = fcntl.ioctl(any_socket, request, _IFREQ.pack(name.encode()[:15], 0))
+            answer = fcntl.ioctl(any_socket, request, form.pack(name.encode()[:15], 0))
     except (ImportError, AttributeError, OSError):
         return 0
-    number: int = _IFREQ.unpack(answer)[1]
+    number: int = form.unpack(answer)[1]
     return number
 
 

@@ -8,7 +8,7 @@ from typing import Any, NoReturn, Protocol
 import can
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.transports.python_can import frame_of, message_of
+from hil_bench.outside.messages import frame_of, message_of
 
 Tick = Callable[[Sequence[Frame], int], Sequence[Frame]]
 """The bench: received frames and the time [ns] in, frames to send out."""
@@ -151,13 +151,18 @@ class EmbeddedPort(can.BusABC):
     Args:
         time: of the bench.
         can_filters: as for every python-can bus.
+        fd: whether it carries CAN FD, too.
 
     Attributes:
         number: of this bus among those of the bench.
     """
 
     def __init__(
-        self, time: _BenchTime, can_filters: can.typechecking.CanFilters | None = None
+        self,
+        time: _BenchTime,
+        can_filters: can.typechecking.CanFilters | None = None,
+        *,
+        fd: bool = False,
     ) -> None:
         self._time = time
         self._to_reader: deque[tuple[Frame, int | None]] = deque()
@@ -166,6 +171,7 @@ class EmbeddedPort(can.BusABC):
         self.channel_info = f"{self._name} bench"
         time.readers.append(self._take)
         super().__init__(channel=self._name, can_filters=can_filters)
+        self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
 
     def now(self) -> float:
         """Return the bench time [s]."""
@@ -175,12 +181,16 @@ class EmbeddedPort(can.BusABC):
         """Queue a message for the next tick.
 
         Raises:
-            can.CanOperationError: this is no classical CAN frame, or the bus is shut down.
+            can.CanOperationError: this is no frame, or one of CAN FD on a classical bus, or the
+                bus is shut down.
         """
         self._check_open()
         frame = frame_of(msg)
         if frame is None:
-            raise can.CanOperationError(f"no classical CAN data or remote frame: {msg}")
+            raise can.CanOperationError(f"no CAN data or remote frame: {msg}")
+        if frame.fd and self.protocol is not can.CanProtocol.CAN_FD:
+            right = "fd = true in bench.toml makes it CAN FD"
+            raise can.CanOperationError(f"{self._name}: the bus is classical CAN; {right}")
         self._time.send(frame._replace(bus=self.number) if self.number else frame)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -273,6 +283,7 @@ class EmbeddedBus(EmbeddedPort):
         description: the bus in words, for messages.
         medium: those buses of the bench on which frames take time: they pass them in their time, to
             the bit, and a wait may end between two ticks.
+        fd: whether the bus carries CAN FD, too.
 
     Raises:
         ValueError: the period is not positive.
@@ -289,11 +300,12 @@ class EmbeddedBus(EmbeddedPort):
         can_filters: can.typechecking.CanFilters | None = None,
         description: str = "embedded bench",
         medium: Medium | None = None,
+        fd: bool = False,
     ) -> None:
         if period_ns <= 0:
             raise ValueError(f"tick period {period_ns} ns: a positive number is right")
         time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, medium)
-        super().__init__(time, can_filters)
+        super().__init__(time, can_filters, fd=fd)
         self.channel_info = description
 
     def begin_later(self, wait: Callable[[], int] | None) -> None:
@@ -316,6 +328,6 @@ class EmbeddedBus(EmbeddedPort):
         sent, self._time.to_bench = self._time.to_bench, []
         return sent
 
-    def make_further(self) -> EmbeddedPort:
+    def make_further(self, *, fd: bool = False) -> EmbeddedPort:
         """Return the next bus of the same bench; waiting on either lets time pass for both."""
-        return EmbeddedPort(self._time)
+        return EmbeddedPort(self._time, fd=fd)

@@ -10,18 +10,20 @@ import selectors
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.outside.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.outside.transports.socketcand_protocol import (
+    CLASSICAL,
     JOIN_DELAY,
     MAX_COMMAND,
     MOST_BAD,
     check_channel,
     format_frame,
+    is_fd_command,
     is_remote_request,
     parse_send,
     stamp_of,
@@ -44,6 +46,7 @@ class HostedBus:
         port: 0 takes a free one.
         channels: the names that clients open, a bus each; a frame has the number of its bus.
         clock: the time that frames are stamped with [ns].
+        fd: those of the channels that are of CAN FD.
 
     Attributes:
         host: as passed in.
@@ -64,11 +67,13 @@ class HostedBus:
         port: int = 0,
         channels: Sequence[str] = ("can0",),
         clock: Callable[[], int] = time.time_ns,
+        fd: Collection[str] = (),
     ) -> None:
         for channel in channels:
             check_channel(channel)
         self._channels = [channel.encode() for channel in channels]
         self._clock = clock
+        self._fd = [channel in fd for channel in channels]
         self._arrived: deque[Frame] = deque()
         self._clients: list[_Client] = []
         self._seats, room = capacity(MAX_CLIENTS)
@@ -150,7 +155,7 @@ class HostedBus:
             if error.errno in {errno.EMFILE, errno.ENFILE} and len(self._waiting):
                 self._waiting.dismiss_oldest()
             return
-        client = _Client(connection, self._channels)
+        client = _Client(connection, self._channels, self._fd)
         self._waiting.enter(client)
         self._clients.append(client)
         self._selector.register(connection, selectors.EVENT_READ, lambda: self._hear(client))
@@ -192,12 +197,15 @@ class HostedBus:
 class _Client:
     """One connection: greeted, then on a channel, then in raw mode, which is on the bus."""
 
-    def __init__(self, connection: socket.socket, channels: Sequence[bytes]) -> None:
+    def __init__(
+        self, connection: socket.socket, channels: Sequence[bytes], fd: Sequence[bool]
+    ) -> None:
         self.socket = connection
         self.is_on_bus = False
         self.is_closed = False
         self.bus = 0
         self._channels = channels
+        self._fd = fd
         self._has_opened = self._is_full = False
         self._rest = b""
         self._bad = 0
@@ -261,11 +269,12 @@ class _Client:
         """Carry out a command, given without its ">"; return the frame that it sends, if any."""
         if self.is_on_bus:
             self._release()
-            frame = parse_send(command)
+            is_wrong = is_fd_command(command) and not self._fd[self.bus]
+            frame = None if is_wrong else parse_send(command)
             if frame is not None:
                 self._bad = 0
             elif not is_remote_request(command):  # python-can takes an error for a loss
-                self._write(b"< error unknown command >")
+                self._write(b"< error %b >" % (CLASSICAL if is_wrong else b"unknown command"))
                 self._bad += 1
                 self.is_closed |= self._bad >= MOST_BAD
             return frame

@@ -2,7 +2,7 @@
 
 import logging
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Self
 
@@ -28,6 +28,7 @@ class HubProcess:
         port: 0 takes a free one.
         channels: names that clients may open, one bus each.
         bitrate: that limits what each client sends [bit/s]; None for no limit.
+        fd: channels of CAN FD; how many times faster the data phase is on each.
 
     Attributes:
         host: address it listens on.
@@ -41,11 +42,12 @@ class HubProcess:
         channels: Sequence[str] = ("can0",),
         *,
         bitrate: float | None = USUAL_BITRATE,
+        fd: Mapping[str, float] | None = None,
     ) -> None:
         self.host = host
         self.port = port
         self._channels = tuple(channels)
-        self._limits = HubLimits(bitrate, secrets.token_hex(8))
+        self._limits = HubLimits(bitrate, secrets.token_hex(8), fd or {})
         self._child = self._make_child()
 
     @property
@@ -63,7 +65,9 @@ class HubProcess:
 
     def join(self, channel: str) -> HubTransport:
         """Return a bench's end of one of its buses, not limited; `BusError` where there is none."""
-        return HubTransport((self.host, self.port), channel, self._limits.owner)
+        limits = self._limits
+        speedup = limits.fd.get(channel, 1.0)
+        return HubTransport((self.host, self.port), channel, limits.owner, speedup)
 
     def ending(self) -> str | None:
         """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""

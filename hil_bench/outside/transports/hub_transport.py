@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.frame import frame_bits
+from hil_bench.frame import bits_of
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, format_send, parse_frame
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.outside.transports.waiting import has_exact_wait, is_readable
@@ -35,6 +35,7 @@ class HubTransport:
         address: of the hub, host and port.
         channel: of the bus.
         owner: the word that frees us from the hub's limit; empty for none.
+        speedup: how many times faster the data phase of CAN FD is than the rest.
 
     Attributes:
         description: the bus in words.
@@ -43,12 +44,15 @@ class HubTransport:
         BusError: the hub cannot be joined.
     """
 
-    def __init__(self, address: tuple[str, int], channel: str, owner: str = "") -> None:
+    def __init__(
+        self, address: tuple[str, int], channel: str, owner: str = "", speedup: float = 1.0
+    ) -> None:
         self.description = f"socketcand {channel}"
         self._address = address
         self._words = [f"owner {owner}"] if owner else []
         self._words += [f"open {channel}", "rawmode"]
         self._counters = TransportCounters()
+        self._speedup = speedup
         self._is_closed = False
         self._link: _Link | None = None
         self.join()
@@ -91,7 +95,7 @@ class HubTransport:
         arrived = link.arrived
         frames = [arrived.popleft() for _ in range(min(limit, len(arrived)))]
         self._counters.received += len(frames)
-        self._counters.bits += _bits_of(frames)
+        self._counters.bits += _bits_of(frames, self._speedup)
         return frames
 
     def wait(self, timeout: float) -> bool:
@@ -115,7 +119,7 @@ class HubTransport:
             told = []
         self._counters.send_failures += len(frames) - len(told)
         self._counters.sent += len(told)
-        self._counters.bits += _bits_of(told)
+        self._counters.bits += _bits_of(told, self._speedup)
         if link is not None:
             try:
                 link.write(b"".join(map(format_send, told)))
@@ -256,5 +260,5 @@ def _open_link(address: tuple[str, int], words: Sequence[str]) -> _Link:
     return link
 
 
-def _bits_of(frames: Sequence[Frame]) -> float:
-    return sum(frame_bits(len(frame.data), is_extended=frame.is_extended) for frame in frames)
+def _bits_of(frames: Sequence[Frame], speedup: float) -> float:
+    return sum(bits_of(frame, speedup) for frame in frames)

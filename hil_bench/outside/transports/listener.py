@@ -9,12 +9,13 @@ from typing import Final
 import can
 
 from hil_bench.errors import BusError, first_line
+from hil_bench.outside.messages import has_bad_length
 from hil_bench.outside.recording.frames import logged_frame_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.transports.socketcand_bus import CONNECTION
 
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")  # the ninth counts what the kernel dropped
-_CONNECTION: Final = "_SocketCanDaemonBus__socket"  # python-can gives no other way to it
 
 
 class Listener:
@@ -28,13 +29,11 @@ class Listener:
         description: as passed in.
         frames: data and remote frames so far.
         error_frames: reported by the adapter.
-        fd_frames: CAN FD frames, which are left out.
     """
 
     def __init__(self, bus: can.BusABC, description: str) -> None:
         self.frames = 0
         self.error_frames = 0
-        self.fd_frames = 0
         self._bus = bus
         self.description = description
         self._origin: float | None = None
@@ -58,11 +57,10 @@ class Listener:
                 return None
         except (can.CanError, OSError, ValueError) as error:
             raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
-        if message.is_error_frame or message.is_fd:
-            self.error_frames += message.is_error_frame
-            self.fd_frames += not message.is_error_frame
-            if message.is_fd:
-                return None
+        if message.is_error_frame:
+            self.error_frames += 1
+        elif has_bad_length(message):
+            return None
         else:
             self.frames += 1
         if self._origin is None:
@@ -77,7 +75,7 @@ class Listener:
         Raises:
             ConnectionResetError: it has closed the connection.
         """
-        own = getattr(self._bus, _CONNECTION, None)
+        own = getattr(self._bus, CONNECTION, None)
         if isinstance(own, socket.socket) and is_closed_by_peer(own):
             raise ConnectionResetError("socketcand has closed the connection")
 
@@ -86,7 +84,6 @@ class Listener:
         """The counts of unreadable or lost frames, by name; the bus is still open."""
         return {
             "error frames": self.error_frames,
-            "CAN FD frames left out": self.fd_frames,
             "frames lost by the kernel": self.dropped,
         }
 

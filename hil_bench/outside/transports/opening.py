@@ -10,8 +10,11 @@ from typing import Any, cast
 import can
 
 from hil_bench.errors import BusError, first_line
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.transports.can_interfaces import has_fd
 from hil_bench.outside.transports.python_can import PythonCanTransport
 from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport
+from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.transport import Transport
 
 _HUB_HINT = "'hil-bench run --hub' makes a bus that needs none"
@@ -31,7 +34,8 @@ def open_transport(
         interface: python-can's name of the kind of bus: "socketcan", "pcan", "socketcand", ...
         channel: the bus of that kind: "vcan0", ...
         bitrate: [bit/s]; for SocketCAN the interface's own setting counts.
-        options: further keyword arguments of the python-can bus.
+        options: further keyword arguments of the python-can bus; `fd` makes the bus one of CAN FD,
+            whose data phase has the `data_bitrate` [bit/s].
 
     Returns:
         The fast path for SocketCAN, else python-can's bus in a wrapper.
@@ -41,11 +45,17 @@ def open_transport(
     """
     settings, what = _settle(interface, channel, bitrate, options)
     bus = _open(settings, what)
+    fast, slow = (float(settings.get(key) or 0) for key in ("data_bitrate", "bitrate"))
+    speedup = fast / (slow or USUAL_BITRATE) or 1.0
     if settings["interface"] != "socketcan":
-        has_exact_wait = settings["interface"] in _EXACT
-        return PythonCanTransport(bus, what, has_exact_wait=has_exact_wait)
+        return PythonCanTransport(
+            bus,
+            what,
+            has_exact_wait=settings["interface"] in _EXACT,
+            speedup=speedup if settings.get("fd") else 0.0,
+        )
     try:
-        return SocketCanTransport(cast("RawCanBus", bus), str(settings["channel"]))
+        return SocketCanTransport(cast("RawCanBus", bus), str(settings["channel"]), speedup)
     except BusError:
         bus.shutdown()
         raise
@@ -119,10 +129,26 @@ def _check(settings: dict[str, Any], what: str) -> None:
     """
     if settings["interface"] == "socketcan" and not settings["channel"]:
         raise BusError("socketcan: no channel; '-c vcan0' names one")
+    if settings["interface"] == "socketcan" and settings.get("fd"):
+        _check_fd(str(settings["channel"]), what)
     if settings["interface"] == "socketcand":
         # Small writes must not wait for the acknowledgement of the one before (Nagle's algorithm).
         settings.setdefault("tcp_tune", True)
         _check_socketcand(settings, what)
+
+
+def _check_fd(channel: str, what: str) -> None:
+    """Refuse CAN FD on an interface that is set to classical CAN.
+
+    Raises:
+        BusError: it is.
+    """
+    if has_fd(channel) is False:
+        right = "mtu 72" if channel.startswith("vcan") else "type can dbitrate 2000000 fd on"
+        raise BusError(
+            f"{what}: the interface is set to classical CAN, and cannot carry CAN FD; "
+            f"'ip link set {channel} {right}', while it is down, sets it to CAN FD"
+        )
 
 
 def _check_socketcand(settings: dict[str, Any], what: str) -> None:
@@ -165,6 +191,9 @@ def _open(settings: dict[str, Any], what: str) -> can.BusABC:
         BusError: it cannot be opened.
     """
     try:
+        if settings["interface"] == "socketcand" and settings.get("fd"):
+            rest = {key: value for key, value in settings.items() if key != "interface"}
+            return SocketcandFdBus(**rest)
         return can.Bus(**settings, ignore_config=True)
     except Exception as error:  # backends raise what they like, NameError included
         raise BusError(f"{what}: {_why(settings, error)}") from error

@@ -1,41 +1,18 @@
 """Any bus that python-can knows, through its `can.BusABC`."""
 
+import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import can
 
-from hil_bench.canopen_device.frame import Frame, make_frame
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, first_line
-from hil_bench.frame import frame_bits
+from hil_bench.frame import bits_of
+from hil_bench.outside.messages import frame_of, message_of
 from hil_bench.outside.transports.transport import TransportCounters
 
-_STANDARD_ID_MAX = 0x7FF
-_EXTENDED_ID_MAX = 0x1FFF_FFFF
-_DATA_MAX = 8
-
-
-def frame_of(message: can.Message) -> Frame | None:
-    """Return the message as a `Frame`, or None where it is no classical data or remote frame."""
-    if message.is_error_frame or message.is_fd or len(message.data) > _DATA_MAX:
-        return None
-    limit = _EXTENDED_ID_MAX if message.is_extended_id else _STANDARD_ID_MAX
-    if not 0 <= message.arbitration_id <= limit:
-        return None
-    data = b"" if message.is_remote_frame else bytes(message.data)
-    return make_frame(
-        Frame, (message.arbitration_id, data, message.is_remote_frame, message.is_extended_id, 0)
-    )
-
-
-def message_of(frame: Frame) -> can.Message:
-    """Return the frame as python-can's message."""
-    return can.Message(
-        arbitration_id=frame.can_id,
-        data=frame.data,
-        is_remote_frame=frame.is_remote,
-        is_extended_id=frame.is_extended,
-    )
+logger = logging.getLogger(__name__)
 
 
 class PythonCanTransport:
@@ -45,15 +22,25 @@ class PythonCanTransport:
         bus: the bus; the transport shuts it down when it is closed.
         description: the bus in words, for messages.
         has_exact_wait: whether this bus' `recv` keeps its time-out to some 10 us.
+        speedup: how many times faster the data phase of CAN FD is; 0 for a classical bus.
 
     Attributes:
         description: the bus in words.
         has_exact_wait: as passed in.
     """
 
-    def __init__(self, bus: can.BusABC, description: str, *, has_exact_wait: bool = False) -> None:
+    def __init__(
+        self,
+        bus: can.BusABC,
+        description: str,
+        *,
+        has_exact_wait: bool = False,
+        speedup: float = 0.0,
+    ) -> None:
         self.description = description
         self.has_exact_wait = has_exact_wait
+        self._speedup = speedup
+        self._has_warned = False
         self._bus = bus
         self._waiting: can.Message | None = None
         self._counters = TransportCounters()
@@ -66,13 +53,24 @@ class PythonCanTransport:
             if message is None:
                 break
             frame = frame_of(message)
-            if frame is None:
+            if frame is None or (frame.fd and not self._speedup):
                 self._counters.ignored += 1
+                self._warn(message)
             else:
                 frames.append(frame)
-                self._counters.bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
+                self._counters.bits += bits_of(frame, self._speedup or 1.0)
         self._counters.received += len(frames)
         return frames
+
+    def _warn(self, message: can.Message) -> None:
+        """Say once that frames of CAN FD are ignored."""
+        if message.is_fd and not self._has_warned:
+            self._has_warned = True
+            logger.warning(
+                "%s: frames of CAN FD arrive and are ignored; fd = true in bench.toml, or --fd, "
+                "makes it a bus of CAN FD",
+                self.description,
+            )
 
     def wait(self, timeout: float) -> bool:
         """Wait until a message has arrived, at most `timeout` [s]; return whether one has."""
@@ -110,7 +108,7 @@ class PythonCanTransport:
                 raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
             else:
                 self._counters.sent += 1
-                self._counters.bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
+                self._counters.bits += bits_of(frame, self._speedup or 1.0)
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
         """Leave the filters open: python-can filters most buses in Python, which saves nothing."""

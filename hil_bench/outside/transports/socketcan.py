@@ -16,9 +16,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from hil_bench.canopen_device.frame import Frame, make_frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame, make_frame
 from hil_bench.errors import BusError
-from hil_bench.frame import FRAME_BITS
+from hil_bench.frame import CLASSICAL_DATA, FD_LENGTHS, FRAME_BITS, bits_of
 from hil_bench.outside.transports.can_interfaces import is_up
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.outside.transports.waiting import has_exact_wait, is_readable
@@ -34,8 +34,8 @@ RETRY_LIMIT = 256
 # struct can_frame: identifier with flags, length, three bytes of padding, payload.
 _CAN_FRAME = struct.Struct("=IB3x8s")
 _LENGTH = 4  # where the length stands in it
-_CANFD_MTU = 72
-_DATA_MAX = 8
+# struct canfd_frame: likewise, with flags in the first byte of padding.
+_CANFD_FRAME = struct.Struct("=IBB2x64s")
 
 _EFF_FLAG = 0x8000_0000
 _RTR_FLAG = 0x4000_0000
@@ -73,27 +73,38 @@ class RawCanBus(Protocol):
 
 
 def pack_frame(frame: Frame) -> bytes:
-    """Return the frame as `struct can_frame`."""
+    """Return the frame as `struct can_frame`, one of CAN FD as `struct canfd_frame`."""
     can_id = frame.can_id
     if frame.is_extended:
         can_id |= _EFF_FLAG
     if frame.is_remote:
         can_id |= _RTR_FLAG
+    if frame.fd:
+        return _CANFD_FRAME.pack(can_id, len(frame.data), frame.fd, frame.data)
     return _CAN_FRAME.pack(can_id, len(frame.data), frame.data)
 
 
 def unpack_frame(raw: bytes) -> Frame | None:
-    """Return the frame in a `struct can_frame`, or None for CAN FD and error frames."""
-    if len(raw) != _CAN_FRAME.size:
+    """Return the frame in a `struct can_frame` or `canfd_frame`, or None for error frames."""
+    fd = 0
+    if len(raw) == _CAN_FRAME.size:
+        can_id, length, data = _CAN_FRAME.unpack(raw)
+        if length > CLASSICAL_DATA:
+            return None
+    elif len(raw) == _CANFD_FRAME.size:
+        can_id, length, flags, data = _CANFD_FRAME.unpack(raw)
+        fd = FDF | flags & (BRS | ESI)
+        if length not in FD_LENGTHS or can_id & _RTR_FLAG:
+            return None
+    else:
         return None
-    can_id, length, data = _CAN_FRAME.unpack(raw)
-    if can_id & _ERR_FLAG or length > _DATA_MAX:
+    if can_id & _ERR_FLAG:
         return None
     is_extended = can_id & _EFF_FLAG != 0
     is_remote = can_id & _RTR_FLAG != 0
     masked = can_id & (_EFF_MASK if is_extended else _SFF_MASK)
     return make_frame(
-        Frame, (masked, b"" if is_remote else data[:length], is_remote, is_extended, 0)
+        Frame, (masked, b"" if is_remote else data[:length], is_remote, is_extended, 0, fd)
     )
 
 
@@ -114,6 +125,7 @@ class SocketCanTransport:
     Args:
         bus: the bus as python-can opened it; the transport shuts it down when it is closed.
         channel: name of the interface, for messages.
+        speedup: how many times faster the data phase of CAN FD is than the rest.
 
     Attributes:
         description: the bus in words.
@@ -124,9 +136,10 @@ class SocketCanTransport:
         BusError: the interface is down.
     """
 
-    def __init__(self, bus: RawCanBus, channel: str) -> None:
+    def __init__(self, bus: RawCanBus, channel: str, speedup: float = 1.0) -> None:
         self.description = f"socketcan {channel}"
         self.channel = channel
+        self._speedup = speedup
         self._bus = bus
         self._socket = bus.socket
         self._pending: deque[bytes] = deque()
@@ -172,7 +185,7 @@ class SocketCanTransport:
                 self._look()
         try:
             for _ in range(limit):
-                raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_MTU, _ANCILLARY_SIZE)
+                raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_FRAME.size, _ANCILLARY_SIZE)
                 if ancillary:
                     self._count_drops(ancillary)
                 frame = unpack_frame(raw)
@@ -180,7 +193,9 @@ class SocketCanTransport:
                     self._counters.ignored += 1
                 else:
                     frames.append(frame)
-                    self._counters.bits += FRAME_BITS[len(frame.data)]
+                    self._counters.bits += (
+                        bits_of(frame, self._speedup) if frame.fd else FRAME_BITS[len(frame.data)]
+                    )
         except BlockingIOError:
             pass
         except OSError as error:

@@ -18,12 +18,12 @@ import logging
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from hil_bench.errors import BusError
-from hil_bench.frame import frame_bits
+from hil_bench.frame import bits_of, frame_bits
 from hil_bench.outside.reception import (
     WaitingRoom,
     capacity,
@@ -34,11 +34,13 @@ from hil_bench.outside.reception import (
 from hil_bench.outside.transports.bus_load import bitrate_text
 from hil_bench.outside.transports.rate_limit import RateLimit
 from hil_bench.outside.transports.socketcand_protocol import (
+    CLASSICAL,
     JOIN_DELAY,
     MAX_COMMAND,
     MOST_BAD,
     check_channel,
     format_frame,
+    is_fd_command,
     is_remote_request,
     parse_send,
     stamp_of,
@@ -90,10 +92,12 @@ class HubLimits(NamedTuple):
     Attributes:
         bitrate: of each bus [bit/s]; None for no limit.
         owner: the word by which a client is not limited; empty for none.
+        fd: channels of CAN FD; how many times faster the data phase is on each.
     """
 
     bitrate: float | None = None
     owner: str = ""
+    fd: Mapping[str, float] = {}
 
 
 NO_LIMITS = HubLimits()
@@ -190,6 +194,7 @@ class _Client(asyncio.Protocol):
         self._rest = b""
         self._bus: list[_Client] | None = None
         self._in_raw_mode = False
+        self._speedup = 0.0  # of a classical bus
         self._bad = 0
         self._held_back: list[bytes] | None = None
         self._commands: deque[bytes] = deque()
@@ -261,12 +266,13 @@ class _Client(asyncio.Protocol):
         """Carry out one command, given without its ">"; return the frame that it sends, if any."""
         if self._in_raw_mode:
             self._release()
-            frame = _frame_of(command)
+            frame = _frame_of(command, self._speedup)
             if frame is None and is_remote_request(command):
                 # Nobody can be told of it, and python-can loses its bus over an error.
                 self._hub.counters.bad_commands += 1
             elif frame is None:
-                self._refuse(b"unknown command")
+                is_fd = not self._speedup and is_fd_command(command)
+                self._refuse(CLASSICAL if is_fd else b"unknown command")
                 self._bad += 1
                 if self._bad >= MOST_BAD:
                     self.drop()
@@ -289,7 +295,8 @@ class _Client(asyncio.Protocol):
         return None
 
     def _open(self, name: bytes) -> None:
-        self._bus = self._hub.bus(name.decode("ascii", "replace"))
+        channel = name.decode("ascii", "replace")
+        self._bus, self._speedup = self._hub.bus(channel), self._hub.limits.fd.get(channel, 0.0)
         if self._bus is None:
             self._refuse(b"could not open bus; this hub has " + self._hub.channels.encode())
         else:
@@ -345,12 +352,17 @@ class _Told(NamedTuple):
     bits: float
 
 
-def _frame_of(command: bytes) -> _Told | None:
-    """Return the message of a "send" command to the others; None where it is malformed."""
+def _frame_of(command: bytes, speedup: float) -> _Told | None:
+    """Return the message of a command that sends to the others; None where it is malformed.
+
+    Args:
+        command: without its ">".
+        speedup: of the bus; 0 for a classical one.
+    """
     frame = parse_send(command)
-    if frame is None:
+    if frame is None or (frame.fd and not speedup):
         return None
-    bits = frame_bits(len(frame.data), is_extended=frame.is_extended)
+    bits = bits_of(frame, speedup or 1.0)
     return _Told(format_frame(frame, stamp_of(time.time_ns())), bits)
 
 

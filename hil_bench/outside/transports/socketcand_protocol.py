@@ -5,14 +5,18 @@
     client: < send 123 2 de ad >          hub, to the others: < frame 123 1700000000.123456 DEAD >
 
 An identifier of eight digits is a 29-bit one. The protocol has no remote frames in this direction.
+Frames of CAN FD are words of their own, with the flags of SocketCAN (`Frame.fd`):
+
+    client: < fdsend 123 5 2 de ad >      hub: < fdframe 123 05 1700000000.123456 DEAD >
 """
 
 import re
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import FDF, Frame
+from hil_bench.frame import FD_LENGTHS
 
-MAX_COMMAND = 128
-"""Longest command [byte]; a frame of eight bytes takes 44."""
+MAX_COMMAND = 256
+"""Longest command [byte]; a frame of 64 bytes takes 220."""
 
 MOST_BAD = 16
 """Malformed commands in a row, in the raw mode, after which a client is cut off."""
@@ -21,13 +25,23 @@ JOIN_DELAY = 0.05
 """How long frames are held back from a client that has just entered the raw mode and has not said
 anything yet [s]: python-can compares what it reads after "rawmode" with "< ok >" exactly."""
 
+CLASSICAL = b"this bus is classical CAN; fd = true in [bus] of bench.toml makes it CAN FD"
+"""Answer to a frame of CAN FD on another bus."""
+
 _CHANNEL = re.compile(r"[A-Za-z0-9_.-]{1,15}")
 _SEND = re.compile(
     rb"< send ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +([0-8])"
     rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
 )
+_FD_SEND = re.compile(
+    rb"< fdsend ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +0?([0-7]) +(\d\d?)"
+    rb"((?: +[0-9A-Fa-f]{1,2}){0,64}) *"
+)
 _EXTENDED_DIGITS = 8
 _FRAME = re.compile(rb"< frame ([0-9A-F]{8}|[0-9A-F]{3}) \d+\.\d+ ((?:[0-9A-F]{2}){0,8}) ?")
+_FD_FRAME = re.compile(
+    rb"< fdframe ([0-9A-F]{8}|[0-9A-F]{3}) 0([0-7]) \d+\.\d+ ((?:[0-9A-F]{2}){0,64}) ?"
+)
 _NS_PER_S = 1_000_000_000
 
 
@@ -42,18 +56,36 @@ def check_channel(name: str) -> None:
 
 
 def parse_send(command: bytes) -> Frame | None:
-    """Return the frame of a "send" command, given without its ">"; None where it is malformed."""
-    match = _SEND.fullmatch(command)
-    if match is None:
+    """Return the frame of a "send" or "fdsend" command, given without its ">".
+
+    Returns:
+        The frame, or None where the command is malformed, or has a length that no DLC has.
+    """
+    match, fd = _SEND.fullmatch(command), 0
+    if match is not None:
+        can_id, length, text = match.groups()
+    elif (match := _FD_SEND.fullmatch(command)) is not None and int(match[3]) in FD_LENGTHS:
+        can_id, flags, length, text = match.groups()
+        fd = FDF | int(flags)
+    else:
         return None
-    can_id, length, text = match.groups()
     try:
         data = bytes.fromhex(text.decode())
     except ValueError:  # a byte of one digit
         data = bytes([int(byte, 16) for byte in text.split()])
     if len(data) != int(length):
         return None
-    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
+    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS, fd=fd)
+
+
+def is_fd_command(command: bytes) -> bool:
+    """Return True if a command is one of CAN FD."""
+    return command.startswith(b"< fdsend ")
+
+
+def is_fd_frame(text: bytes) -> bool:
+    """Return True if what a hub tells is a frame of CAN FD."""
+    return text.startswith(b"< fdframe ")
 
 
 def is_remote_request(command: bytes) -> bool:
@@ -69,17 +101,24 @@ def format_send(frame: Frame) -> bytes:
     """Return a client's command to send a frame; the protocol has no remote frames."""
     digits = b"%08X" if frame.is_extended else b"%03X"
     payload = frame.data.hex(" ").encode()
+    if frame.fd:
+        head = digits % frame.can_id, frame.fd, len(frame.data)
+        return b"< fdsend %b %X %d %b >" % (*head, payload)
     return b"< send %b %d %b >" % (digits % frame.can_id, len(frame.data), payload)
 
 
 def parse_frame(text: bytes) -> Frame | None:
     """Return the frame that a hub tells, given without its ">"; None where it is another word."""
-    match = _FRAME.fullmatch(text)
-    if match is None:
+    match, fd = _FRAME.fullmatch(text), 0
+    if match is not None:
+        can_id, payload = match.groups()
+    elif (match := _FD_FRAME.fullmatch(text)) is not None and len(match[3]) // 2 in FD_LENGTHS:
+        can_id, flags, payload = match.groups()
+        fd = FDF | int(flags)
+    else:
         return None
-    can_id, payload = match.groups()
     data = bytes.fromhex(payload.decode())
-    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
+    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS, fd=fd)
 
 
 def stamp_of(now: int) -> bytes:
@@ -90,6 +129,9 @@ def stamp_of(now: int) -> bytes:
 
 def format_frame(frame: Frame, stamp: bytes) -> bytes:
     """Return a hub's message of a frame to its clients, with the stamp of a time."""
-    can_id, data, _, is_extended, _ = frame
+    can_id, data, _, is_extended, _, fd = frame
+    if fd:
+        text = b"< fdframe %08X %02X %b %b >" if is_extended else b"< fdframe %03X %02X %b %b >"
+        return text % (can_id, fd, stamp, data.hex().upper().encode())
     text = b"< frame %08X %b %b >" if is_extended else b"< frame %03X %b %b >"
     return text % (can_id, stamp, data.hex().upper().encode())

@@ -15,7 +15,8 @@ class TransportCounters:
     Attributes:
         received: handed to the bench.
         sent: taken by the bus.
-        ignored: received, but no classical data or remote frame: CAN FD, error frames.
+        ignored: received, but no data or remote frame that the bus has: error frames, and CAN FD
+            on a classical bus.
         dropped: lost by the kernel because its receive buffer was full.
         send_failures: given up, since the bus did not take them.
         outages: how often the interface went down.

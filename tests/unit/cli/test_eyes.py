@@ -13,7 +13,7 @@ from support.scripted_bus import ScriptedBus
 from support.sdo_frames import MS, answer, heard, request, upload
 
 from hil_bench.abilities.eyes.verbs import listening
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
@@ -145,12 +145,14 @@ def test_a_log_that_is_cut_off_says_so(folder, capsys):
 
 def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder, capsys):
     error, fd = "(0.010000) can0 20000008#0000000000000000\n", "(0.011) can0 181##1AABB\n"
+    bad = f"(0.012) can0 181##1{'00' * 9}\n"
     with (folder / "t.log").open("a") as file:
-        file.write(error + fd)
+        file.write(error + fd + bad)
     assert main(["decode", "t.log"]) == 0
     shown, said = capsys.readouterr()
     assert "! error while receiving" in shown
-    assert "1 CAN FD frames left out" in said
+    assert "CAN FD     BRS 2 bytes [AA BB]" in shown
+    assert "line 13 is no frame of candump -L; left out" in said  # no DLC says 9 bytes
 
 
 def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys):
@@ -200,11 +202,11 @@ def test_monitor_says_what_it_hears_until_ctrl_c(capsys):
     shown = capsys.readouterr()
     assert main(["decode", "t.log", "bench.toml"]) == 0
     lines = shown.out.splitlines()
-    errors = [line for line in lines if line.endswith("! error frame")]
-    assert len(errors) == 1  # the log has none
+    errors = [line for line in lines if line.endswith("! error frame") or "CAN FD" in line]
+    assert len(errors) == 2  # the log has none of either
     assert [line for line in lines if line not in errors] == capsys.readouterr().out.splitlines()
     # 9 ms from the first frame to the last; a vcan has no bit rate.
-    assert shown.err.startswith("10 frames in 0.0 s on can0, 1 error frames, 1 CAN FD frames left")
+    assert shown.err.startswith("11 frames in 0.0 s on can0, 1 error frames, load")
 
 
 @pytest.mark.usefixtures("folder")
@@ -219,10 +221,14 @@ def test_record_writes_frames_and_values(folder, capsys):
     assert main(["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0"]) == 0
     shown = lines(capsys)
     assert shown[0] == "can0: recording 6 channels to r.mf4; Ctrl-C ends it"
-    assert "3 rows, 11 frames: r.mf4" in shown[1]  # ten and an error frame
-    assert shown[2:] == ["1 error frames", "1 CAN FD frames left out"]
+    assert "3 rows, 12 frames: r.mf4" in shown[1]  # ten, an error frame and one of CAN FD
+    assert shown[2:] == ["1 error frames"]
     assert read_recording(folder / "r.mf4")["valve.spool_set_point"][-1] == 0.25
-    times = [logged.now for logged in read_frames(folder / "r.mf4")]
+    frames = [*read_frames(folder / "r.mf4")]
+    assert [logged.frame for logged in frames if logged.frame.fd] == [
+        Frame(0, bytes(12), is_extended=True, fd=FDF)
+    ]
+    times = [logged.now for logged in frames if not logged.frame.fd]
     assert times == pytest.approx([number * MS for number in range(10)], abs=1000)
 
 
@@ -434,7 +440,7 @@ def test_monitor_explains_what_it_hears_as_explain_does(capsys):
     of_log = capsys.readouterr().out.splitlines()[3:]
     assert said.out.splitlines()[-len(of_log) :] == of_log
     assert "1. error frames" in said.out
-    assert said.err == "10 frames on can0, 1 error frames, 1 CAN FD frames left out\n"
+    assert said.err == "11 frames on can0, 1 error frames\n"
 
 
 def test_explain_judges_one_channel_and_says_so(tmp_path, monkeypatch, capsys):

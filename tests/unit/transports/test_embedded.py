@@ -1,7 +1,7 @@
 import can
 import pytest
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.outside.transports.embedded import LONGEST_WAIT, EmbeddedBus
 
 MS = 1_000_000
@@ -135,10 +135,26 @@ def test_the_bench_does_not_see_later_changes_of_a_message(make_bus):
 def test_what_a_classical_bus_cannot_carry_is_refused(make_bus, bad):
     bench = ScriptedBench()
     bus = make_bus(bench)
-    with pytest.raises(can.CanOperationError, match="no classical CAN"):
+    with pytest.raises(
+        can.CanOperationError, match=r"no CAN data or remote|the bus is classical CAN; fd = true"
+    ):
         bus.send(bad)
     bus.recv(0.001)
     assert bench.ticks == [(MS, [])]
+
+
+def test_a_bus_of_can_fd_carries_both_kinds_both_ways(make_bus):
+    long = Frame(0x123, bytes(range(64)), fd=FDF | BRS)
+    bench = ScriptedBench({MS: [long, Frame(0x181, b"a")]})
+    bus = make_bus(bench, fd=True)
+    bus.send(message(0x124, bytes(12), is_fd=True, error_state_indicator=True))
+    first, second = bus.recv(0.002), bus.recv(0.002)
+    assert bench.ticks == [(MS, [Frame(0x124, bytes(12), fd=FDF | ESI)])]
+    assert (first.is_fd, first.bitrate_switch, first.error_state_indicator) == (True, True, False)
+    assert (bytes(first.data), first.dlc) == (bytes(range(64)), 64)
+    assert (second.is_fd, second.arbitration_id) == (False, 0x181)
+    with pytest.raises(can.CanOperationError, match="no CAN data"):
+        bus.send(message(0x124, bytes(9), is_fd=True))
 
 
 def test_filters_let_only_the_matching_frames_through(make_bus):

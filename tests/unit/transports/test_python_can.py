@@ -3,9 +3,11 @@ import itertools
 import can
 import pytest
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.python_can import PythonCanTransport, frame_of, message_of
+from hil_bench.frame import FD_LENGTHS
+from hil_bench.outside.messages import frame_of, message_of
+from hil_bench.outside.transports.python_can import PythonCanTransport
 from hil_bench.outside.transports.transport import TransportCounters
 
 
@@ -62,6 +64,8 @@ def message(can_id, **fields):
         Frame(0x0),
         Frame(0x701, is_remote=True),
         Frame(0x1FFF_FFFF, b"\x01", is_extended=True),
+        *(Frame(0x123, bytes(n), fd=FDF | BRS) for n in FD_LENGTHS),
+        Frame(0x1FFF_FFFF, bytes(64), is_extended=True, fd=FDF | ESI),
     ],
 )
 def test_a_frame_survives_the_way_through_a_message(frame):
@@ -92,6 +96,20 @@ def test_what_is_no_classical_frame_is_ignored_and_counted(make_transport, forei
     transport, _ = make_transport(received=[foreign, message(2)])
     assert transport.receive(10) == [Frame(2)]
     assert transport.counters() == TransportCounters(received=1, ignored=1)
+
+
+def test_a_classical_bus_says_once_that_it_ignores_can_fd(make_transport, caplog):
+    foreign = [message(1, is_fd=True, data=bytes(64)), message(2, is_fd=True)]
+    transport, _ = make_transport(received=foreign)
+    transport.receive(10)
+    (record,) = caplog.records
+    assert "frames of CAN FD arrive and are ignored; fd = true" in record.getMessage()
+
+
+def test_a_bus_of_can_fd_takes_both_kinds():
+    bus = ScriptedBus([message(1, is_fd=True, data=bytes(64), bitrate_switch=True), message(2)])
+    transport = PythonCanTransport(bus, "a bus", speedup=8.0)
+    assert transport.receive(10) == [Frame(1, bytes(64), fd=FDF | BRS), Frame(2)]
 
 
 def test_a_flood_of_foreign_frames_is_bounded_too(make_transport):

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.patience import GUARD
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import BusError
+from hil_bench.frame import FD_LENGTHS
 from hil_bench.outside.transports.socketcan import (
     RETRY_LIMIT,
     SocketCanTransport,
@@ -31,6 +32,11 @@ EFF, RTR, ERR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 
 def can_frame(can_id, length, data=b""):
     return struct.pack("=IBBBB", can_id, length, 0, 0, 0) + data.ljust(8, b"\x00")
+
+
+def fd_frame(can_id, length, flags, data=b""):
+    """struct canfd_frame, as linux/can.h has it."""
+    return struct.pack("=IBBBB", can_id, length, flags, 0, 0) + data.ljust(64, b"\0")
 
 
 class FakeBus:
@@ -67,7 +73,20 @@ def wire():
         (Frame(5, is_remote=True, is_extended=True), can_frame(5 | RTR | EFF, 0)),
     ],
 )
-def test_a_frame_has_the_layout_of_struct_can_frame(frame, raw):
+def test_a_frame_has_the_layout_of_the_kernel(frame, raw):
+    assert pack_frame(frame) == raw
+    assert unpack_frame(raw) == frame
+
+
+@pytest.mark.parametrize(
+    ("frame", "raw"),
+    [
+        (Frame(0x123, b"", fd=FDF), fd_frame(0x123, 0, 4)),
+        (Frame(0x123, bytes(range(12)), fd=FDF | BRS), fd_frame(0x123, 12, 5, bytes(range(12)))),
+        (Frame(5, b"x" * 64, False, True, 0, FDF | ESI), fd_frame(5 | EFF, 64, 6, b"x" * 64)),
+    ],
+)
+def test_a_frame_of_can_fd_has_the_layout_of_the_kernel(frame, raw):
     assert pack_frame(frame) == raw
     assert unpack_frame(raw) == frame
 
@@ -79,16 +98,17 @@ def test_a_remote_frame_keeps_no_data_whatever_length_it_asks_for():
 @pytest.mark.parametrize(
     "raw",
     [
-        bytes(72),
-        can_frame(0x123, 8).ljust(72, b"\x00"),
+        fd_frame(0x123, 9, 0),
+        fd_frame(0x123, 65, 0),
+        fd_frame(0x123 | RTR, 0, 0),
         can_frame(0x004 | ERR, 8),
         can_frame(0x123, 9),
         b"",
         bytes(15),
     ],
-    ids=["fd", "fd with an identifier", "error", "length over 8", "empty", "short"],
+    ids=["fd of 9", "fd of 65", "fd remote", "error", "length over 8", "empty", "short"],
 )
-def test_what_is_no_classical_frame_is_none(raw):
+def test_what_is_no_frame_is_none(raw):
     assert unpack_frame(raw) is None
 
 
@@ -97,7 +117,7 @@ def test_any_bytes_give_a_legal_frame_or_none(raw):
     frame = unpack_frame(raw)
     if frame is not None:
         assert 0 <= frame.can_id <= (0x1FFF_FFFF if frame.is_extended else 0x7FF)
-        assert len(frame.data) <= 8
+        assert len(frame.data) in (FD_LENGTHS if frame.fd else range(9))
 
 
 def test_frames_arrive_in_order_and_not_more_than_the_limit(wire):
@@ -110,9 +130,9 @@ def test_frames_arrive_in_order_and_not_more_than_the_limit(wire):
     assert transport.counters() == TransportCounters(received=3)
 
 
-def test_error_and_fd_frames_are_counted_and_bound_the_work_too(wire):
+def test_error_frames_are_counted_and_bound_the_work_too(wire):
     transport, far = wire
-    for raw in (bytes(72), can_frame(4 | ERR, 8), can_frame(9, 0)):
+    for raw in (bytes(71), can_frame(4 | ERR, 8), can_frame(9, 0)):
         far.send(raw)
     assert transport.receive(2) == []
     assert transport.receive(2) == [Frame(9)]

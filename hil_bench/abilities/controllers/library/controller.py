@@ -119,7 +119,7 @@ class LibraryController:
         for start in range(0, len(received) or 1, _ROOM):
             part = received[start : start + _ROOM]
             place = 0
-            for time, (can_id, data, is_remote, is_extended, bus) in part:
+            for time, (can_id, data, is_remote, is_extended, bus, _) in part:
                 flags = is_extended * _EXTENDED | is_remote * _REMOTE
                 pack(self._received, place, time, can_id, bus, len(data), flags, data)
                 place += _FRAME.size
@@ -171,7 +171,7 @@ class LibraryController:
                 raise ControllerError(f"{self._path}: {wrong}")
             is_remote = bool(flags & _REMOTE)
             payload = b"" if is_remote else data[:length]
-            frame = make_frame(Frame, (can_id, payload, is_remote, is_extended, bus))
+            frame = make_frame(Frame, (can_id, payload, is_remote, is_extended, bus, 0))
             frames.append(make_timed(TimedFrame, (time, frame)))
         return frames
 

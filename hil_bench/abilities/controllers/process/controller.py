@@ -141,5 +141,5 @@ class ProcessController:
 
 
 def _is_sync(frame: Frame) -> bool:
-    can_id, _, is_remote, is_extended, bus = frame
-    return can_id == SYNC_COB_ID and not is_remote and not is_extended and not bus
+    can_id, _, is_remote, is_extended, bus, fd = frame
+    return can_id == SYNC_COB_ID and not (is_remote or is_extended or bus or fd)

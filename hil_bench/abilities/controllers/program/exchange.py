@@ -63,7 +63,7 @@ class Exchange:
     def grant(self, until: int, received: Iterable[TimedFrame]) -> None:
         """Give the program frames, at most `RING`, and time."""
         head = self._in_head
-        for time, (can_id, data, is_remote, is_extended, bus) in received:
+        for time, (can_id, data, is_remote, is_extended, bus, _) in received:
             flags = is_extended * _EXTENDED | is_remote * _REMOTE
             place = _IN + head % RING * _RECORD.size
             record = (time, can_id | flags, len(data), bus, data)
@@ -90,7 +90,7 @@ class Exchange:
             is_remote, is_extended = bool(can_id & _REMOTE), bool(can_id & _EXTENDED)
             data = b"" if is_remote else data[:length]
             identifier = can_id & (0x1FFF_FFFF if is_extended else 0x7FF)
-            fields = (identifier, data, is_remote, is_extended, bus)
+            fields = (identifier, data, is_remote, is_extended, bus, 0)
             sent.append(TimedFrame(time, make_frame(Frame, fields)))
             tail = tail + 1 & 0xFFFF_FFFF
         self._out_tail = tail

@@ -6,14 +6,14 @@ from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, f
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import emergency_text, is_error_reset
-from hil_bench.frame import frame_bits, is_error_frame
+from hil_bench.frame import bits_of, frame_bits, is_error_frame
 
 _WINDOW = 100_000_000
 _HIGH_LOAD = 0.8
 _BITS = [
-    [frame_bits(n, is_extended=is_extended) for n in range(65)] for is_extended in (False, True)
+    [frame_bits(n, is_extended=is_extended) for n in range(9)] for is_extended in (False, True)
 ]
-"""Bits of a frame by kind of identifier and data bytes."""
+"""Bits of a classical frame by kind of identifier and data bytes."""
 
 _MOST = 4096
 """Kinds of errors that are kept."""
@@ -94,12 +94,14 @@ class Load:
 
     Args:
         bitrate: of the bus [bit/s].
+        speedup: how many times faster the data phase of CAN FD is.
 
     Attributes:
         total: bits of all frames.
     """
 
-    def __init__(self, bitrate: int) -> None:
+    def __init__(self, bitrate: int, speedup: float = 1.0) -> None:
+        self._speedup = speedup
         self._most = bitrate * _WINDOW * 1e-9
         self._window = 0
         self._bits = 0.0
@@ -112,7 +114,10 @@ class Load:
         if window != self._window:
             self._end()
             self._window = window
-        bits = _BITS[frame.is_extended][len(frame.data)]
+        if frame.fd:
+            bits = bits_of(frame, self._speedup)
+        else:
+            bits = _BITS[frame.is_extended][len(frame.data)]
         self._bits += bits
         self.total += bits
 

@@ -63,15 +63,20 @@ class Explainer:
         known: the nodes that ought to be there.
         bitrate: of the bus [bit/s].
         ecus: the J1939 devices that ought to be there.
+        speedup: how many times faster the data phase of CAN FD is.
     """
 
     def __init__(
-        self, known: Iterable[KnownNode], bitrate: int, ecus: Iterable[KnownEcu] = ()
+        self,
+        known: Iterable[KnownNode],
+        bitrate: int,
+        ecus: Iterable[KnownEcu] = (),
+        speedup: float = 1.0,
     ) -> None:
         nodes = list(known)
         self._bitrate = bitrate
         self._decoder = Decoder(nodes, ecus)
-        self._load, self._silence, self._clock = Load(bitrate), Silence(), Clock()
+        self._load, self._silence, self._clock = Load(bitrate, speedup), Silence(), Clock()
         self._presence = Presence(self._decoder, nodes)
         self._watches: tuple[Watch, ...] = (
             self._presence,
@@ -159,6 +164,7 @@ def explain(
     known: Iterable[KnownNode],
     bitrate: int,
     ecus: Iterable[KnownEcu] = (),
+    speedup: float = 1.0,
 ) -> Explanation:
     """Explain a log: find its faults and their causes.
 
@@ -167,8 +173,9 @@ def explain(
         known: the nodes that ought to be there.
         bitrate: of the bus [bit/s].
         ecus: the J1939 devices that ought to be there.
+        speedup: how many times faster the data phase of CAN FD is.
     """
-    explainer = Explainer(known, bitrate, ecus)
+    explainer = Explainer(known, bitrate, ecus, speedup)
     for logged in frames:
         explainer.take(logged)
     return explainer.finish()

@@ -24,6 +24,7 @@ _COMMANDED: Final = 300_000_000
 """Time after an NMT command in which senders stop because they shall [ns]."""
 
 _MOST: Final = 4096
+_SENDER_OF_FD: Final = -1 - 0x100
 
 
 @dataclass(slots=True)
@@ -58,18 +59,19 @@ class Silence:
         silent = 0
         if gap > _SHORTEST and (senders := self._due(now, gap)):
             is_boot = frame.can_id & 0x780 == 0x700 and frame.data == b"\0"
-            if not is_boot or frame.is_extended:
+            if not is_boot or frame.is_extended or frame.fd:
                 self.gaps += 1
                 self._first = self._first or (now - gap, gap, senders)
                 silent = gap
                 for each in self._rhythms.values():
                     each.last += gap
-        if frame.can_id == 0 and not frame.is_extended:
+        if frame.can_id == 0 and not frame.is_extended and not frame.fd:
             self._commanded = now
-        rhythm = self._rhythms.get(frame.can_id)
+        key = -1 - frame.can_id if frame.fd else frame.can_id
+        rhythm = self._rhythms.get(key)
         if rhythm is None:
             if len(self._rhythms) < _MOST:
-                self._rhythms[frame.can_id] = _new(frame, now)
+                self._rhythms[key] = _new(frame, now)
             return silent
         interval, rhythm.last = now - rhythm.last, now
         period = rhythm.period
@@ -125,6 +127,8 @@ class Silence:
 
 
 def _new(frame: Frame, now: int) -> _Rhythm:
+    if frame.fd:  # nobody knows whose it is, so all of them are one sender's
+        return _Rhythm(now, _SENDER_OF_FD, is_heartbeat=False, is_sync=False)
     if frame.is_extended:
         return _Rhythm(now, -1 - (frame.can_id & 0xFF), is_heartbeat=False, is_sync=False)
     is_heartbeat = 0x700 < frame.can_id < 0x780

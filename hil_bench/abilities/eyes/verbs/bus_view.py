@@ -111,7 +111,7 @@ class BusView:
         for can_id, stream in sorted(self._state.streams.items()):
             period = stream.period
             table.add_row(
-                "29-bit" if can_id == EXTENDED else f"{can_id:03X}",
+                "29-bit" if can_id == EXTENDED else f"{stream.frame.can_id:03X}",
                 self._node_name(stream),
                 "not CANopen" if can_id == EXTENDED else stream.name,
                 str(len(stream.frame.data)),

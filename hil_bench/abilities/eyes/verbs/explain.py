@@ -64,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
         known_nodes(args, config),
         bitrate,
         known_ecus(args, config),
+        config.bus.speedup,
     )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")

@@ -139,10 +139,11 @@ def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
     found = []
     if left_out.error_frames:
         found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
-    if left_out.fd_frames:
-        found.append(f"{left_out.fd_frames} CAN FD frames left out")
+    if left_out.bad_lengths:
+        found.append(f"{left_out.bad_lengths} frames of a length that no DLC has left out")
     if left_out.damaged_lines:
-        told = f"line {left_out.first_damaged} is no frame of candump -L"
+        form = {".log": "candump -L", ".asc": "ASC"}[args.log.suffix.lower()]
+        told = f"line {left_out.first_damaged} is no frame of {form}"
         more = left_out.damaged_lines - 1
         found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
     if left_out.channels:

@@ -5,15 +5,18 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from hil_bench.bench.configuration.records import BusConfig
 from hil_bench.cli.exit_codes import interruption
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.transports.can_interfaces import has_fd
 from hil_bench.outside.transports.listener import Listener
 from hil_bench.outside.transports.opening import open_can_bus
 
 _POLL = 0.1
+_HEAR_FD = frozenset({"socketcan", "socketcand"})
 
 
 def add_duration_argument(parser: argparse.ArgumentParser, what: str) -> None:
@@ -44,11 +47,13 @@ def check_duration(args: argparse.Namespace) -> None:
 
 @contextmanager
 def open_listener(settings: BusConfig) -> Iterator[Listener]:
-    """Open a bus to listen to it.
+    """Open a bus to listen to it, to CAN FD, too, where its driver hears that without being asked.
 
     Yields:
         Who hears it.
     """
+    if settings.interface in _HEAR_FD and has_fd(str(settings.channel)) is not False:
+        settings = replace(settings, fd=True)
     bus, what = open_can_bus(*settings.address)
     with bus:
         yield Listener(bus, what)

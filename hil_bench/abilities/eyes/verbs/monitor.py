@@ -24,7 +24,7 @@ from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.frame import frame_bits
+from hil_bench.frame import bits_of
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
 from hil_bench.outside.transports.listener import loss_words
 
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         say_assumed(args, config)
         for logged in heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
-            bits += frame_bits(len(logged.frame.data), is_extended=logged.frame.is_extended)
+            bits += bits_of(logged.frame, config.bus.speedup)
             lines.show(map(dbc.explain, decoder.take(logged)))
         lines.show(decoder.finish())
         losses = loss_words(listener.losses)

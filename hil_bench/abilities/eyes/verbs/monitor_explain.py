@@ -28,7 +28,8 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     At the end stands what `hil-bench explain` says of the same frames.
     """
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    explainer = Explainer(known_nodes(args, config), bitrate, known_ecus(args, config))
+    known, ecus = known_nodes(args, config), known_ecus(args, config)
+    explainer = Explainer(known, bitrate, ecus, config.bus.speedup)
     say = DbcMessages(args.dbc).explain
     live, last = LiveFindings(explainer), time.monotonic_ns()
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
+from hil_bench.canopen_device.frame import BRS, ESI
 from hil_bench.canopen_device.words import is_error_reset
 from hil_bench.devices.j1939.identifier import DM1
 
@@ -109,6 +110,9 @@ def _as_json(sight: Sight) -> str:
             "id": frame.can_id,
             "is_extended": frame.is_extended,
             "is_remote": frame.is_remote,
+            "is_fd": frame.fd != 0,
+            "has_brs": frame.fd & BRS != 0,
+            "has_esi": frame.fd & ESI != 0,
             "data": frame.data.hex(),
             "service": sight.service.value,
             "name": sight.name,

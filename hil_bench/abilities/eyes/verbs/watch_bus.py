@@ -26,7 +26,8 @@ def watch_bus(args: argparse.Namespace, console: "Console") -> int:
 
     config = seen_from_bus(args, load_bench_config(args))
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    state = BusState(Decoder(known_nodes(args, config), known_ecus(args, config)), bitrate)
+    decoder = Decoder(known_nodes(args, config), known_ecus(args, config))
+    state = BusState(decoder, bitrate, config.bus.speedup)
     with open_listener(config.bus) as listener, interruption() as interrupted:
         view = BusView(bitrate, listener, state)
         moments = hear(listener, state, monotonic)

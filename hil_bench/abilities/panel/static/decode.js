@@ -45,8 +45,9 @@ export class Decoder {
   }
 
   use(frame) {
-    const pdo = frame.isExtended ? undefined : this.pdos.get(`${frame.bus}:${frame.id}`);
+    const pdo = frame.isExtended || frame.fd ? undefined : this.pdos.get(`${frame.bus}:${frame.id}`);
     if (pdo) return `${pdo.node} ${pdo.pdo}`;
+    if (frame.fd) return "CAN FD";
     if (frame.isExtended) return this.j1939Use(frame);
     if (frame.id in BROADCASTS) return BROADCASTS[frame.id];
     const [use, node] = [FUNCTIONS[frame.id & 0x780], frame.id & 0x7f];
@@ -73,9 +74,9 @@ export class Decoder {
   meaning(frame) {
     if (frame.isRemote) return "remote request";
     const bytes = Uint8Array.from(frame.data.match(/../g) ?? [], (pair) => parseInt(pair, 16));
-    const pdo = frame.isExtended ? undefined : this.pdos.get(`${frame.bus}:${frame.id}`);
+    const pdo = frame.isExtended || frame.fd ? undefined : this.pdos.get(`${frame.bus}:${frame.id}`);
     if (pdo) return pdo.signals.map((signal) => signalText(signal, bytes)).join(", ");
-    const use = frame.isExtended ? "" : (BROADCASTS[frame.id] ?? FUNCTIONS[frame.id & 0x780] ?? "");
+    const use = frame.isExtended || frame.fd ? "" : (BROADCASTS[frame.id] ?? FUNCTIONS[frame.id & 0x780] ?? "");
     if (use === "NMT" && bytes.length === 2) {
       return `${NMT[bytes[0]] ?? `command ${bytes[0]}`}, ${bytes[1] ? `node ${bytes[1]}` : "all nodes"}`;
     }

@@ -109,10 +109,10 @@ export class Model {
   }
 
   takeFrames(frames) {
-    for (const [time, bus, way, id, data, isExtended, isRemote] of frames) {
-      const frame = { time, bus, way, id, data, isExtended, isRemote };
+    for (const [time, bus, way, id, data, isExtended, isRemote, fd] of frames) {
+      const frame = { time, bus, way, id, data, isExtended, isRemote, fd };
       this.frames.push(frame);
-      const key = `${bus}:${id}:${way}:${isExtended}`;
+      const key = `${bus}:${id}:${way}:${isExtended}:${fd > 0}`;
       const sender = this.senders.get(key) ?? { count: 0, times: [], frame };
       sender.count += 1;
       sender.frame = frame;

@@ -122,7 +122,8 @@ def _toml_lines(config: BenchConfig) -> Iterator[str]:
 def _line(setting: Setting) -> str:
     name = setting.key.name
     if setting.value is None:
-        why = "left to python-can" if setting.table.startswith(_BUS_TABLES) else "none"
+        is_bus = setting.table.startswith(_BUS_TABLES) and name != "data_bitrate"
+        why = "left to python-can" if is_bus else "none"
         return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
     if setting.origin is Origin.DATA_SHEET:  # once more as a value it would be given twice
         value = _toml_value(setting.value)

@@ -12,7 +12,7 @@ import os
 import random
 import shutil
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import can
@@ -295,12 +295,17 @@ def modbus(directory: Path) -> None:
         (directory / "answers.txt").write_text("\n".join(lines))
 
 
+def frame_lines(frames: Iterable[object]) -> str:
+    """Return frames as text, a classical one as before there was a field for CAN FD."""
+    return "\n".join(str(frame).replace(", fd=0)", ")") for frame in frames)
+
+
 def lockstep_firmware(directory: Path) -> None:
     """Let the example's controller in C move the axis in lock-step over the hub."""
     frames, signals = run_session(build_controller(directory), HUB, "30,-10", directory)
     for path in directory.iterdir():
         path.unlink()
-    (directory / "frames.txt").write_text("\n".join(map(str, frames)))
+    (directory / "frames.txt").write_text(frame_lines(frames))
     (directory / "signals.bin").write_bytes(signals.tobytes())
 
 

@@ -16,7 +16,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as pytest does by `pythonpath`
 
-from golden.runs import RUNS, at_root
+from golden.runs import RUNS, at_root, frame_lines
 
 import hil_bench
 from hil_bench.outside.recording.files import read_recording
@@ -30,7 +30,7 @@ PACKED = {".blf", ".mf4"}
 def digest(path: Path) -> str:
     """Return the SHA-256 of what a file holds, whichever version of the bench wrote it."""
     if path.suffix in PACKED:
-        content = "\n".join(map(str, read_frames(path))).encode()
+        content = frame_lines(read_frames(path)).encode()
         if path.suffix == ".mf4":
             content += read_recording(path).tobytes()
     else:

@@ -204,7 +204,6 @@ def _check_data_bitrate(table: str, bus: Settings, problems: Problems) -> None:
 def _build_bus(bus: Settings, wire: BusTable | None) -> BusConfig:
     """Return the record of a checked bus."""
     known = {name: bus[name].value for name in _KNOWN}
-    known["fd"] = bool(known["fd"])
     options = {name: setting.value for name, setting in bus.items() if name not in known}
     return BusConfig(**known, options=options, wire=wire.build() if wire else None)
 

@@ -123,7 +123,7 @@ BUS_KEYS = (
     Key("interface", interface),
     Key("channel", channel),
     Key("bitrate", integer(1, 1_000_000)),
-    Key("fd", boolean),
+    Key("fd", boolean, default=False),
     Key("data_bitrate", integer(1, 12_000_000)),
 )
 

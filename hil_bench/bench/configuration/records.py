@@ -62,7 +62,7 @@ class BusConfig:
 
     @property
     def speedup(self) -> float:
-        """How many times faster the data phase of CAN FD is than the rest."""
+        """The data bit rate of CAN FD over the bit rate; 1 where both are the same."""
         return (self.data_bitrate or 0) / (self.bitrate or USUAL_BITRATE) or 1.0
 
 

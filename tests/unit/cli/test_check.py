@@ -19,7 +19,7 @@ def test_each_value_is_shown_with_its_origin(
     assert main(["check", "bench.toml", "-c", "vcan0", "--bus-kwargs", "port=5"]) == 0
 
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert lines[:19] == [
+    assert lines[:21] == [
         "# bench.toml",
         "",
         "[bench]",
@@ -37,6 +37,8 @@ def test_each_value_is_shown_with_its_origin(
         "# interface = # left to python-can",
         'channel = "vcan0" # command line',
         "# bitrate = # left to python-can",
+        "fd = false # default",
+        "# data_bitrate = # none",
         "port = 5 # command line",
         "",
     ]
@@ -175,13 +177,30 @@ def test_many_deviations_of_an_eds_are_counted(
     )
 
 
-@pytest.mark.parametrize("option", ["--fd", "--data-bitrate=2000000"])
-def test_can_fd_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", option]) == 2
-    assert capsys.readouterr().err == (
-        f"hil-bench: error: {option.partition('=')[0]}: CANopen is classical CAN; "
-        "give -b or leave it out\n"
-    )
+def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["check", "-b", "500000", "--fd", "--data-bitrate=2000000"]) == 0
+    shown = capsys.readouterr().out
+    bus = tomllib.loads(shown)["bus"]
+    assert (bus["bitrate"], bus["fd"], bus["data_bitrate"]) == (500_000, True, 2_000_000)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--data-bitrate=2000000"], "the bus is classical, and has one bit rate; give fd = true"),
+        (["--fd", "--data-bitrate=900000"], "900000 is less than the bit rate; give 1000000 or"),
+        (["--timing", "f_clock=8000000"], "--timing: bit timing is the adapter's; give -b or"),
+    ],
+)
+def test_what_no_bus_can_be_is_refused_in_a_line(
+    options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", *options]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
 
 
 NONSENSE = "[plant.axis1]\nsupply_pressure_bar = 21000000\n"

@@ -91,7 +91,7 @@ def test_frames_go_both_ways(loop):
     asked, answered = of("frames", wire.lines())
     (ask,), (answer,) = asked["frames"], answered["frames"]
     # CiA 301, 7.2.4.3.5: upload of 0x1000:00 from node 1.
-    assert ask[1:] == [0, "in", 0x601, "4000100000000000", False, False]
+    assert ask[1:] == [0, "in", 0x601, "4000100000000000", False, False, 0]
     assert answer[1:4] == [0, "out", 0x581]
 
 

@@ -6,6 +6,7 @@ name is asked for that the bench itself does not have, and imported only when it
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from hil_bench.errors import ConfigError
@@ -124,6 +125,21 @@ class Registry(Generic[T]):
         if fault := self._find_fault(found):
             raise ConfigError(f"{place} {fault}")
         return found
+
+
+def owner_of(error: BaseException) -> str:
+    """Return the distribution in whose code an error arose; empty where that extends no bench."""
+    from importlib.metadata import distributions  # noqa: PLC0415 - slow, and seldom needed
+
+    owners = {
+        point.module.partition(".")[0]: _distribution(point)
+        for each in distributions()
+        for point in each.entry_points
+        if point.group.startswith("hil_bench.")
+    }
+    modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
+    packages = [name.partition(".")[0] for name in reversed(modules)]
+    return next((owners[name] for name in packages if name in owners), "")
 
 
 def find_twice(names: Iterable[str]) -> str | None:

@@ -1,24 +1,34 @@
 """Finds what of a bench may have faults, and under which names."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.bench.segment import Segment
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.ecu_point import EcuPoint
-from hil_bench.devices.faults.effects import (
-    DefectPoint,
-    Enabled,
-    SensorPoint,
-    SpoolPoint,
-    SupplyPoint,
-)
+from hil_bench.devices.faults.ecu_kinds import ECUS, SIGNALS
+from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.points import FaultPoints
+from hil_bench.devices.faults.points import (
+    ENABLES,
+    NODES,
+    PLANTS,
+    SENSORS,
+    SUPPLIES,
+    VALVES,
+    WIRED,
+    FaultPoints,
+    NodePoint,
+)
 from hil_bench.devices.faults.wire_point import WirePoint
+from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
+
+_RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
 
 def find_fault_points(
@@ -37,49 +47,54 @@ def find_fault_points(
     devices of `segments` have lines of their own.
     `supplies` are those that axes share.
     """
-    by_name = {axis.name: axis for axis in axes}
-    sensors: dict[str, SensorPoint] = {}
-    valves: dict[str, SpoolPoint] = {}
+    points = FaultPoints()
+    _add_signals(points, {axis.name: axis for axis in axes}, fittings)
+    held, worn = points.of(SUPPLIES), points.of(PLANTS)
+    for axis in axes:
+        for influence in axis.influences:
+            if influence.name == SUPPLY:
+                held[axis.name] = SupplyPoint(axis.plant, influence.low)
+        worn[axis.name] = DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
+    for supply in supplies:
+        held[supply.name] = SupplyPoint(supply, supply.lowest)
+        worn[supply.name] = DefectPoint(supply, {each.name: each for each in supply.defects}, {})
+    for name, node in nodes.items():
+        reset = partial(node.receive, _RESET)
+        points.of(NODES)[name] = NodePoint(node, reset, reset, buses[name])
+    points.of(WIRED).update(wires)
+    for station in (station for segment in segments for station in segment.stations):
+        name, ecu = station.name, station.ecu
+        off = partial(_stop, ecu)
+        points.of(NODES)[name] = NodePoint(ecu, off, ecu.start, buses[name], station.line)
+        points.of(ECUS)[name] = ecu
+        points.of(SIGNALS).update(
+            {f"{name}.{each}": signal for each, signal in station.signals.items()}
+        )
+    return points
+
+
+def _add_signals(
+    points: FaultPoints, axes: Mapping[str, Axis], fittings: Mapping[str, Fitting]
+) -> None:
+    """Add sensors and valves of devices."""
+    sensors, valves, enables = points.of(SENSORS), points.of(VALVES), points.of(ENABLES)
     for fitting in fittings.values():
         sensors |= {sensor.name: sensor_point(sensor) for _, sensor in fitting.sensors}
     for name, fitting in fittings.items():
-        points = {sensor.name: sensor_point(sensor) for _, sensor in fitting.sources}
-        sensors |= points
-        if len(points) == 1:
-            sensors.setdefault(name, next(iter(points.values())))
-        drives = {
-            drive.name: spool_point(by_name[drive.axis], drive.enable) for drive in fitting.drives
-        }
-        if len(drives) == 1:
-            drives.setdefault(name, next(iter(drives.values())))
-        valves |= drives
-    return FaultPoints(
-        sensors=sensors,
-        valves=valves,
-        supplies={
-            axis.name: SupplyPoint(axis.plant, influence.low)
-            for axis in axes
-            for influence in axis.influences
-            if influence.name == SUPPLY
-        }
-        | {supply.name: SupplyPoint(supply, supply.lowest) for supply in supplies},
-        plants={
-            axis.name: DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
-            for axis in axes
-        }
-        | {
-            supply.name: DefectPoint(supply, {each.name: each for each in supply.defects}, {})
-            for supply in supplies
-        },
-        nodes=nodes,
-        buses=buses,
-        wires=wires,
-        ecus={
-            station.name: EcuPoint(station.ecu, station.line, station.signals)
-            for segment in segments
-            for station in segment.stations
-        },
-    )
+        sources = {sensor.name: sensor_point(sensor) for _, sensor in fitting.sources}
+        sensors |= sources
+        if len(sources) == 1:
+            sensors.setdefault(name, next(iter(sources.values())))
+        for drive in fitting.drives:
+            names = [drive.name, name] if len(fitting.drives) == 1 else [drive.name]
+            for each in names:
+                valves.setdefault(each, spool_point(axes[drive.axis]))
+                if drive.enable is not None:
+                    enables.setdefault(each, drive.enable)
+
+
+def _stop(ecu: Ecu, _now: int) -> None:
+    ecu.stop()
 
 
 def sensor_point(sensor: Measurement) -> SensorPoint:
@@ -87,21 +102,16 @@ def sensor_point(sensor: Measurement) -> SensorPoint:
     return SensorPoint(sensor.path, sensor.rate_path)
 
 
-def spool_point(axis: Axis, enable: Enabled | None) -> SpoolPoint:
+def spool_point(axis: Axis) -> SpoolPoint:
     """Return the point at which faults act on the valve of an axis."""
     return SpoolPoint(
         axis.command_path,
         lambda: axis.plant.output[axis.follower],
-        enable,
         axis.valve.full_opening,
     )
 
 
 def schedule_faults(faults: Faults, configs: Sequence[FaultConfig]) -> None:
     """Make the faults of a configuration."""
-    for config in configs:
-        when = {"at": config.at}
-        if config.duration is not None:
-            when["duration"] = config.duration
-        make = getattr(faults, config.kind.value)
-        make(config.target, **config.values, **when)
+    for each in configs:
+        faults.begin(each.kind, each.target, at=each.at, duration=each.duration, **each.values)

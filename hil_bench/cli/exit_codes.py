@@ -23,6 +23,7 @@ from hil_bench.errors import (
     TimingError,
     WaitTimeoutError,
 )
+from hil_bench.registry import owner_of
 
 # Exit codes of `hil-bench`: their meanings, their order of severity, and the end of a verb.
 
@@ -45,7 +46,7 @@ class ExitCode(IntEnum):
     INCONCLUSIVE = 6
     """The verb ran, but what it was to check could not be seen."""
     INTERNAL = 70
-    """A bug of hil-bench itself (EX_SOFTWARE of the BSD ``sysexits``)."""
+    """A bug of hil-bench itself, or of what extends it (EX_SOFTWARE of the BSD ``sysexits``)."""
     INTERRUPTED = 130
     """Ended by Ctrl-C before it was done (128 + SIGINT, as shells count)."""
 
@@ -113,7 +114,8 @@ def report_error(error: Exception, *, verbosity: int) -> ExitCode:
         if not error.filename:
             discard_output()
     else:
-        text = f"{type(error).__name__}: {error}"
+        owner = owner_of(error)
+        text = f"{owner}: " * bool(owner) + f"{type(error).__name__}: {error}"
         if verbosity < 2:
             text += "; this is a bug, please report it with the output of the same command and -vv"
     for line in text.splitlines():

@@ -153,17 +153,30 @@ def integer(low: int, high: int | None = None) -> Reader:
     return read
 
 
-def choice(choices: Iterable[str]) -> Reader:
-    """Return a reader of words, which may be the values of an enumeration."""
-    known = ", ".join(f'"{word}"' for word in choices)
+class choice:  # noqa: N801 - reads like the functions beside it
+    """A reader of words.
 
-    def read(value: object) -> str:
-        for word in choices:
+    Args:
+        words: to choose from, which may be the values of an enumeration.
+
+    Attributes:
+        words: as passed in.
+    """
+
+    def __init__(self, words: Iterable[str]) -> None:
+        self.words = tuple(words)
+
+    def __call__(self, value: object) -> str:
+        """Return the word that a value is.
+
+        Raises:
+            ConfigError: it is another one.
+        """
+        for word in self.words:
             if word == value:
                 return word
+        known = ", ".join(f'"{word}"' for word in self.words)
         raise ConfigError(f"{describe(value)} is unknown; give one of {known}")
-
-    return read
 
 
 def boolean(value: object) -> bool:

@@ -6,12 +6,12 @@
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
 from hil_bench.canopen_device.datatypes import Value
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.verbs import Verbs
 from hil_bench.errors import ConfigError
 from hil_bench.outside.feed.client import TIMEOUT, BenchEndError, FeedClient, connect
 from hil_bench.outside.feed.messages import pack_value, unpack_value
@@ -61,7 +61,7 @@ class AttachedFault:
             self._client.request("clear_fault", number=self.number)
 
 
-class AttachedFaults:
+class AttachedFaults(Verbs[AttachedFault]):
     """The faults of an attached bench, with the verbs of `hil_bench.Faults`.
 
     Args:
@@ -71,25 +71,7 @@ class AttachedFaults:
     def __init__(self, client: FeedClient) -> None:
         self._client = client
 
-    def __getattr__(self, verb: str) -> Callable[..., AttachedFault]:
-        """Return a verb, as in ``bench.faults.freeze("pressure_a", duration=1.0)``.
-
-        Raises:
-            AttributeError: there is no such kind of fault.
-        """
-        if verb not in [*FaultKind]:
-            raise AttributeError(f"no fault is called {verb}; there are {', '.join(FaultKind)}")
-
-        def begin(target: str, **arguments: object) -> AttachedFault:
-            return self.begin(verb, target, **arguments)
-
-        return begin
-
-    def __dir__(self) -> list[str]:
-        """Return the verbs too."""
-        return [*super().__dir__(), *FaultKind]
-
-    def begin(self, kind: str, target: str, **arguments: object) -> AttachedFault:
+    def begin(self, kind: str, target: str, /, **arguments: object) -> AttachedFault:
         """Begin a fault with the next tick.
 
         Args:

@@ -3,16 +3,15 @@
 Each command is a record of plain values, so that it can come from another process.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from hil_bench.bench.bench import Bench
 from hil_bench.canopen_device.datatypes import Value
-from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.registry import find_fault_kind
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import Influence
 from hil_bench.session.journal import Journal
@@ -109,7 +108,7 @@ class Command(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class BeginFault:
-    """Begin a fault, as the verb of its kind does: `hil_bench.devices.faults.faults.Faults`.
+    """Begin a fault, as `hil_bench.Faults.begin` does.
 
     Attributes:
         kind: of the fault.
@@ -117,7 +116,7 @@ class BeginFault:
         arguments: further arguments of the verb, such as ``{"amount": 2e6, "duration": 0.5}``.
     """
 
-    kind: FaultKind | str
+    kind: str
     target: str
     arguments: Mapping[str, object] = field(default_factory=dict)
 
@@ -127,13 +126,13 @@ class BeginFault:
         Raises:
             ConfigError: no such kind, target or argument; it says what would be right.
         """
-        kind = find_kind(self.kind)
+        find_fault_kind(self.kind)
         controls.check_room(now)
-        begin = getattr(controls.bench.part(Faults), kind.value)
+        begin: Callable[..., Fault] = controls.bench.part(Faults).begin
         try:
-            fault: Fault = begin(self.target, **self.arguments)
+            fault = begin(self.kind, self.target, **self.arguments)
         except TypeError as error:
-            raise ConfigError(f"fault {kind} {self.target}: {error}") from None
+            raise ConfigError(f"fault {self.kind} {self.target}: {error}") from None
         return controls.keep(fault, now)
 
 

@@ -3,13 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.bench.configuration.faults import check_effect
 from hil_bench.config.settings import Given, Key, Origin, Problems, convert, read_table
-from hil_bench.devices.faults.checks import find_kind
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.kind import UNITS, FaultKind
+from hil_bench.devices.faults.registry import COMMON_KEYS, LASTS_KEY, find_fault_kind
 from hil_bench.errors import ConfigError
-from hil_bench.units import BAR, DEGREE, MILLIMETRE, PERCENT
 
 
 def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[str, Any]:
@@ -19,10 +17,10 @@ def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[
         table: kind, target and the other keys of ``[[faults]]``.
         hello: what the bench says of itself.
     """
-    kind = find_kind(table["kind"])
-    keys = (*COMMON_KEYS, *OWN_KEYS[kind])
+    kind = find_fault_kind(table["kind"])
+    keys = (*COMMON_KEYS, *kind.keys)
     given = {
-        key: Given(value, Origin.COMMAND_LINE, f"fault {kind} {key}")
+        key: Given(value, Origin.COMMAND_LINE, f"fault {kind.name} {key}")
         for key, value in table.items()
     }
     problems = Problems("fault")
@@ -32,23 +30,20 @@ def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[
     problems.raise_any()
     chosen = [key for key in keys if key.name in table and key.name not in {"kind", "target"}]
     _check_unit(kind, str(table["target"]), [key.name for key in chosen], hello)
-    return {"kind": kind, "target": table["target"], "arguments": convert(settings, chosen)}
+    return {"kind": kind.name, "target": table["target"], "arguments": convert(settings, chosen)}
 
 
 def fault_keys(kind: FaultKind, target: str, hello: Mapping[str, Any]) -> list[Key]:
     """Return the keys of a kind beside the common ones, in the unit of what the target measures."""
-    keys = [*OWN_KEYS[kind]]
     unit = measured_suffix(target, hello)
-    return [
-        key for key in keys if not key.name.startswith(f"{kind}_") or not unit or unit in key.name
-    ]
+    return [key for key in kind.keys if key not in kind.amounts or not unit or unit in key.name]
 
 
 def fault_table(fields: Mapping[str, Any], hello: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of ``[[faults]]`` for the fields of a request, its time left out."""
-    kind, arguments = FaultKind(fields["kind"]), fields.get("arguments", {})
-    keys = [COMMON_KEYS[-1], *fault_keys(kind, fields["target"], hello)]
-    table: dict[str, Any] = {"kind": kind.value, "target": fields["target"]}
+    kind, arguments = find_fault_kind(fields["kind"]), fields.get("arguments", {})
+    keys = [LASTS_KEY, *fault_keys(kind, fields["target"], hello)]
+    table: dict[str, Any] = {"kind": kind.name, "target": fields["target"]}
     for key in keys:
         value = arguments.get(key.field or key.name)
         if value is not None:
@@ -59,25 +54,24 @@ def fault_table(fields: Mapping[str, Any], hello: Mapping[str, Any]) -> dict[str
 
 def measured_suffix(target: str, hello: Mapping[str, Any]) -> str:
     """Return the suffix of the unit of what a sensor measures; empty where it is none."""
-    units = dict(hello["channels"])
-    unit = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE, "-": PERCENT}.get(
-        units.get(f"{target}.measured", "")
-    )
+    unit = UNITS.get(dict(hello["channels"]).get(f"{target}.measured", ""))
     return "" if unit is None else unit.suffix
 
 
-def _check_unit(kind: str, target: str, names: Sequence[str], hello: Mapping[str, Any]) -> None:
+def _check_unit(
+    kind: FaultKind, target: str, names: Sequence[str], hello: Mapping[str, Any]
+) -> None:
     """Check that an amount is in the unit of what the sensor measures.
 
     Raises:
         ConfigError: it is not.
     """
-    suffix = measured_suffix(target, hello)
-    known = [key.name for key in OWN_KEYS[FaultKind(kind)] if key.name.startswith(f"{kind}_")]
+    suffix, known = measured_suffix(target, hello), [key.name for key in kind.amounts]
     if not suffix or not known:
         return
     (right,) = (name for name in known if suffix in name)
     for name in set(names).intersection(known) - {right}:
-        raise ConfigError(f"fault {kind} {target}: {name} is not what it measures; give {right}")
+        wrong = f"{name} is not what it measures; give {right}"
+        raise ConfigError(f"fault {kind.name} {target}: {wrong}")
     if right not in names:
-        raise ConfigError(f"fault {kind} {target}: give {right}=1, for example")
+        raise ConfigError(f"fault {kind.name} {target}: give {right}=1, for example")

@@ -7,7 +7,7 @@ from hil_bench.config.settings import Key, Problems, Settings, convert
 from hil_bench.config.values import number
 from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.page import Page
-from hil_bench.plants.quantity import Quantity, Shown
+from hil_bench.plants.quantity import Influence, Quantity, Shown
 from hil_bench.units import (
     KILOGRAM,
     MILLIMETRE,
@@ -61,6 +61,11 @@ class SpringConfig(AxisConfig):
         """The largest force [N]."""
         return self.force
 
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """The share of its stiffness that the spring has lost."""
+        return (Influence("lost_stiffness", "-", 0.0, 1.0),)
+
     def limits(self, quantity: str) -> tuple[float, float]:
         """Return the ends of the travel, for the position."""
         if quantity == "position":
@@ -76,6 +81,7 @@ class MassOnSpring:
         self._x = start.get("position", config.position)
         self._v = start.get("speed", 0.0)
         self._force = 0.0
+        self._stiffness = config.stiffness
 
     @property
     def output(self) -> tuple[float, float, float]:
@@ -87,7 +93,7 @@ class MassOnSpring:
         config, dt = self._config, self._dt
         x, v = self._x, self._v
         for _ in range(steps):
-            v += (command - config.damping * v - config.stiffness * x) / config.mass * dt
+            v += (command - config.damping * v - self._stiffness * x) / config.mass * dt
             x += v * dt
         self._x, self._v, self._force = x, v, command
         return x, v, command
@@ -98,7 +104,8 @@ class MassOnSpring:
         self._v = values.get("speed", self._v)
 
     def influence(self, name: str, value: float | None) -> None:
-        """Nothing acts on it from outside, so nobody asks."""
+        """Let the spring lose a share of its stiffness, the only thing that acts on it."""
+        self._stiffness = self._config.stiffness * (1.0 - (value or 0.0))
 
 
 class MassOnSpringKind(PlantKind[SpringConfig]):

@@ -40,7 +40,7 @@ from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.config.document import Document, check_tables, give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.registry import find_fault_kind, kind_name
 from hil_bench.errors import ConfigError
 
 _TABLES = ("controller", "parameters", "step", "expect")
@@ -239,13 +239,9 @@ class StepReader:
 
     def _read_fault(self, table: str, values: Mapping[str, object]) -> list[Step]:
         try:
-            keys = fault_step_keys(FaultKind(str(values["fault"])))
-        except ValueError:
-            known = ", ".join(FaultKind)
-            place = self._problems.place(table, "fault")
-            self._problems.add(
-                place, f"{describe(values['fault'])} is unknown; give one of {known}"
-            )
+            keys = fault_step_keys(find_fault_kind(kind_name(values["fault"])))
+        except ConfigError as error:
+            self._problems.add(self._problems.place(table, "fault"), error)
             return []
         found = self._settings(table, values, keys)
         if len(found) < len(keys):
@@ -259,7 +255,7 @@ class StepReader:
         return [
             FaultStep(
                 found["at_s"].value,
-                found["fault"].value.value,
+                found["fault"].value,
                 found["target"].value,
                 tuple(sorted(own.items())),
             )

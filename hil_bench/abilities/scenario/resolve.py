@@ -24,13 +24,12 @@ from hil_bench.abilities.scenario.records import (
 )
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.bench.configuration.faults import build_fault, check_amount, check_effect
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import give
 from hil_bench.config.settings import Origin, Problems, read_table
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.faults.kinds import SENSOR_KINDS, FaultKind
+from hil_bench.devices.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session
 from hil_bench.units import ONE, Unit
@@ -248,11 +247,11 @@ class _Resolver:
         own = {name: self._in_unit_of(name, value) for name, value in step.values}
         given = {"kind": step.kind, "target": step.target, "at_s": self._number(step.at), **own}
         problems = Problems(self._source)
-        keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(step.kind)])
+        keys = (*COMMON_KEYS, *find_fault_kind(step.kind).keys)
         table = f"step {step.kind} {step.target}"
         found = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
         problems.raise_any()
-        if FaultKind(step.kind) in SENSOR_KINDS and step.target in self._sensor_units:
+        if step.target in self._sensor_units:
             check_amount(found, self._sensor_units[step.target], problems)
         literal = [name for name, value in step.values if not isinstance(value, Reference)]
         check_effect(found, problems, literal)

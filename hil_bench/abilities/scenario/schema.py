@@ -7,10 +7,10 @@ from typing import Final
 from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.scenario.records import NmtVerb
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, describe, number, text, texts
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.kind import FaultKind
+from hil_bench.devices.faults.registry import COMMON_KEYS, all_kinds, kind_name
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 
@@ -86,8 +86,8 @@ STEP_KINDS: Final = ("set", "fault", "nmt", "sync", "firmware")
 def fault_step_keys(kind: FaultKind) -> tuple[Key, ...]:
     """Return the keys of a step that is a fault."""
     common = {key.name: key for key in COMMON_KEYS}
-    named = Key("fault", choice(FaultKind))
-    return (AT_KEY, named, common["target"], common["for_s"], *OWN_KEYS[kind])
+    named = Key("fault", kind_name)
+    return (AT_KEY, named, common["target"], common["for_s"], *kind.keys)
 
 
 # A JSON schema of scenario files, made from their keys: editors complete and check by it.
@@ -161,12 +161,12 @@ def _steps() -> Iterable[_Schema]:
         forms = {**_STEP_FORMS, "set": what}
         required = [key.name for key in keys if key.default is None]
         yield {**_table(keys, forms, _ANY, required), "title": f"{kind} ({form})"}
-    for fault in FaultKind:
-        forms = {**_STEP_FORMS, "fault": {"const": fault.value}}
+    for fault in all_kinds():
+        forms = {**_STEP_FORMS, "fault": {"const": fault.name}}
         keys = fault_step_keys(fault)
         yield {
             **_table(keys, forms, _ANY, ["at_s", "fault", "target"]),
-            "title": f"fault {fault.value}",
+            "title": f"fault {fault.name}",
         }
 
 

@@ -1,8 +1,9 @@
 """Parameters and steps of a scenario that do nothing."""
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
 from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
@@ -12,7 +13,8 @@ from hil_bench.abilities.scenario.targets import MODBUS
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
-from hil_bench.devices.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
+from hil_bench.devices.faults.points import SENSORS, VALVES, Group
+from hil_bench.devices.faults.registry import find_fault_kind
 from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.kinds.registry import VALVE
 
@@ -21,8 +23,6 @@ _ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
 """The control word of a valve, and its switch to the local set-point."""
 _MANUAL = "manual"
 """The example that reads no sensor."""
-_SENSOR = SENSOR_KINDS | {FaultKind.SLOW}
-_SPOOL = VALVE_KINDS - {FaultKind.DISABLE} | {FaultKind.SLOW}
 
 
 def unused_parameters(scenario: Scenario) -> Iterator[str]:
@@ -95,7 +95,7 @@ def _idle_valves(
             continue
         moves = {f"{valve.name}.{SET_POINT}", f"{valve.name}.0x6300.01"}
         idle = [place for target, place in _targets(actions) if target in moves]
-        idle += [place for fault, place in _faults(actions, _SPOOL) if fault.target == valve.name]
+        idle += [place for fault, place in _faults(actions, VALVES) if fault.target == valve.name]
         for place in idle:
             who = f"the example sets up {first} only" if has_example else "no step enables it"
             right = f'nmt = "start" and set = {{ "{valve.name}.0x6040" = 1 }}, then 3, then 7'
@@ -112,7 +112,7 @@ def _unread_sensors(
     listed = {each.name: each for each in config.nodes}
     texts = " ".join(each.that for each in scenario.expectations)
     is_closed = scenario.controller is not None and scenario.controller.example != _MANUAL
-    for fault, place in _faults(actions, _SENSOR):
+    for fault, place in _faults(actions, SENSORS):
         name = fault.target.partition(".")[0]
         node = listed.get(name)
         if node is None or node.kind.is_drive or _is_heard(name, nodes):
@@ -131,12 +131,10 @@ def _is_heard(name: str, nodes: Mapping[str, Node]) -> bool:
     return any(sent & node.routes.keys() for other, node in nodes.items() if other != name)
 
 
-def _faults(
-    actions: Sequence[TimedAction], kinds: Collection[FaultKind]
-) -> Iterator[tuple[FaultConfig, str]]:
-    """Yield fault and place of each step that is a fault of one of the kinds."""
+def _faults(actions: Sequence[TimedAction], group: Group[Any]) -> Iterator[tuple[FaultConfig, str]]:
+    """Yield fault and place of each step that is a fault of a kind for a group of targets."""
     for _, action, place in actions:
-        if isinstance(action, FaultConfig) and action.kind in kinds:
+        if isinstance(action, FaultConfig) and group in find_fault_kind(action.kind).groups:
             yield action, place
 
 

@@ -1,84 +1,33 @@
 """The tables ``[[faults]]``: what goes wrong by itself, and when."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.ecus import EcusSection
-from hil_bench.bench.configuration.fault_keys import (
-    COMMON_KEYS,
-    KIND_KEY,
-    OWN_KEYS,
-    idle_value,
-)
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document, give
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import describe, quote
-from hil_bench.devices.faults.checks import missing_defect
-from hil_bench.devices.faults.kinds import (
-    DEFECT_KINDS,
-    DEFECTS,
-    ECU_KINDS,
-    LEAKS,
-    SENSOR_KINDS,
-    VALVE_KINDS,
-    WIRE_KINDS,
-    FaultKind,
-)
+from hil_bench.devices.faults.ecu_kinds import ECUS, SIGNALS
+from hil_bench.devices.faults.kind import UNITS
+from hil_bench.devices.faults.points import ENABLES, NODES, PLANTS, SENSORS, SUPPLIES, VALVES, WIRED
+from hil_bench.devices.faults.registry import COMMON_KEYS, KIND_KEY, find_fault_kind, missing_defect
+from hil_bench.errors import ConfigError
 from hil_bench.kinds.auxiliary_valve import FLOW
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
-from hil_bench.plants.kind import AxisConfig
-from hil_bench.units import BAR, DEGREE, MILLIMETRE, ONE, PERCENT, Unit, si_unit
+from hil_bench.units import ONE, PERCENT, Unit, si_unit
 
-_UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE, "-": PERCENT}
-"""In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
+Targets = dict[str, dict[str, Any]]
+"""The names of the targets that may have faults, by group.
 
-
-class FaultTargets(NamedTuple):
-    """The targets that may have faults, by name.
-
-    Attributes:
-        sensors: with the unit of their amounts; None where `[[faults]]` has no key for it.
-        valves: with whether they have an enable input.
-        axes: those with a supply, with the least pressure that it can have [bar].
-        nodes: names.
-        plants: names of all axes.
-        ecus: names of the J1939 devices.
-        signals: what these send.
-    """
-
-    sensors: Mapping[str, Unit | None]
-    valves: Mapping[str, bool]
-    axes: Mapping[str, float]
-    nodes: Sequence[str]
-    plants: Sequence[str] = ()
-    ecus: Sequence[str] = ()
-    signals: Sequence[str] = ()
-
-    def of(self, kind: FaultKind) -> tuple[str, Sequence[str]]:
-        """List the targets that a fault kind accepts: the word for them, and their names."""
-        if kind is FaultKind.DISABLE:
-            names = [name for name, has_input in self.valves.items() if has_input]
-            return "valve with an enable input", names
-        special: dict[FaultKind, tuple[str, Sequence[str]]] = {
-            FaultKind.SLOW: ("sensor or valve", [*self.sensors, *self.valves]),
-            FaultKind.DROP_SUPPLY: ("axis", list(self.axes)),
-            FaultKind.INDICATE: ("J1939 signal", self.signals),
-            **dict.fromkeys(SENSOR_KINDS, ("sensor", list(self.sensors))),
-            **dict.fromkeys(VALVE_KINDS, ("valve", list(self.valves))),
-            **dict.fromkeys(DEFECT_KINDS, ("axis", self.plants)),
-        }
-        whole = ("J1939 device", self.ecus) if kind in ECU_KINDS else ("node", self._all_nodes)
-        return special.get(kind, whole)
-
-    @property
-    def _all_nodes(self) -> list[str]:
-        return [*self.nodes, *self.ecus]
+Of sensors with the unit of their amounts, None where `[[faults]]` has no key for it; of supplies
+with the least pressure [bar].
+"""
 
 
 class FaultsSection:
@@ -113,27 +62,20 @@ class FaultsSection:
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
         targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
-        targets = _add_ecus(targets, self._ecus)
+        _add_ecus(targets, self._ecus)
         lowest = self._supplies.lowest_bar
-        targets = targets._replace(
-            axes={**targets.axes, **lowest}, plants=[*targets.plants, *lowest]
-        )
-        self._sensors = targets.sensors
+        targets[SUPPLIES.name] |= lowest
+        targets[PLANTS.name] |= lowest
+        buses = {name: node["bus"].value for name, node in self._nodes.nodes.items()}
+        targets[WIRED.name] = {
+            name: None
+            for name, bus in ({**self._ecus.buses, **buses}).items()
+            if bus in self._buses.wired
+        }
+        self._sensors = targets[SENSORS.name]
         _check_faults(self._faults, targets, self._problems)
-        self._check_wires()
-        _check_defects(self._faults, self._axes.records, self._supplies.defects, self._problems)
-
-    def _check_wires(self) -> None:
-        """Note faults of copper on a bus that takes no time."""
-        for fault in self._faults:
-            node = self._nodes.nodes.get(fault["target"].value)
-            bus = self._ecus.buses.get(fault["target"].value) if node is None else node["bus"].value
-            is_of_wire = fault["kind"].value in WIRE_KINDS
-            if is_of_wire and bus is not None and bus not in self._buses.wired:
-                place = self._problems.place(fault["kind"].table, "target")
-                name = fault["target"].value
-                wrong = f"the bus of {name} takes no time; give it [bus.wire]"
-                self._problems.add(place, wrong)
+        defects = {axis.name: {each.name for each in axis.defects} for axis in self._axes.records}
+        _check_defects(self._faults, defects | dict(self._supplies.defects), self._problems)
 
     def build(self) -> dict[str, Any]:
         """Return the records of the faults, and the units of the sensors that may have one."""
@@ -164,21 +106,21 @@ def _read_faults(
     return found
 
 
-def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> FaultTargets:
+def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
     """Find the fault targets of a bench."""
     sensors: dict[str, Unit | None] = {}
     valves: dict[str, bool] = {}
     for name, node in nodes.items():
         kind = kind_of(node["profile"].value)
         signals = kind.signals(name, node)
-        sensors |= {signal: _UNITS.get(unit) for signal, unit in signals.items()}
+        sensors |= {signal: UNITS.get(unit) for signal, unit in signals.items()}
         if kind.is_drive:
             valves[name] = kind.has_enable_input
         bound = bindings.get(name, ())
         sources = [each for each in bound if isinstance(each, SourceConfig)]
         sinks = [each for each in bound if isinstance(each, SinkConfig)]
         units = {
-            f"{name}.{each.name}": _UNITS.get(axes[each.axis].kind.by_name[each.quantity].unit)
+            f"{name}.{each.name}": UNITS.get(axes[each.axis].kind.by_name[each.quantity].unit)
             for each in sources
         }
         sensors |= units
@@ -188,75 +130,75 @@ def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings)
         if len(sinks) == 1:
             valves.setdefault(name, False)
     lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
-    supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
-    return FaultTargets(sensors, valves, supplies, list(nodes), list(axes))
+    return {
+        SENSORS.name: sensors,
+        VALVES.name: dict.fromkeys(valves),
+        ENABLES.name: {name: None for name, has_input in valves.items() if has_input},
+        SUPPLIES.name: {name: low for name, low in lowest.items() if low is not None},
+        PLANTS.name: dict.fromkeys(axes),
+        NODES.name: dict.fromkeys(nodes),
+    }
 
 
-def _add_ecus(targets: FaultTargets, ecus: EcusSection) -> FaultTargets:
-    """Return the targets with those of J1939 devices."""
-    sensors, valves, signals = dict(targets.sensors), dict(targets.valves), []
+def _add_ecus(targets: Targets, ecus: EcusSection) -> None:
+    """Add the targets of J1939 devices."""
+    sensors, valves = targets[SENSORS.name], targets[VALVES.name]
+    signals: dict[str, None] = {}
     for device, given in ecus.signals.items():
         for signal in given:
             name = f"{device}.{signal.name}"
             if signal.is_sink:
-                valves[name] = False
+                valves[name] = None
                 continue
-            signals.append(name)
+            signals[name] = None
             if signal.word != "follow":
                 own = si_unit(signal.settings["unit"].value or ONE.symbol)[0]
                 unit = signal.quantity.unit if signal.quantity is not None else own
-                sensors[name] = _UNITS.get(unit)
+                sensors[name] = UNITS.get(unit)
     for drive in ecus.drives():
         if drive.device is not None:
-            valves[drive.device] = False
+            valves[drive.device] = None
             sensors[f"{drive.device}.{FLOW.name}"] = PERCENT
-    names = list(ecus.devices)
-    return targets._replace(sensors=sensors, valves=valves, ecus=names, signals=signals)
+    targets[ECUS.name], targets[SIGNALS.name] = dict.fromkeys(ecus.devices), signals
+    targets[NODES.name] |= targets[ECUS.name]
 
 
-def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: Problems) -> None:
+def _check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
     """Note faults of what is not there, and amounts that are missing or in another unit."""
     for fault in faults:
-        kind, target = fault["kind"].value, fault["target"].value
-        table = fault["kind"].table
+        kind, target = find_fault_kind(fault["kind"].value), fault["target"].value
         check_effect(fault, problems)
-        what, names = targets.of(kind)
+        word, names = kind.find_targets(targets)
         if target not in names:
             right = f"give one of {', '.join(names)}" if names else "this bench has none"
-            place = problems.place(table, "target")
-            problems.add(place, f"{quote(target)} is no {what}; {right}")
-        elif kind in SENSOR_KINDS:
-            check_amount(fault, targets.sensors[target], problems)
-        elif kind is FaultKind.DROP_SUPPLY:
-            _check_pressure(fault, targets.axes[target], problems)
+            wrong = kind.find_lack(target, targets) or f"{quote(target)} is no {word}; {right}"
+            problems.add(problems.place(fault["kind"].table, "target"), wrong)
+        elif target in targets[SENSORS.name]:
+            check_amount(fault, targets[SENSORS.name][target], problems)
+        elif SUPPLIES in kind.groups and "pressure_bar" in fault:
+            _check_pressure(fault, targets[SUPPLIES.name][target], problems)
 
 
 def _check_defects(
-    faults: Sequence[Settings],
-    axes: Sequence[AxisConfig],
-    supplies: Mapping[str, set[str]],
-    problems: Problems,
+    faults: Sequence[Settings], known: Mapping[str, set[str]], problems: Problems
 ) -> None:
     """Note faults of a plant, or of a supply, that it cannot have."""
-    known = {axis.name: {defect.name for defect in axis.defects} for axis in axes} | dict(supplies)
     for fault in faults:
-        kind, target = fault["kind"].value, fault["target"].value
-        if kind in DEFECT_KINDS and target in known:
-            name = LEAKS[fault["path"].value] if kind is FaultKind.LEAK else DEFECTS[kind]
-            if name not in known[target]:
-                place = problems.place(fault["kind"].table, "kind")
-                problems.add(place, f"{target} {missing_defect(name)}")
+        kind, target = find_fault_kind(fault["kind"].value), fault["target"].value
+        name = kind.defect({key: setting.value for key, setting in fault.items()})
+        if name is not None and target in known and name not in known[target]:
+            place = problems.place(fault["kind"].table, "kind")
+            problems.add(place, missing_defect(kind, target, known[target]))
 
 
 def build_fault(fault: Settings) -> FaultConfig:
     """Return the record of a checked fault."""
-    kind = fault["kind"].value
-    common = convert(fault, COMMON_KEYS)
-    values: dict[str, Any] = {}
-    for key in OWN_KEYS[kind]:
-        if fault[key.name].value is not None:
-            values |= convert(fault, (key,))
-    return FaultConfig(**common, values=values)
+    given = [
+        key
+        for key in find_fault_kind(fault["kind"].value).keys
+        if fault[key.name].value is not None
+    ]
+    return FaultConfig(**convert(fault, COMMON_KEYS), values=convert(fault, given))
 
 
 def _find(
@@ -278,8 +220,8 @@ def _find(
 def _read_fault(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
     kind = given.get("kind")
     try:
-        keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(str(kind.value if kind else None))])
-    except ValueError:
+        keys = (*COMMON_KEYS, *find_fault_kind(kind.value if kind else None).keys)
+    except ConfigError:
         # Which other keys are right depends on the kind, so the message about it must do.
         given = {"kind": kind} if kind else {}
         keys = (KIND_KEY,)
@@ -302,9 +244,10 @@ def check_effect(fault: Settings, problems: Problems, names: Collection[str] | N
         problems: to be noted.
         names: the keys to look at; None for all.
     """
-    for key in OWN_KEYS[fault["kind"].value]:
+    kind = find_fault_kind(fault["kind"].value)
+    for key in kind.keys:
         value = fault[key.name].value
-        if (names is None or key.name in names) and value is not None and value == idle_value(key):
+        if (names is None or key.name in names) and value is not None and kind.is_idle(key, value):
             wrong = f"{value:g} changes nothing; give another amount, or leave the fault out"
             problems.add(problems.place(fault["kind"].table, key.name), wrong)
 
@@ -318,7 +261,7 @@ def check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> None
         problems: to be noted.
     """
     kind, table = fault["kind"].value, fault["kind"].table
-    amounts = [key.name for key in OWN_KEYS[kind] if key.name.startswith(f"{kind}_")]
+    amounts = [key.name for key in find_fault_kind(kind).amounts]
     if not amounts:
         return
     if unit is None:

@@ -1,16 +1,22 @@
 """Doubts about a configuration: values that no machine has, motion that no step resolves."""
 
 import math
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.settings import Origin, Problems, Range, Setting, Settings, quote_name
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.registry import all_kinds
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import find_assumed_supply
 from hil_bench.plants.kind import PlantKind
-from hil_bench.plants.registry import DEFAULT_PLANT
+from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
 
 Kind = PlantKind[Any]
+
+_BOUND = re.compile(r'\bdata-(?!port|number|label)\w+="(\w+)')
+"""A quantity that a picture binds (docs/plugins.md)."""
 
 _PREFIXES = {1e-9: "n", 1e-6: "u", 1e-3: "m", 1.0: "", 1e3: "k", 1e6: "M", 1e9: "G", 1e12: "T"}
 _BASES = {"bar": "Pa", "MPa": "Pa", "Pa": "Pa", "mm": "m", "N": "N", "kg": "g"}
@@ -58,7 +64,31 @@ def find_doubts(config: BenchConfig) -> list[str]:
         *_left_over(source, kinds | supplies, supplies, config.settings),
         *_unresolved(source, config),
         *_out_of_reach(source, config),
+        *_unknown_names(source, config),
     ]
+
+
+def _unknown_names(source: str, config: BenchConfig) -> Iterator[str]:
+    """Yield the names of a foreign plant that lead nowhere: in its page and its defects."""
+    for axis in config.axes:
+        kind = axis.kind
+        if kind.name in PLANTS.built_in:
+            continue
+        place = f"{source}:plant.{quote_name(axis.name)}: {kind.name}"
+        page, recorded = (
+            kind.page(axis),
+            [each.name for each in kind.quantities if each.is_recorded],
+        )
+        bound = [] if page is None else [*_BOUND.findall(page.svg), *page.plots]
+        for name in dict.fromkeys(bound):
+            if name not in recorded:
+                right = f"the nearest is {find_nearest(name, recorded)}"
+                yield f"{place}: its page shows {quote(name)}, which is not recorded; {right}"
+        made = {name for fault in all_kinds() for name in fault.defects.values()}
+        for each in axis.defects:
+            if each.name not in made:
+                right = f"the nearest that one makes is {find_nearest(each.name, made)}"
+                yield f"{place}: no kind of fault makes its defect {quote(each.name)}; {right}"
 
 
 def _left_over(

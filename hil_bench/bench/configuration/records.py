@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from hil_bench.config.settings import Setting
-from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
@@ -71,14 +70,14 @@ class FaultConfig:
     """A fault that happens by itself.
 
     Attributes:
-        kind: what goes wrong.
+        kind: its name.
         target: with what.
         at: when, in bench time [s].
         duration: for how long [s]; None for ever.
         values: what the kind needs to know, by parameter of its verb, in SI.
     """
 
-    kind: FaultKind
+    kind: str
     target: str
     at: float
     duration: float | None

@@ -1,59 +1,17 @@
 """Refusals of what a fault cannot be given."""
 
 import math
-from collections.abc import Mapping
 from enum import StrEnum
 from typing import TypeVar
 
-from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 
-_Point = TypeVar("_Point")
 _Choice = TypeVar("_Choice", bound=StrEnum)
 
 _LARGEST = 1e15
 _LONGEST_S = 1e9
 _HIGHEST_CAN_ID = 0x1FFFFFFF
 _NS_PER_S = 1_000_000_000
-
-
-def find_kind(name: object) -> FaultKind:
-    """Return the kind of fault that has a name.
-
-    Raises:
-        ConfigError: there is no such kind.
-    """
-    try:
-        return FaultKind(str(name))
-    except ValueError:
-        right = f"give one of {', '.join(FaultKind)}"
-        raise ConfigError(f'fault: there is no kind "{name}"; {right}') from None
-
-
-def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:
-    """Return the point of a name.
-
-    Raises:
-        ConfigError: there is nothing of that name.
-    """
-    if name in known:
-        return known[name]
-    right = f"give one of {', '.join(known)}" if known else "this bench has none"
-    raise ConfigError(f'faults: there is no {what} "{name}"; {right}')
-
-
-def missing_defect(name: str) -> str:
-    """Return why an axis cannot have a defect, and what would be right."""
-    if name == "load_loss":
-        return "has no load to lose; give it load_n or load_mass_kg, a motor load_torque_n_m"
-    if name == "filter_clogging":
-        right = "filter_rated_flow_l_min and filter_rated_drop_bar"
-        return (
-            f"has no filter of its own; give {right} to its supply unit, or name the shared supply"
-        )
-    if name in {"pump_loss", "relief_sag", "gas_loss"}:
-        return 'has no supply unit of its own; give it supply = "unit", or name the shared supply'
-    return "cannot be worn: that takes a full-order cylinder and the bench's own solver"
 
 
 def choose(name: str, choices: type[_Choice], value: str) -> _Choice:

@@ -1,21 +1,17 @@
 """The effects of faults on the parts of a bench."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.line import Line, Meeting, silence
 from hil_bench.devices.faults.sensor_stages import SensorStage
 from hil_bench.devices.faults.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
-from hil_bench.plants.quantity import SUPPLY, Influence
+from hil_bench.plants.quantity import Influence
 
 Act = Callable[[int], None]
 """Does something in a tick, at its time [ns]."""
 
-_RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
+T = TypeVar("T")
 
 
 class SensorPoint(NamedTuple):
@@ -46,13 +42,11 @@ class SpoolPoint(NamedTuple):
     Attributes:
         command: the way of the spool's set-point [m].
         position: returns where the spool is [m].
-        device: the valve's electronics, None where they have no enable input.
         full: spool position of 100 % [m].
     """
 
     command: SignalPath
     position: Callable[[], float]
-    device: Enabled | None = None
     full: float = 1.0
 
 
@@ -141,46 +135,6 @@ class SpoolEffect:
             self._point.command.remove(self._stage)
 
 
-class EnableEffect:
-    """The enable input of a valve is off."""
-
-    def __init__(self, device: Enabled) -> None:
-        self._device = device
-
-    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Switch it off."""
-        self._device.enable_input = False
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Switch it on."""
-        self._device.enable_input = True
-
-
-class SupplyEffect:
-    """The supply pressure of an axis is held at another value.
-
-    Args:
-        plant: of the axis.
-        pressure: that value [Pa].
-        holds: what is called before each tick of the plants.
-    """
-
-    def __init__(self, plant: Influenced, pressure: float, holds: list[Act]) -> None:
-        self._plant, self._pressure, self._holds = plant, pressure, holds
-
-    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Hold the pressure."""
-        self._holds.append(self._hold)
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Let go of it."""
-        self._holds.remove(self._hold)
-        self._plant.influence(SUPPLY, None)
-
-    def _hold(self, _now: int) -> None:
-        self._plant.influence(SUPPLY, self._pressure)
-
-
 class Growth:
     """An amount that grows from tick to tick.
 
@@ -240,74 +194,13 @@ class DefectEffect:
             self._point.add(self._name, self, self._growth.next())
 
 
-class LineEffect:
-    """A rule for the frames of a node."""
+class Acts(NamedTuple):
+    """The effect of two callables, each called with a time [ns]."""
 
-    def __init__(self, line: Line, meeting: Meeting) -> None:
-        self._line, self._meeting = line, meeting
-
-    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Let the rule count."""
-        self._line.meetings.append(self._meeting)
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Let it count no more."""
-        self._line.meetings.remove(self._meeting)
+    begin: Act
+    end: Act
 
 
-class WireEffect:
-    """Something of a bus of copper is wrong.
-
-    Args:
-        begin: makes it so, at a time [ns].
-        end: takes it back.
-    """
-
-    def __init__(self, begin: Callable[[int], None], end: Callable[[int], None]) -> None:
-        self._begin, self._end = begin, end
-
-    def begin(self, now: int) -> None:
-        """Make it so."""
-        self._begin(now)
-
-    def end(self, now: int) -> None:
-        """Take it back."""
-        self._end(now)
-
-
-class ResetEffect:
-    """A node is without power, and then starts anew."""
-
-    def __init__(self, node: Node, line: Line) -> None:
-        self._node = node
-        self._off = LineEffect(line, Meeting(silence))
-
-    def begin(self, now: int) -> None:
-        """Lose everything that is not stored, and say nothing."""
-        self._node.receive(_RESET, now)
-        self._off.begin(now)
-
-    def end(self, now: int) -> None:
-        """Start: the boot-up message follows."""
-        self._off.end(now)
-        self._node.receive(_RESET, now)
-
-
-class BabbleEffect:
-    """A node sends what nobody asked for, in every tick.
-
-    Args:
-        babble: sends it.
-        finishes: what is called before the nodes of a tick send.
-    """
-
-    def __init__(self, babble: Act, finishes: list[Act]) -> None:
-        self._babble, self._finishes = babble, finishes
-
-    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Begin to send."""
-        self._finishes.append(self._babble)
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Stop."""
-        self._finishes.remove(self._babble)
+def listed(items: list[T], item: T) -> Acts:
+    """Return the effect that an item is in a list."""
+    return Acts(lambda _now: items.append(item), lambda _now: items.remove(item))

@@ -3,16 +3,14 @@
 from collections.abc import Callable
 from typing import Protocol, Self
 
-from hil_bench.devices.faults.kinds import FaultKind
-
 
 class Effect(Protocol):
     """The effect of a fault."""
 
-    def begin(self, now: int) -> None:
+    def begin(self, now: int, /) -> None:
         """Make it so, at `now` [ns]."""
 
-    def end(self, now: int) -> None:
+    def end(self, now: int, /) -> None:
         """Take it back, at `now` [ns]."""
 
 
@@ -37,7 +35,7 @@ class Fault:
 
     def __init__(
         self,
-        kind: FaultKind,
+        kind: str,
         target: str,
         effect: Effect,
         *,

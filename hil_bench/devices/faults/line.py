@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
-from hil_bench.devices.faults.kinds import FaultDirection
 from hil_bench.devices.faults.wire_point import Disturbance
+from hil_bench.devices.faults.words import FaultDirection
 
 if TYPE_CHECKING:
     from numpy.random import Generator

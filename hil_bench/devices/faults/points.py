@@ -1,14 +1,22 @@
-"""The points of a bench that may have faults."""
+"""The points of a bench that may have faults, in groups."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from hil_bench.canopen_device.frame import Emit
-from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.ecu_point import EcuPoint
-from hil_bench.devices.faults.effects import Act, DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.devices.faults.effects import (
+    Act,
+    DefectPoint,
+    Enabled,
+    SensorPoint,
+    SpoolPoint,
+    SupplyPoint,
+)
+from hil_bench.devices.faults.line import Line, Receiver
 from hil_bench.devices.faults.wire_point import WirePoint
+
+P = TypeVar("P")
 
 
 class Board(Protocol):
@@ -41,25 +49,64 @@ class Places(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class FaultPoints:
-    """The points of a bench that may have faults, by name.
+class Group(Generic[P]):
+    """A group of targets, of which a kind of fault may have one or more.
 
     Attributes:
-        sensors: nodes that measure.
-        valves: nodes that command a spool.
-        supplies: axes with a supply, and the supplies that axes share.
-        plants: axes and shared supplies, with what may be worn or broken there.
-        nodes: nodes on the bus.
-        buses: the number of the bus of each node; without it all are on bus 0.
-        wires: nodes whose bus is of copper.
-        ecus: J1939 devices.
+        name: as a bench lists its targets.
+        word: for one of them in messages.
+        wider: the group of which it is a part, where a message says what a target of that lacks.
+        lacks: that message, as in "the bus of {} takes no time".
     """
 
-    sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
-    valves: Mapping[str, SpoolPoint] = field(default_factory=dict)
-    supplies: Mapping[str, SupplyPoint] = field(default_factory=dict)
-    plants: Mapping[str, DefectPoint] = field(default_factory=dict)
-    nodes: Mapping[str, Node] = field(default_factory=dict)
-    buses: Mapping[str, int] = field(default_factory=dict)
-    wires: Mapping[str, WirePoint] = field(default_factory=dict)
-    ecus: Mapping[str, EcuPoint] = field(default_factory=dict)
+    name: str
+    word: str
+    wider: "Group[Any] | None" = None
+    lacks: str = ""
+
+
+class NodePoint(NamedTuple):
+    """The point at which faults act on a node, or on another device, at its bus.
+
+    Attributes:
+        device: takes the frames of the bus.
+        off: what happens in it when its power goes, at a time [ns].
+        on: what happens when its power is back.
+        bus: its number.
+        line: its connection; None where the bench's switchboard makes one when it is needed.
+    """
+
+    device: Receiver
+    off: Act
+    on: Act
+    bus: int = 0
+    line: Line | None = None
+
+
+SENSORS: Final[Group[SensorPoint]] = Group("sensors", "sensor")
+VALVES: Final[Group[SpoolPoint]] = Group("valves", "valve")
+ENABLES: Final[Group[Enabled]] = Group("enables", "valve with an enable input")
+SUPPLIES: Final[Group[SupplyPoint]] = Group("supplies", "axis")
+"""Axes with a supply, and the supplies that axes share."""
+PLANTS: Final[Group[DefectPoint]] = Group("plants", "axis")
+"""Axes and shared supplies, with what may be worn or broken there."""
+NODES: Final[Group[NodePoint]] = Group("nodes", "node")
+WIRED: Final[Group[WirePoint]] = Group(
+    "wired", "node", NODES, "the bus of {} takes no time; give it [bus.wire]"
+)
+"""Nodes on a bus on which frames take time."""
+
+
+class FaultPoints:
+    """The points of a bench at which faults act.
+
+    Attributes:
+        groups: the points by the names of their groups, and by the names of the targets.
+    """
+
+    def __init__(self) -> None:
+        self.groups: dict[str, dict[str, Any]] = {}
+
+    def of(self, group: Group[P]) -> dict[str, P]:
+        """Return the points of a group by the names of the targets."""
+        return self.groups.setdefault(group.name, {})

@@ -2,27 +2,13 @@
 
 from collections import deque
 from itertools import takewhile
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.checks import to_ns
 from hil_bench.devices.faults.fault import Effect, Fault
-from hil_bench.devices.faults.kinds import FaultKind
-from hil_bench.errors import ConfigError
 
 _KEPT_EVENTS = 1000
-
-
-class When(TypedDict, total=False):
-    """When a fault is there.
-
-    Attributes:
-        at: bench time at which it begins [s]; without it, the next tick.
-        duration: how long it lasts [s]; without it, until it is cleared.
-    """
-
-    at: float | None
-    duration: float | None
 
 
 class FaultEvent(NamedTuple):
@@ -36,7 +22,7 @@ class FaultEvent(NamedTuple):
     """
 
     time: int
-    kind: FaultKind
+    kind: str
     target: str
     is_begin: bool
 
@@ -84,19 +70,23 @@ class FaultSchedule:
                 self._end(each)
         self._set_due()
 
-    def add(self, kind: FaultKind, target: str, effect: Effect, when: When) -> Fault:
+    def add(
+        self,
+        kind: str,
+        target: str,
+        effect: Effect,
+        at: float | None = None,
+        duration: float | None = None,
+    ) -> Fault:
         """Add a fault, which begins by itself, and return it.
 
-        Raises:
-            ConfigError: it is to last no time; a reset does, which takes a tick.
-            TypeError: `when` has a key that is none.
+        Args:
+            kind: its name.
+            target: of the fault.
+            effect: of the fault.
+            at: bench time at which it begins [s]; None for the next tick.
+            duration: how long it lasts [s]; 0 for one tick, None until it is cleared.
         """
-        if unknown := set(when) - set(When.__annotations__):
-            raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'")
-        at, duration = when.get("at"), when.get("duration")
-        if duration == 0 and kind is not FaultKind.RESET:
-            right = "leave it out, or give a time above 0"
-            raise ConfigError(f"faults: {kind} {target}: duration = 0 is no time; {right}")
         fault = Fault(
             kind,
             target,

@@ -14,7 +14,6 @@ from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.axes import KIND_KEY
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.bench.configuration.keys import (
     BENCH_KEYS,
     BUS_KEYS,
@@ -24,6 +23,7 @@ from hil_bench.bench.configuration.keys import (
 )
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
+from hil_bench.devices.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
@@ -44,7 +44,7 @@ TABLES = (
     *SCRIPT_KEYS.values(),
     *CHAIN_KEYS.values(),
     COMMON_KEYS,
-    *OWN_KEYS.values(),
+    *(kind.keys for kind in FAULT_KINDS.built_in.values()),
     MODBUS_KEYS,
     UNIT_KEYS,
 )

@@ -9,16 +9,11 @@ import pytest
 from device_profiles import VALVE_408
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import FaultConfig, Origin, load_config
-from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
+from hil_bench.devices.faults import ecu_kinds
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.kinds import (
-    ECU_KINDS,
-    BrokenReading,
-    FaultDirection,
-    FaultKind,
-    LeakPath,
-)
+from hil_bench.devices.faults.registry import FAULT_KINDS
+from hil_bench.devices.faults.words import BrokenReading, FaultDirection, LeakPath
 from hil_bench.devices.j1939.signal_table import Indication
 from hil_bench.errors import ConfigError
 
@@ -36,42 +31,42 @@ node_id = 5
 TWO_SOURCES = IO + '"0x6401.02" = { source = "axis1.position", unit = "mm", scale = 100 }\n'
 
 EXAMPLES = {
-    FaultKind.FREEZE: ("pressure_a", "", {}),
-    FaultKind.OFFSET: ("pressure_a", "offset_bar = 20", {"amount": 20e5}),
-    FaultKind.DRIFT: ("position", "drift_mm_s = 5", {"rate": 5e-3}),
-    FaultKind.NOISE: ("position", "noise_mm = 0.5", {"rms": 0.5e-3}),
-    FaultKind.BREAK_WIRE: ("pressure_a", 'reads = "high"', {"reads": BrokenReading.HIGH}),
-    FaultKind.SLOW: ("valve", "time_constant_ms = 50", {"time_constant": 0.05}),
-    FaultKind.STICK: ("valve", "", {}),
-    FaultKind.INVERT: ("valve", "", {}),
-    FaultKind.DISABLE: ("valve", "", {}),
-    FaultKind.DROP_SUPPLY: ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
-    FaultKind.LEAK: ("axis1", 'leak_l_min_bar = 0.06\npath = "a"\ngrowth_s = 2', {"conductance": 1e-11, "path": LeakPath.A, "growth": 2.0}),
-    FaultKind.AERATE: ("axis1", "air_percent = 2", {"share": 0.02, "growth": 0.0}),
-    FaultKind.WEAR_SPOOL: ("axis1", "opening_um = 20", {"opening": pytest.approx(20e-6), "growth": 0.0}),
-    FaultKind.JAM: ("axis1", "force_n = 5000", {"force": 5000.0, "growth": 0.0}),
-    FaultKind.DROP_LOAD: ("axis1", "", {"share": 1.0, "growth": 0.0}),
-    FaultKind.WEAR_PUMP: ("axis1", "loss_percent = 30", {"share": 0.3, "growth": 0.0}),
-    FaultKind.SAG_RELIEF: ("axis1", "sag_bar = 50", {"pressure": 50e5, "growth": 0.0}),
-    FaultKind.LOSE_GAS: ("axis1", "", {"share": 1.0, "growth": 0.0}),
-    FaultKind.CLOG_FILTER: ("axis1", "blocked_percent = 90", {"share": 0.9, "growth": 0.0}),
-    FaultKind.BIND: ("valve", "band_percent = 5", {"band": 0.05, "growth": 0.0}),
-    FaultKind.WEAKEN: ("valve", "travel_percent = 50", {"travel": 0.5, "growth": 0.0}),
-    FaultKind.SILENCE: ("valve", "", {}),
-    FaultKind.RESET: ("valve", "", {}),
-    FaultKind.LOSE: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
-    FaultKind.DELAY: ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": FaultDirection.SENT}),
-    FaultKind.TRUNCATE: ("valve", "length = 4", {"length": 4}),
-    FaultKind.CORRUPT: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
-    FaultKind.REPEAT: ("valve", "can_id = 0x181", {"can_id": 0x181}),
-    FaultKind.BABBLE: ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
-    FaultKind.BIT_ERROR: ("valve", 'share_percent = 10\ncan_id = 0x181\ndirection = "sent"', {"share": 0.1, "can_id": 0x181, "direction": FaultDirection.SENT}),
-    FaultKind.BUS_OFF: ("valve", "", {}),
-    FaultKind.STUCK_DOMINANT: ("valve", "", {}),
-    FaultKind.NO_ACKNOWLEDGE: ("valve", "", {}),
-    FaultKind.INDICATE: ("lever.x", 'shows = "not_available"', {"shows": Indication.NOT_AVAILABLE}),
-    FaultKind.REPORT: ("lever", 'spn = 1208\nfmi = 3', {"spn": 1208, "fmi": 3, "lamp": "warning"}),
-    FaultKind.READDRESS: ("lever", "address = 200", {"address": 200}),
+    "freeze": ("pressure_a", "", {}),
+    "offset": ("pressure_a", "offset_bar = 20", {"amount": 20e5}),
+    "drift": ("position", "drift_mm_s = 5", {"rate": 5e-3}),
+    "noise": ("position", "noise_mm = 0.5", {"rms": 0.5e-3}),
+    "break_wire": ("pressure_a", 'reads = "high"', {"reads": BrokenReading.HIGH}),
+    "slow": ("valve", "time_constant_ms = 50", {"time_constant": 0.05}),
+    "stick": ("valve", "", {}),
+    "invert": ("valve", "", {}),
+    "disable": ("valve", "", {}),
+    "drop_supply": ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
+    "leak": ("axis1", 'leak_l_min_bar = 0.06\npath = "a"\ngrowth_s = 2', {"conductance": 1e-11, "path": LeakPath.A, "growth": 2.0}),
+    "aerate": ("axis1", "air_percent = 2", {"share": 0.02, "growth": 0.0}),
+    "wear_spool": ("axis1", "opening_um = 20", {"opening": pytest.approx(20e-6), "growth": 0.0}),
+    "jam": ("axis1", "force_n = 5000", {"force": 5000.0, "growth": 0.0}),
+    "drop_load": ("axis1", "", {"share": 1.0, "growth": 0.0}),
+    "wear_pump": ("axis1", "loss_percent = 30", {"share": 0.3, "growth": 0.0}),
+    "sag_relief": ("axis1", "sag_bar = 50", {"pressure": 50e5, "growth": 0.0}),
+    "lose_gas": ("axis1", "", {"share": 1.0, "growth": 0.0}),
+    "clog_filter": ("axis1", "blocked_percent = 90", {"share": 0.9, "growth": 0.0}),
+    "bind": ("valve", "band_percent = 5", {"band": 0.05, "growth": 0.0}),
+    "weaken": ("valve", "travel_percent = 50", {"travel": 0.5, "growth": 0.0}),
+    "silence": ("valve", "", {}),
+    "reset": ("valve", "", {}),
+    "lose": ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
+    "delay": ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": FaultDirection.SENT}),
+    "truncate": ("valve", "length = 4", {"length": 4}),
+    "corrupt": ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
+    "repeat": ("valve", "can_id = 0x181", {"can_id": 0x181}),
+    "babble": ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
+    "bit_error": ("valve", 'share_percent = 10\ncan_id = 0x181\ndirection = "sent"', {"share": 0.1, "can_id": 0x181, "direction": FaultDirection.SENT}),
+    "bus_off": ("valve", "", {}),
+    "stuck_dominant": ("valve", "", {}),
+    "no_acknowledge": ("valve", "", {}),
+    "indicate": ("lever.x", 'shows = "not_available"', {"shows": Indication.NOT_AVAILABLE}),
+    "report": ("lever", 'spn = 1208\nfmi = 3', {"spn": 1208, "fmi": 3, "lamp": "warning"}),
+    "readdress": ("lever", "address = 200", {"address": 200}),
 }  # fmt: skip
 
 
@@ -99,15 +94,15 @@ def fault(kind: str, target: str, more: str = "") -> str:
 
 
 def test_there_is_an_example_of_each_kind() -> None:
-    assert EXAMPLES.keys() == OWN_KEYS.keys() == set(FaultKind)
+    assert EXAMPLES.keys() == FAULT_KINDS.built_in.keys()
 
 
-@pytest.mark.parametrize("kind", FaultKind)
-def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
+@pytest.mark.parametrize("kind", FAULT_KINDS.built_in)
+def test_each_kind_comes_in_si(write: Write, kind: str) -> None:
     target, more, values = EXAMPLES[kind]
     (found,) = load_config(
         write(
-            (LEVER if kind in ECU_KINDS else NODES)
+            (LEVER if hasattr(ecu_kinds, kind) else NODES)
             + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5")
         )
     ).faults
@@ -120,7 +115,7 @@ def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
 
 @pytest.mark.parametrize(("base", "is_of_ecu"), [(NODES, False), (LEVER, True)])
 def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: bool) -> None:
-    kinds = [kind for kind in FaultKind if (kind in ECU_KINDS) == is_of_ecu]
+    kinds = [kind for kind in FAULT_KINDS.built_in if (hasattr(ecu_kinds, kind)) == is_of_ecu]
     text = base + "".join(fault(kind, *EXAMPLES[kind][:2]) for kind in kinds)
     bench = build_bench(load_config(write(text)))
     bench.start(0)
@@ -193,7 +188,7 @@ def test_bound_objects_may_have_faults(write: Write, faults: str) -> None:
 def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> None:
     words = ["offset", "pressure_a", "offset_bar=20", "at_s=1"]
     config = load_config(write(fault("stick", "valve")), faults=[parse_fault(words)])
-    assert [each.kind for each in config.faults] == [FaultKind.STICK, FaultKind.OFFSET]
+    assert [each.kind for each in config.faults] == ["stick", "offset"]
     assert config.faults[1].values == {"amount": 20e5}
     assert config.settings[-1].origin in {Origin.COMMAND_LINE, Origin.DEFAULT}
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from device_profiles import VALVE_408
 from hil_bench.bench.configuration import BenchConfig, load, load_config
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.bench.configuration.keys import (
     BENCH_KEYS,
     BUS_KEYS,
@@ -20,7 +19,7 @@ from hil_bench.bench.configuration.keys import (
     node_keys,
 )
 from hil_bench.config.settings import Key
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
@@ -67,10 +66,14 @@ NODE_TABLE = table(
 NODE = GENERIC | SENSOR | NODE_TABLE
 FAULT = st.fixed_dictionaries(
     {
-        "kind": st.sampled_from([kind.value for kind in FaultKind]),
+        "kind": st.sampled_from([*FAULT_KINDS.built_in]),
         "target": st.sampled_from(["v", "w", "axis1", "v.0x6401.01"]),
     },
-    optional={key.name: VALUES for keys in (COMMON_KEYS[2:], *OWN_KEYS.values()) for key in keys},
+    optional={
+        key.name: VALUES
+        for keys in (COMMON_KEYS[2:], *(kind.keys for kind in FAULT_KINDS.built_in.values()))
+        for key in keys
+    },
 )
 DOCUMENTS = st.fixed_dictionaries(
     {},

@@ -263,7 +263,7 @@ node_id = 9
         (
             "[plant.alone]",
             '[[faults]]\nkind = "jam"\ntarget = "hpu"\nat_s = 1\nforce_n = 1\n[plant.alone]',
-            "hpu cannot be worn",
+            "hpu cannot have jam; it can have wear_pump, sag_relief",
         ),
     ],
 )  # fmt: skip

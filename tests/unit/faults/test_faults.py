@@ -2,6 +2,7 @@
 """What the verbs refuse; what they do is in tests/bench/test_faults.py."""
 
 import pytest
+from support import fault_verbs
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
@@ -66,6 +67,36 @@ def test_a_keyword_that_is_none_is_refused(faults, verb, arguments, keyword):
     message = rf"^{verb}\(\) got an unexpected keyword argument '{keyword}'$"
     with pytest.raises(TypeError, match=message):
         getattr(faults, verb)(*arguments, **{keyword: 1})
+
+
+def test_no_time_is_refused_but_for_a_reset(faults):
+    with pytest.raises(ConfigError) as caught:
+        faults.freeze("position", duration=0.0)
+    right = "leave it out, or give a time above 0"
+    assert str(caught.value) == f"faults: freeze position: duration = 0 is no time; {right}"
+    for fault in (faults.reset("valve"), faults.reset("valve", duration=0.0)):
+        assert fault.duration == 0
+        fault.clear()
+
+
+def test_a_verb_takes_its_values_by_place_and_by_name(faults):
+    """The target by the name that the verb has for it, too, as Python functions do."""
+    for fault in (
+        faults.lose("valve", 0.25, at=1.0),
+        faults.lose(node="valve", share=0.25, at=1.0),
+        faults.begin("lose", "valve", share=0.25, at=1.0),
+    ):
+        assert (fault.kind, fault.target, fault.begins) == ("lose", "valve", 10**9)
+        fault.clear()
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'target'"):
+        faults.lose()
+    with pytest.raises(AttributeError, match="no fault is called loose; there are freeze, offset"):
+        faults.loose("valve")
+
+
+def test_type_checkers_know_the_verbs():
+    """`python tests/support/fault_verbs.py` writes the file anew."""
+    assert fault_verbs.FILE.read_text(encoding="utf-8") == fault_verbs.signatures()
 
 
 def test_what_was_refused_left_nothing(faults):

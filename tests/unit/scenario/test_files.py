@@ -31,7 +31,6 @@ from hil_bench.abilities.scenario.resolve import (
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.writing import to_csv, to_toml, write_scenario
 from hil_bench.bench.configuration.records import FaultConfig
-from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 
 MS = 1_000_000
@@ -119,7 +118,7 @@ def test_steps_act_at_ticks_with_numbers(tmp_path):
     assert values == {"target_mm": 0.1, "sag_bar": 30e5, "sag_at_ms": 2.0}
     actions = resolve_steps(scenario, MS, values)
     assert actions[0][:2] == (500, SetAction("valve.spool_setpoint", 0.4, 200))
-    sag = FaultConfig(FaultKind.DROP_SUPPLY, "axis1", 2.0, 0.5, {"pressure": 30e5})
+    sag = FaultConfig("drop_supply", "axis1", 2.0, 0.5, {"pressure": 30e5})
     assert actions[2][:2] == (2000, sag)
     assert actions[4].tick == 3001  # 3000.4 ms lies between ticks: the later one
     assert [each.tick for each in actions] == sorted(each.tick for each in actions)

@@ -1,0 +1,66 @@
+"""The kinds of faults of J1939 devices."""
+
+from typing import Final
+
+from hil_bench.config.settings import Key
+from hil_bench.config.values import choice, integer
+from hil_bench.devices.faults.checks import choose, count
+from hil_bench.devices.faults.effects import Acts, listed
+from hil_bench.devices.faults.fault import Effect
+from hil_bench.devices.faults.kind import Site, fault_kind
+from hil_bench.devices.faults.points import Group
+from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
+from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.devices.j1939.identifier import NULL
+from hil_bench.devices.j1939.signal_table import Indication, SentSignal
+from hil_bench.errors import ConfigError
+
+ECUS: Final[Group[Ecu]] = Group("ecus", "J1939 device")
+SIGNALS: Final[Group[SentSignal]] = Group("signals", "J1939 signal")
+
+_LAMPS = [lamp.name.lower() for lamp in Lamp]
+
+
+@fault_kind(SIGNALS, keys=(Key("shows", choice(Indication), Indication.ERROR),))
+def indicate(signal: Site, shows: Indication | str = Indication.ERROR) -> Effect:
+    """Let a J1939 signal, as "joystick.x", show the "error" indicator or "not_available"."""
+    return listed(signal.point(SIGNALS).indications, choose("shows", Indication, shows))
+
+
+_CODE = (
+    Key("spn", integer(0, HIGHEST_SPN), example="1907"),
+    Key("fmi", integer(0, HIGHEST_FMI), example="2"),
+    Key("lamp", choice(_LAMPS), Lamp.WARNING.name.lower()),
+)
+
+
+@fault_kind(ECUS, keys=_CODE)
+def report(device: Site, spn: int, fmi: int, lamp: str = "warning") -> Effect:
+    """Let a J1939 device report a trouble code by DM1, and light a lamp.
+
+    Raises:
+        ConfigError: there is no such lamp.
+    """
+    ecu = device.point(ECUS)
+    if lamp.lower() not in _LAMPS:
+        known = ", ".join(f'"{each}"' for each in _LAMPS)
+        raise ConfigError(f'faults: lamp = "{lamp}" is unknown; give one of {known}')
+    code = count("spn", spn, 0, HIGHEST_SPN), count("fmi", fmi, 0, HIGHEST_FMI)
+    return Acts(
+        lambda _now: ecu.begin_trouble(*code, Lamp[lamp.upper()]),
+        lambda _now: ecu.end_trouble(*code),
+    )
+
+
+@fault_kind(ECUS, keys=(Key("address", integer(0, NULL - 1), example="200"),))
+def readdress(device: Site, address: int) -> Effect:
+    """Let a J1939 device send from an address that it has not claimed, 0 to 253."""
+    ecu, false = device.point(ECUS), count("address", address, 0, NULL - 1)
+
+    def use(_now: int) -> None:
+        ecu.false_address = false
+
+    def leave(_now: int) -> None:
+        ecu.false_address = None
+
+    return Acts(use, leave)

@@ -1,0 +1,247 @@
+"""The kinds of faults of valve, cylinder and supply: what wears, breaks, leaks and falls off.
+
+Most may grow: from nothing, when they begin, to all of it after a time.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
+
+from hil_bench.config.settings import Key
+from hil_bench.config.values import choice, number
+from hil_bench.devices.faults.checks import bounded, choose, to_ns
+from hil_bench.devices.faults.effects import Acts, DefectEffect, Growth, SpoolEffect
+from hil_bench.devices.faults.fault import Effect
+from hil_bench.devices.faults.kind import GROWTH, Site, fault_kind, percent
+from hil_bench.devices.faults.points import ENABLES, PLANTS, SUPPLIES, VALVES
+from hil_bench.devices.faults.spool_stages import Bound, Weak
+from hil_bench.devices.faults.words import LeakPath
+from hil_bench.errors import ConfigError
+from hil_bench.plants.quantity import SUPPLY
+from hil_bench.units import BAR, LITRE_PER_MINUTE_BAR, MICROMETRE, NEWTON
+
+_HIGHEST_SUPPLY = 1e9  # [Pa], ten times that of a water jet cutter
+_NO_UNIT = 'has no supply unit of its own; give it supply = "unit", or name the shared supply'
+
+
+@fault_kind(VALVES)
+def stick(valve: Site) -> Effect:
+    """Hold the spool of a valve where it is."""
+    return SpoolEffect(valve.point(VALVES), lambda position: lambda _setpoint: position)
+
+
+@fault_kind(VALVES)
+def invert(valve: Site) -> Effect:
+    """Invert the spool of a valve, as crossed wires do."""
+    return SpoolEffect(valve.point(VALVES), lambda _position: lambda setpoint: -setpoint)
+
+
+@fault_kind(ENABLES)
+def disable(valve: Site) -> Effect:
+    """Switch the enable input of a valve off."""
+    device = valve.point(ENABLES)
+
+    def switch(_now: int, *, is_on: bool) -> None:
+        device.enable_input = is_on
+
+    return Acts(partial(switch, is_on=False), partial(switch, is_on=True))
+
+
+@fault_kind(
+    SUPPLIES,
+    keys=(Key("pressure_bar", number(BAR, low=-1.0, high=1e4), None, BAR, "pressure", "20"),),
+    idle=None,
+)
+def drop_supply(axis: Site, pressure: float) -> Effect:
+    """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
+    point = axis.point(SUPPLIES)
+    bounded("pressure", pressure, low=point.lowest, high=_HIGHEST_SUPPLY)
+    holds = axis.places.holds
+
+    def hold(_now: int) -> None:
+        point.plant.influence(SUPPLY, pressure)
+
+    def end(_now: int) -> None:
+        holds.remove(hold)
+        point.plant.influence(SUPPLY, None)
+
+    return Acts(lambda _now: holds.append(hold), end)
+
+
+_LEAKS: Mapping[str, str] = MappingProxyType(
+    {
+        LeakPath.INTERNAL: "internal_leakage",
+        LeakPath.A: "leakage_a",
+        LeakPath.B: "leakage_b",
+    }
+)
+_LEAK_KEYS = (
+    Key(
+        "leak_l_min_bar",
+        number(LITRE_PER_MINUTE_BAR, low=0.0, high=5.0),
+        None,
+        LITRE_PER_MINUTE_BAR,
+        "conductance",
+        "0.05",
+    ),
+    Key("path", choice(LeakPath), LeakPath.INTERNAL),
+    GROWTH,
+)
+
+
+@fault_kind(
+    PLANTS,
+    keys=_LEAK_KEYS,
+    defects=_LEAKS,
+    chosen_by="path",
+    words={"leak_l_min_bar": "leakage", "path": "leaks at"},
+)
+def leak(
+    axis: Site,
+    conductance: float,
+    path: LeakPath | str = LeakPath.INTERNAL,
+    *,
+    growth: float = 0.0,
+) -> Effect:
+    """Let oil leak: past the piston, or from chamber "a" or "b" to the tank.
+
+    Args:
+        axis: whose plant leaks.
+        conductance: flow for each pressure [m³/(s Pa)].
+        path: between what.
+        growth: how long the leak takes to grow to that [s].
+    """
+    return wear(axis, conductance, growth, path=choose("path", LeakPath, path))
+
+
+@fault_kind(
+    PLANTS, keys=(percent("air_percent", "share", None, "2", 50.0), GROWTH), defects="entrained_air"
+)
+def aerate(axis: Site, share: float, *, growth: float = 0.0) -> Effect:
+    """Let air into the oil: a share of the volume at atmospheric pressure."""
+    return wear(axis, share, growth)
+
+
+@fault_kind(
+    PLANTS,
+    keys=(
+        Key(
+            "opening_um",
+            number(MICROMETRE, low=0.0, high=500.0),
+            None,
+            MICROMETRE,
+            "opening",
+            "20",
+        ),
+        GROWTH,
+    ),
+    defects="null_opening",
+)
+def wear_spool(axis: Site, opening: float, *, growth: float = 0.0) -> Effect:
+    """Round the edges of the spool: the opening that leaks in the centre grows by this [m]."""
+    return wear(axis, opening, growth)
+
+
+@fault_kind(
+    PLANTS,
+    keys=(Key("force_n", number(NEWTON, low=0.0, high=1e9), None, NEWTON, "force", "5000"), GROWTH),
+    defects="dry_friction",
+)
+def jam(axis: Site, force: float, *, growth: float = 0.0) -> Effect:
+    """Add dry friction [N] to piston or load."""
+    return wear(axis, force, growth)
+
+
+_LOSS = (percent("loss_percent", "share", 100.0), GROWTH)
+
+
+@fault_kind(
+    PLANTS,
+    keys=_LOSS,
+    defects="load_loss",
+    lacks="has no load to lose; give it load_n or load_mass_kg, a motor load_torque_n_m",
+)
+def drop_load(axis: Site, share: float = 1.0, *, growth: float = 0.0) -> Effect:
+    """Remove a share of the loads, with their mass, from the rod."""
+    return wear(axis, share, growth)
+
+
+@fault_kind(PLANTS, keys=_LOSS, defects="pump_loss", lacks=_NO_UNIT)
+def wear_pump(axis: Site, share: float = 1.0, *, growth: float = 0.0) -> Effect:
+    """Let the pump of a supply unit lose a share of its flow."""
+    return wear(axis, share, growth)
+
+
+@fault_kind(
+    PLANTS,
+    keys=(Key("sag_bar", number(BAR, low=0.0, high=1e4), None, BAR, "pressure", "50"), GROWTH),
+    defects="relief_sag",
+    lacks=_NO_UNIT,
+)
+def sag_relief(axis: Site, pressure: float, *, growth: float = 0.0) -> Effect:
+    """Let the relief valve of a supply unit open too early, by a pressure [Pa]."""
+    return wear(axis, pressure, growth)
+
+
+@fault_kind(PLANTS, keys=_LOSS, defects="gas_loss", lacks=_NO_UNIT)
+def lose_gas(axis: Site, share: float = 1.0, *, growth: float = 0.0) -> Effect:
+    """Let the accumulator of a supply unit lose a share of its gas."""
+    return wear(axis, share, growth)
+
+
+@fault_kind(
+    PLANTS,
+    keys=(percent("blocked_percent", "share", 100.0), GROWTH),
+    defects="filter_clogging",
+    lacks="has no filter of its own; give filter_rated_flow_l_min and filter_rated_drop_bar "
+    "to its supply unit, or name the shared supply",
+)
+def clog_filter(axis: Site, share: float = 1.0, *, growth: float = 0.0) -> Effect:
+    """Let dirt block a share of the element of a supply unit's filter."""
+    return wear(axis, share, growth)
+
+
+@fault_kind(VALVES, keys=(percent("band_percent", "band", None, "5"), GROWTH))
+def bind(valve: Site, band: float, *, growth: float = 0.0) -> Effect:
+    """Let the spool stick until its set-point differs by a share of the full opening."""
+    point, ticks = valve.point(VALVES), grown(growth, valve)
+    bounded("band", band, low=0.0, high=1.0)
+    return SpoolEffect(
+        point, lambda position: Bound(Growth(band * point.full, ticks), position).follow
+    )
+
+
+@fault_kind(VALVES, keys=(percent("travel_percent", "travel", None, "50"), GROWTH), idle=100.0)
+def weaken(valve: Site, travel: float, *, growth: float = 0.0) -> Effect:
+    """Let the solenoids move the spool by a share of the full opening only; 0 by none."""
+    point, ticks = valve.point(VALVES), grown(growth, valve)
+    bounded("travel", travel, low=0.0, high=1.0)
+    return SpoolEffect(
+        point, lambda _position: Weak(Growth(1.0 - travel, ticks), point.full).follow
+    )
+
+
+def wear(axis: Site, amount: float, growth: float = 0.0, **chosen: str) -> Effect:
+    """Return the effect of a kind that makes a defect of a plant.
+
+    Args:
+        axis: the target.
+        amount: of the defect, in SI.
+        growth: how long it takes to grow to that [s].
+        chosen: the value of the key that chooses one of several defects.
+
+    Raises:
+        ConfigError: the plant cannot have it.
+    """
+    point, kind = axis.point(PLANTS), axis.kind
+    name = kind.defect(chosen)
+    if name is None or name not in point.known:
+        raise ConfigError(f"faults: {axis.lack(point.known)}")
+    bounded(kind.name, amount, low=0.0, high=point.known[name].high)
+    make = partial(Growth, amount, grown(growth, axis))
+    return DefectEffect(point, name, make, axis.places.holds)
+
+
+def grown(growth: float, site: Site) -> int:
+    """Return a time of growth [s] in ticks of the bench."""
+    return round(to_ns("growth", growth) * 1e-9 / site.tick)

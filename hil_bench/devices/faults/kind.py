@@ -137,7 +137,7 @@ class FaultKind(NamedTuple):
         return " or ".join(group.word for group in self.groups), list(dict.fromkeys(names))
 
     def find_lack(self, target: str, known: Mapping[str, Iterable[str]]) -> str:
-        """Return what a target of a wider group lacks; empty where it is no such target."""
+        """Say why a target of a wider group is none; empty where it is of no such group."""
         return next(
             (
                 group.lacks.format(target)
@@ -161,7 +161,7 @@ class FaultKind(NamedTuple):
         return is_amount and self.idle is not None and value == self.idle
 
     def word(self, key: Key) -> str:
-        """Return what a page calls a key."""
+        """Return the words of a page for a key."""
         plain = key.name.removesuffix(key.unit.suffix).replace("_", " ").strip()
         return self.words.get(key.name) or _WORDS.get(key.name) or plain
 

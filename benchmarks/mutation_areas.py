@@ -48,7 +48,7 @@ AREAS: Final = {
     "limits": [
         *_files("hil_bench/canopen_device", "object_dictionary"),
         *_files("hil_bench/devices", "measuring_range saturation"),
-        *_files("hil_bench/abilities/commissioning", "guard rig"),
+        *_files("hil_bench/abilities/commissioning", "plan rig"),
         *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
@@ -131,7 +131,7 @@ TESTS: Final = {
     "hil_bench/devices/saturation.py": _tests(
         "devices", "valve_limits measuring_range encoder_406"
     ),
-    "hil_bench/abilities/commissioning/guard.py": _tests("commissioning", "rig session"),
+    "hil_bench/abilities/commissioning/plan.py": _tests("commissioning", "rig session"),
     "hil_bench/abilities/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
     "drivers/hil_drivers/valve.py": _tests(
         "drivers", "valve valve_setup_limits valve_without_setup device"

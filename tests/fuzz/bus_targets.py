@@ -9,8 +9,7 @@ from typing import Any, cast
 import can
 from fuzz.script import Script
 
-from hil_bench.abilities.commissioning.discovery import Method, discover
-from hil_bench.abilities.commissioning.listening import listen
+from hil_bench.abilities.commissioning.discovery import Method, discover, listen
 from hil_bench.abilities.shadow.decoder import OverheardDrivers
 from hil_bench.bench.configuration import load_config
 from hil_bench.outside.transports.socketcand_hub import MAX_COMMAND, Hub, _Client

@@ -1,13 +1,10 @@
-"""The journal of writes to the nodes of somebody else's machine, and their restoration.
+"""The journal of what was changed in devices, and the values borrowed until the end."""
 
-Before the first write to an object the journal reads what it held, and notes it in a file, where a
-process that is killed leaves it behind. `restore` writes back what differs.
-"""
-
+import contextlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Self
@@ -16,8 +13,21 @@ from canopen.objectdictionary import datatypes
 
 from hil_bench.abilities.commissioning.comparison import ObjectKey
 from hil_bench.errors import ConfigError, about_file
-from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
+from hil_drivers import (
+    BusLostError,
+    DriverError,
+    DriverTimeoutError,
+    Network,
+    NmtState,
+    Node,
+    SdoAbortError,
+)
 from hil_drivers.node import object_name
+
+# The journal of writes to the nodes of somebody else's machine, and their restoration.
+#
+# Before the first write to an object the journal reads what it held, and notes it in a file,
+# where a process that is killed leaves it behind. `restore` writes back what differs.
 
 _PDOS = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _COB_ID = 1
@@ -263,3 +273,77 @@ def _write_back(node: Node, settings: Iterable[BorrowedSetting]) -> None:
             node.download(*setting.key, setting.before)
         except SdoAbortError as error:
             setting.problem = str(error)
+
+
+# The nodes of somebody else's machine: they get their settings and NMT states back.
+
+STATE_TIMEOUT = 0.25
+"""Longest wait for the nodes' heartbeats, which come each 0.1 s [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Returned:
+    """The restored settings of the nodes, after changes.
+
+    Attributes:
+        settings: those that held something else meanwhile, or still do.
+        states: NMT states that the nodes were found in, by node-ID; None where a node does not say.
+    """
+
+    settings: tuple[BorrowedSetting, ...] = ()
+    states: Mapping[int, NmtState | None] = field(default_factory=dict)
+
+    @property
+    def unrestored(self) -> list[BorrowedSetting]:
+        """The settings that could not be restored."""
+        return [setting for setting in self.settings if setting.problem]
+
+
+class BorrowedNodes:
+    """Nodes that are given back as they were found.
+
+    Args:
+        network: that they are on.
+        nodes: the nodes.
+        journal: notes what is written to them.
+    """
+
+    def __init__(
+        self, network: Network, nodes: Sequence[Node], journal: SettingsJournal | None = None
+    ) -> None:
+        self._network = network
+        self._nodes = nodes
+        self._journal = journal or SettingsJournal()
+        self._states: dict[int, NmtState | None] = {}
+        for node in nodes:
+            self._journal.watch(node)
+
+    def start(self, since: float) -> None:
+        """Command all nodes to OPERATIONAL, and note in which NMT states they are before.
+
+        Args:
+            since: when their heartbeats were switched on [s].
+        """
+        nodes, network = self._nodes, self._network
+        network.wait_for(lambda: all(node.heard_at > since for node in nodes), STATE_TIMEOUT)
+        self._states = {
+            node.node_id: node.nmt_state if node.heard_at > since else None for node in nodes
+        }
+        for node in nodes:
+            network.start_node(node.node_id)
+
+    def end(self) -> None:
+        """Take what is written from now on for the way back."""
+        self._journal.close()
+
+    def give_back(self) -> Returned:
+        """Restore settings and NMT states as far as the nodes answer; never raise.
+
+        A node that was OPERATIONAL, or does not say what it was, is left OPERATIONAL.
+        """
+        self._journal.restore(self._network)
+        with contextlib.suppress(BusLostError, KeyboardInterrupt):
+            for node_id, state in self._states.items():
+                if state is NmtState.PRE_OPERATIONAL:
+                    self._network.enter_pre_operational(node_id)
+        return Returned(tuple(self._journal.changed), self._states)

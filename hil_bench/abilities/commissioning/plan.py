@@ -1,27 +1,141 @@
-"""The plan of a commissioning: which steps, how far they may go, what is right.
-
-A plan is a TOML file: ``[plan]``, ``[limits]``, then one table a step in the order in which they
-are to run. Its keys and their meaning stand in docs/commissioning.md.
-"""
+"""The plan of a commissioning: its keys, its checks, and the guard of its limits."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
-from hil_bench.abilities.commissioning.plan_keys import (
-    LIMIT_KEYS,
-    PLAN_KEYS,
-    STEP_KEYS,
-    STEP_LIMIT_KEYS,
-)
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.document import Document, Sort, check_tables, read_document, read_section
-from hil_bench.config.settings import Problems, convert, read_table
-from hil_bench.errors import ConfigError
+from hil_bench.config.settings import Key, Problems, convert, read_table
+from hil_bench.config.values import interval, number, text
+from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
+from hil_bench.units import (
+    BAR,
+    HERTZ,
+    MICROMETRE,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    MILLISECOND,
+    PERCENT,
+    Unit,
+)
+
+# The keys of a commissioning plan: name, unit, default; docs/commissioning.md tells the meaning.
+#
+# What is given as a share of the data sheet's value (``..._tolerance_percent``) is right within
+# that share of it, either way.
+
+SECOND = Unit("s", "_s")
+
+BAR_PER_SECOND = Unit("bar/s", "_bar_s", 1e5)
+MILLIMETRE_PER_MINUTE = Unit("mm/min", "_mm_min", 1e-3 / 60.0)
+
+
+def _quantity(name: str, default: float, unit: Unit, low: float, high: float) -> Key:
+    """Return a key whose field is its name without the unit."""
+    field = name.removesuffix(unit.suffix)
+    return Key(name, number(unit, low=low, high=high), default, unit, field)
+
+
+def _opening(default: float) -> Key:
+    return _quantity("opening_percent", default, PERCENT, 1.0, 100.0)
+
+
+def _duration(default: float, high: float = 60.0) -> Key:
+    return _quantity("duration_s", default, SECOND, 0.05, high)
+
+
+def _tolerance(name: str, default: float) -> Key:
+    return _quantity(f"{name}_tolerance_percent", default, PERCENT, 0.0, 1000.0)
+
+
+PLAN_KEYS = (
+    Key("bench", text),
+    Key("axis", text),
+    _quantity("period_ms", 2.0, MILLISECOND, 1.0, 20.0),
+)
+
+LIMIT_KEYS = (
+    Key("position_mm", interval(MILLIMETRE), None, MILLIMETRE, "position", "[-100, 100]"),
+    Key(
+        "speed_mm_s",
+        number(MILLIMETRE_PER_SECOND, low=0.001, high=10_000.0),
+        None,
+        MILLIMETRE_PER_SECOND,
+        "speed",
+        "400",
+    ),
+    Key("pressure_bar", interval(BAR), None, BAR, "pressure", "[-1, 120]"),
+    _quantity("time_s", 60.0, SECOND, 0.1, 3600.0),
+    Key(
+        "contact_speed_mm_s",
+        number(MILLIMETRE_PER_SECOND, low=0.001, high=1000.0),
+        None,
+        MILLIMETRE_PER_SECOND,
+        "contact_speed",
+    ),
+)
+
+STEP_LIMIT_KEYS = tuple(key._replace(default=None, example="") for key in LIMIT_KEYS)
+"""A step's own limits; what it does not give is as in ``[limits]``."""
+
+STEP_KEYS: Mapping[str, tuple[Key, ...]] = {
+    "communication": (),
+    "sensors": (
+        _duration(2.0),
+        _quantity("position_noise_um", 50.0, MICROMETRE, 0.0, 1e6),
+        _quantity("pressure_noise_bar", 0.5, BAR, 0.0, 1e3),
+        _quantity("position_drift_mm_min", 2.0, MILLIMETRE_PER_MINUTE, 0.0, 1e3),
+        _quantity("pressure_drift_bar_s", 0.5, BAR_PER_SECOND, 0.0, 1e3),
+    ),
+    "direction": (_opening(40.0), _duration(0.4, 5.0)),
+    "dead_band": (
+        _opening(50.0),
+        _duration(4.0),
+        _quantity("zero_percent", 3.0, PERCENT, 0.0, 100.0),
+        _tolerance("dead_band", 30.0),
+    ),
+    "ramp": (
+        _opening(65.0),
+        _duration(3.0),
+        _tolerance("gain", 30.0),
+        _quantity("asymmetry_percent", 15.0, PERCENT, 0.0, 1000.0),
+        _tolerance("friction", 60.0),
+    ),
+    "steps": (
+        _opening(50.0),
+        _duration(0.5, 10.0),
+        _quantity("rise_time_ms", 20.0, MILLISECOND, 0.0, 1e4),
+        _tolerance("speed", 30.0),
+    ),
+    "chirp": (
+        _opening(45.0),
+        _duration(1.5, 10.0),
+        _quantity("amplitude_percent", 6.0, PERCENT, 0.1, 50.0),
+        _quantity("start_hz", 5.0, HERTZ, 0.1, 1000.0),
+        _quantity("end_hz", 150.0, HERTZ, 0.1, 1000.0),
+        _tolerance("frequency", 15.0),
+        _quantity("smallest_damping", 0.01, Unit("", ""), 0.0, 10.0),
+    ),
+    "leakage": (
+        _opening(40.0),
+        _duration(5.0),
+        _quantity("motion_time_s", 0.3, SECOND, 0.0, 5.0),
+        _quantity("position_drift_mm_min", 2.0, MILLIMETRE_PER_MINUTE, 0.0, 1e3),
+        _quantity("pressure_drift_bar_s", 0.5, BAR_PER_SECOND, 0.0, 1e3),
+    ),
+}
+
+
+# The plan of a commissioning: which steps, how far they may go, what is right.
+#
+# A plan is a TOML file: ``[plan]``, ``[limits]``, then one table a step in the order in which
+# they are to run. Its keys and their meaning stand in docs/commissioning.md.
 
 SETTLING = 0.3
 """Time of steady motion before a sweep [s]."""
@@ -148,9 +262,9 @@ def _kinds(document: Document, problems: Problems) -> list[StepKind]:
     elif kinds[0] is not StepKind.COMMUNICATION:
         place = problems.place(kinds[0])
         problems.add(place, "comes before [communication]; that step is right as the first")
-    for number, kind in enumerate(kinds):
+    for index, kind in enumerate(kinds):
         is_blind = kind.moves and kind is not StepKind.DIRECTION
-        if is_blind and StepKind.DIRECTION not in kinds[:number]:
+        if is_blind and StepKind.DIRECTION not in kinds[:index]:
             what = "moves the axis before [direction] knows which way; give [direction] before it"
             problems.add(problems.place(kind), what)
     return kinds
@@ -229,3 +343,53 @@ def expected_speed(opening: float, parameters: PlantParameters) -> float:
     z = opening * parameters.full_opening - parameters.beta
     flow = min(max(z, 0.0), parameters.alpha) * parameters.K
     return flow * math.sqrt(0.5 * (parameters.P_S - parameters.P_T)) / parameters.mean_area
+
+
+# Samples of an axis against the limits of a step.
+
+
+class LimitError(HilBenchError):
+    """A step left one of its limits, and the valve was closed."""
+
+
+class Sample(NamedTuple):
+    """The drivers' values at one moment; the fields of `SAMPLE_CHANNELS`, in SI units."""
+
+    time: float
+    position: float
+    speed: float
+    pressure_a: float
+    pressure_b: float
+    spool_setpoint: float
+    spool_position: float
+
+
+def check_sample(sample: Sample, limits: Limits) -> None:
+    """Compare a sample with the limits; a `LimitError` says which it is beyond, or what is none."""
+    _check_range("position", sample.position, limits.position, 1e-3, "mm")
+    _check_range("speed", sample.speed, (-limits.speed, limits.speed), 1e-3, "mm/s")
+    _check_range("pressure at A", sample.pressure_a, limits.pressure, 1e5, "bar")
+    _check_range("pressure at B", sample.pressure_b, limits.pressure, 1e5, "bar")
+    if limits.contact_speed is not None:
+        low, high = limits.position
+        lowest = -limits.contact_speed if sample.position < low + NEAR_STOP else -math.inf
+        highest = limits.contact_speed if sample.position > high - NEAR_STOP else math.inf
+        _check_range("speed at the end stop", sample.speed, (lowest, highest), 1e-3, "mm/s")
+
+
+def _check_range(
+    what: str, value: float, limits: tuple[float, float], factor: float, unit: str
+) -> None:
+    """Compare a value with its limits.
+
+    Raises:
+        LimitError: it is beyond them, or no number.
+    """
+    low, high = limits
+    if math.isnan(value):
+        raise LimitError(f"{what} is not valid by the status of its sensor")
+    if not low <= value <= high:
+        beyond = low if value < low else high
+        raise LimitError(
+            f"{what} {value / factor:.4g} {unit} is beyond its limit of {beyond / factor:g} {unit}"
+        )

@@ -12,11 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hil_bench.abilities.commissioning.borrowed import BorrowedNodes, Returned
-from hil_bench.abilities.commissioning.guard import LimitError, Sample, check_sample
-from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.journal import BorrowedNodes, Returned, SettingsJournal
 from hil_bench.abilities.commissioning.measures import SAMPLE_CHANNELS
-from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.commissioning.plan import LimitError, Limits, Sample, check_sample
 from hil_bench.bench.members import Members
 from hil_bench.outside.recording.channels import TIME, Recording, recording_dtype
 from hil_bench.outside.recording.inline_recorder import RowSink

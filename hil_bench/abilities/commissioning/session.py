@@ -5,12 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from hil_bench.abilities.commissioning.borrowed import Returned
-from hil_bench.abilities.commissioning.direction import direction
 from hil_bench.abilities.commissioning.discovery import Method, discover
-from hil_bench.abilities.commissioning.guard import LimitError
 from hil_bench.abilities.commissioning.identity import NodeDescription, describe
-from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.journal import Returned, SettingsJournal
 from hil_bench.abilities.commissioning.measures import (
     SAMPLE_CHANNELS,
     Diagnosis,
@@ -19,16 +16,16 @@ from hil_bench.abilities.commissioning.measures import (
 )
 from hil_bench.abilities.commissioning.plan import (
     CommissioningPlan,
+    LimitError,
     Step,
     StepKind,
     check_against,
     choose_axis,
 )
 from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, communication
-from hil_bench.abilities.commissioning.responses import chirp, steps
+from hil_bench.abilities.commissioning.responses import chirp, direction, steps
 from hil_bench.abilities.commissioning.rig import Rig
-from hil_bench.abilities.commissioning.standstill import leakage, sensors
-from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
+from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
 from hil_bench.outside.recording.channels import Channel

@@ -1,14 +1,173 @@
-"""All that a scan of a bus finds."""
+"""A survey of a bus: its nodes, and those that LSS can give a node-ID."""
 
+import logging
+import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from hil_bench.abilities.commissioning.discovery import NODE_IDS, Method, Sighting, discover
+from hil_bench.abilities.commissioning.discovery import (
+    NODE_IDS,
+    BusTraffic,
+    Method,
+    Sighting,
+    discover,
+    signs_of_operation,
+)
 from hil_bench.abilities.commissioning.identity import NodeDescription, describe
-from hil_bench.abilities.commissioning.listening import BusTraffic
-from hil_bench.abilities.commissioning.lss import LssScan, find_unconfigured
-from hil_bench.abilities.commissioning.operation import signs_of_operation
 from hil_drivers import Network
+
+# Finds devices that have no node-ID yet, by the LSS fastscan (CiA 305).
+
+logger = logging.getLogger(__name__)
+
+_REQUEST, _ANSWER = 0x7E5, 0x7E4
+_SWITCH_GLOBAL, _WAITING = 0x04, 0
+_FASTSCAN, _IDENTIFIED = 0x51, 0x4F
+_BEGIN = 0x80
+_PARTS = 4
+_MESSAGE = struct.Struct("<BIBBB")
+
+PATIENCE = 0.05
+"""Least time for the answer to one step, if more is not asked for [s]; CiA 305 leaves it to the
+master."""
+
+_MARGIN = 4
+"""Times the slowest answer so far that the next steps wait: silence is an answer, too."""
+
+SETTLING = 0.01
+"""Time after the first answer for those of other devices [s], which must not pass for answers to
+the next step."""
+
+MOST_DEVICES = 127
+
+
+class LssAddress(NamedTuple):
+    """The LSS address of a device without node-ID: the four entries of 0x1018."""
+
+    vendor_id: int
+    product_code: int
+    revision_number: int
+    serial_number: int
+
+
+class LssScan(NamedTuple):
+    """Devices without node-ID.
+
+    Attributes:
+        devices: those whose address was found.
+        problem: what answered without showing its address; empty where nothing did.
+    """
+
+    devices: tuple[LssAddress, ...]
+    problem: str = ""
+
+
+class _Answers:
+    def __init__(self, network: Network, patience: float) -> None:
+        self.count = 0
+        self.slowest = 0.0
+        self._network = network
+        self._patience = patience
+        network.subscribe(_ANSWER, self._take)
+
+    def _take(self, data: bytes, _now: float) -> bool:
+        if len(data) != 8 or data[0] != _IDENTIFIED:
+            return False
+        self.count += 1
+        return True
+
+    def come(self, number: int, bit: int, part: int, following: int, *, fully: bool) -> bool:
+        """Ask, and return whether any device answers.
+
+        Args:
+            number: that the entry is compared with.
+            bit: lowest one that is compared.
+            part: of the address.
+            following: part that comes next.
+            fully: whether to wait as long as patience lasts, or as answers have taken so far.
+        """
+        before, asked = self.count, self._network.now()
+        self._network.send(_REQUEST, _MESSAGE.pack(_FASTSCAN, number, bit, part, following))
+        usual = min(self._patience, max(PATIENCE, _MARGIN * self.slowest))
+        patience = self._patience if fully else usual
+        has_come = self._network.wait_for(lambda: self.count > before, patience)
+        if has_come:
+            self.slowest = max(self.slowest, self._network.now() - asked)
+            self._network.pump(SETTLING)
+        return has_come
+
+    def settle(self) -> None:
+        """Let answers to earlier steps pass."""
+        self._network.pump(self._patience)
+
+
+def find_unconfigured(network: Network, patience: float = PATIENCE) -> LssScan:
+    """Return the devices that wait for a node-ID; they wait on as before.
+
+    A device that was found is in the LSS state CONFIGURATION, where it answers no further scan;
+    at the end all are sent back to WAITING. One that answers all the same would be found for ever,
+    so the scan ends where an address comes for the second time.
+
+    Args:
+        network: an open network.
+        patience: longest time that a device has for its answer to one step [s].
+    """
+    answers = _Answers(network, patience)
+    _return_to_waiting(network)
+    found: list[LssAddress] = []
+    problem = ""
+    while len(found) < MOST_DEVICES and answers.come(0, _BEGIN, 0, 0, fully=True):
+        address = _scan(answers)
+        if address is None:
+            problem = (
+                "a device without node-ID answered, but not to all steps of the scan (slowest "
+                f"answer {1000 * answers.slowest:.0f} ms, patience {1000 * patience:g} ms)"
+            )
+            break
+        if address in found:
+            logger.warning("a device answers LSS on after it was found: %s; scan ended", address)
+            break
+        found.append(address)
+    _return_to_waiting(network)
+    if answers.count and not found and not problem:
+        problem = (
+            f"a device without node-ID answered later than the patience of {1000 * patience:g} ms"
+        )
+    return LssScan(tuple(found), problem)
+
+
+def _scan(answers: _Answers) -> LssAddress | None:
+    """Return the address of a device that has answered, None where it is not found."""
+    numbers = []
+    for part in range(_PARTS):
+        number = _scan_part(answers, part, fully=False)
+        if number is None:  # perhaps for an answer that was late once
+            answers.settle()
+            number = _scan_part(answers, part, fully=True)
+        if number is None:
+            return None
+        numbers.append(number)
+    return LssAddress(*numbers)
+
+
+def _scan_part(answers: _Answers, part: int, *, fully: bool) -> int | None:
+    """Return one entry of the address, bit by bit; None if no device confirms it."""
+    number = 0
+    for bit in reversed(range(32)):
+        # Whose entry agrees down to this bit, which is 0, answers; silence says that it is 1.
+        if not answers.come(number, bit, part, part, fully=fully):
+            number |= 1 << bit
+    following = (part + 1) % _PARTS
+    return number if answers.come(number, 0, part, following, fully=True) else None
+
+
+def _return_to_waiting(network: Network) -> None:
+    network.send(_REQUEST, bytes([_SWITCH_GLOBAL, _WAITING, 0, 0, 0, 0, 0, 0]))
+    network.pump(PATIENCE)
+
+
+# All that a scan of a bus finds.
 
 
 @dataclass(frozen=True, slots=True)

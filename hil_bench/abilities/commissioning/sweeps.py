@@ -1,4 +1,4 @@
-"""Slow sweeps of the spool: dead band, speed against spool, friction against speed."""
+"""Measurements at standstill and in slow sweeps of the spool."""
 
 import math
 from dataclasses import replace
@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.commissioning import estimation
-from hil_bench.abilities.commissioning.measures import Curve, Measure, StepResult
+from hil_bench.abilities.commissioning import measures
+from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
 from hil_bench.abilities.commissioning.procedure import REST, Procedure
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
 from hil_bench.shown_units import display_unit
+
+# Slow sweeps of the spool: dead band, speed against spool, friction against speed.
 
 
 class Triangle:
@@ -51,7 +54,7 @@ def dead_band(procedure: Procedure, step: Step) -> StepResult:
     result = StepResult(step.kind)
     trace = result.trace = _sweep(procedure, step)
     spool, speed = trace["spool_position"], trace["speed"]
-    band = estimation.dead_band(spool, speed)
+    band = measures.dead_band(spool, speed)
     sheet = 2.0 * procedure.parameters.beta / procedure.parameters.full_opening
     share = step.values["dead_band_tolerance"]
     zero = step.values["zero"]
@@ -87,16 +90,16 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     parameters, values = procedure.parameters, step.values
     spool, speed = trace["spool_position"], trace["speed"]
     # What the oil's oscillation takes to move the mass is no friction.
-    inertia = parameters.m * estimation.derivative(speed, trace["time"])
+    inertia = parameters.m * measures.derivative(speed, trace["time"])
     force = procedure.force(trace) - inertia
-    band = estimation.dead_band(spool, speed)
+    band = measures.dead_band(spool, speed)
     sheet = expected_speed(1.0, parameters) / (1.0 - parameters.beta / parameters.full_opening)
     share = values["gain_tolerance"]
     limits = ((1 - share) * sheet * 0.01, (1 + share) * sheet * 0.01)
     mean = 0.5 * (band.gain_positive + band.gain_negative)
     asymmetry = (band.gain_positive - band.gain_negative) / mean
     slowest = max(3.0 * parameters.chi, 0.15 * float(np.abs(speed).max()))
-    found = estimation.friction(speed, force, slowest=min(slowest, 0.5 * np.abs(speed).max()))
+    found = measures.friction(speed, force, slowest=min(slowest, 0.5 * np.abs(speed).max()))
     spread = values["friction_tolerance"]
     result.measures += [
         Measure("speed per percent, extending", 0.01 * band.gain_positive, "m/s", *limits),
@@ -133,4 +136,83 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
             fit / by.factor,
         ),
     ]
+    return result
+
+
+# The axis at standstill: what its sensors show, and what leaks.
+
+
+def sensors(procedure: Procedure, step: Step) -> StepResult:
+    """Look at the sensors at standstill, the valve closed: range, noise, drift."""
+    result = StepResult(step.kind)
+    values, parameters = step.values, procedure.parameters
+    trace = result.trace = procedure.rig.watch(values["duration"])
+    time = trace["time"]
+    position = trace["position"]
+    half = parameters.h
+    result.measures += [
+        Measure("position", float(position.mean()), "m", -half, half),
+        Measure(
+            "position noise", measures.noise(time, position), "m", high=values["position_noise"]
+        ),
+        _drift("position drift", measures.slope(time, position), "m/s", values["position_drift"]),
+    ]
+    for name in PORTS:
+        pressure = trace[name]
+        result.measures += [
+            Measure(name, float(pressure.mean()), "Pa", -2e5, 1.1 * parameters.P_S),
+            Measure(
+                f"{name} noise",
+                measures.noise(time, pressure),
+                "Pa",
+                high=values["pressure_noise"],
+            ),
+            _drift(
+                f"{name} drift", measures.slope(time, pressure), "Pa/s", values["pressure_drift"]
+            ),
+        ]
+    result.measures.append(
+        Measure("spool at rest", float(np.mean(trace["spool_position"])), "-", -0.05, 0.05)
+    )
+    return result
+
+
+def _drift(name: str, value: float, unit: str, limit: float) -> Measure:
+    return Measure(name, value, unit, -limit, limit)
+
+
+def leakage(procedure: Procedure, step: Step) -> StepResult:
+    """Move a little, close the valve, and see whether pressures and position stay."""
+    result = StepResult(step.kind)
+    values, rig = step.values, procedure.rig
+    rig.enable()
+    procedure.go_to(0.5 * sum(step.limits.position))
+    u, moving = values["opening"], values["motion_time"]
+    rig.move(lambda time: u if time < moving else 0.0, moving + REST)
+    trace = result.trace = rig.move(lambda _time: 0.0, values["duration"])
+    time = trace["time"]
+    parameters = procedure.parameters
+    position = float(trace["position"].mean())
+    drift, limit = measures.slope(time, trace["position"]), values["position_drift"]
+    result.measures.append(Measure("position drift", drift, "m/s", -limit, limit))
+    volumes = {
+        P_A: parameters.V_A0 + parameters.A_A * position,
+        P_B: parameters.V_B0 - parameters.A_B * position,
+    }
+    limit = values["pressure_drift"]
+    for name, volume in volumes.items():
+        rate = measures.slope(time, trace[name])
+        result.measures += [
+            Measure(f"{name} at standstill", float(trace[name].mean()), "Pa"),
+            Measure(f"{name} drift", rate, "Pa/s", -limit, limit),
+            Measure(
+                f"flow out of chamber {name[-1]}",
+                -rate * volume / parameters.E * 60e6,
+                "cm³/min",
+            ),
+        ]
+    if not all(measure.is_right for measure in result.measures):
+        evidence = ", ".join(f"{m.name} {m.text()}" for m in result.measures if not m.is_right)
+        mend = "look at the piston seal, the valve's edges and the fittings"
+        result.findings.append(Diagnosis("leakage", evidence, mend))
     return result

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.abilities.fmu.inputs import find_inputs
-from hil_bench.bench.configuration import AxisConfig, BenchConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.together import axes_with, find_supply
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.plants.kind import AxisConfig
 from hil_bench.scratch import scratch_folder
 
 _MODULE = "hil_bench_axis"

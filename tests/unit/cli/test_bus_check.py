@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.commissioning.comparison import Difference, Mend
-from hil_bench.abilities.commissioning.settlement import Write
+from hil_bench.abilities.commissioning.comparison import Difference, Mend, Write
 from hil_bench.abilities.commissioning.verbs import bus_check
 from hil_bench.abilities.commissioning.verbs.bus_check import _assignment
 from hil_bench.cli import main

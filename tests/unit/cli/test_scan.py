@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from hil_bench.abilities.commissioning.listening import Traffic
+from hil_bench.abilities.commissioning.discovery import Traffic
 from hil_bench.abilities.commissioning.verbs.scan import _identifier_line
 from hil_bench.cli import main
 

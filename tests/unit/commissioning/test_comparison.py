@@ -3,8 +3,13 @@
 import pytest
 
 from device_profiles import IMITATIONS
-from hil_bench.abilities.commissioning.comparison import Mend, compare
-from hil_bench.abilities.commissioning.settlement import apply, concise_dcf, plan_writes
+from hil_bench.abilities.commissioning.comparison import (
+    Mend,
+    apply,
+    compare,
+    concise_dcf,
+    plan_writes,
+)
 from hil_bench.bench.configuration import load_config
 
 MACHINE = """

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.commissioning.estimation import (
+from hil_bench.abilities.commissioning.measures import (
     Mode,
     dead_band,
     derivative,

@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from hil_bench.abilities.commissioning.listening import BusTraffic, listen
+from hil_bench.abilities.commissioning.discovery import BusTraffic, listen
 
 
 def message(can_id, data="", **kind):

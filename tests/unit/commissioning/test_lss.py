@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from hil_bench.abilities.commissioning.lss import LssAddress, LssScan, find_unconfigured
+from hil_bench.abilities.commissioning.survey import LssAddress, LssScan, find_unconfigured
 from hil_bench.canopen_device.frame import Frame
 
 UNCONFIGURED = """

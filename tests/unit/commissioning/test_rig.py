@@ -7,8 +7,7 @@ from dataclasses import replace
 import can
 import pytest
 
-from hil_bench.abilities.commissioning.guard import LimitError, Sample, check_sample
-from hil_bench.abilities.commissioning.plan import Limits
+from hil_bench.abilities.commissioning.plan import LimitError, Limits, Sample, check_sample
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.members import find_members

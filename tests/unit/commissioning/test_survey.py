@@ -2,10 +2,15 @@
 
 import pytest
 
-from hil_bench.abilities.commissioning.discovery import Method, Sighting, discover
+from hil_bench.abilities.commissioning.discovery import (
+    BusTraffic,
+    Method,
+    Sighting,
+    Traffic,
+    discover,
+    signs_of_operation,
+)
 from hil_bench.abilities.commissioning.identity import describe
-from hil_bench.abilities.commissioning.listening import BusTraffic, Traffic
-from hil_bench.abilities.commissioning.operation import signs_of_operation
 from hil_bench.abilities.commissioning.survey import survey
 
 READ_DEVICE_TYPE = "4000100000000000"

@@ -7,11 +7,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.commissioning.comparison import Difference, Mend, compare
-from hil_bench.abilities.commissioning.settlement import (
+from hil_bench.abilities.commissioning.comparison import (
+    Difference,
+    Mend,
     Plan,
     Write,
     apply,
+    compare,
     concise_dcf,
     plan_writes,
 )

@@ -26,20 +26,13 @@ from hil_bench.abilities.commissioning.session import (
     commission,
     recorded_channels,
 )
-from hil_bench.abilities.commissioning.verbs.commission_checks import (
-    check_arguments,
-    check_consent,
-    check_period,
-)
 from hil_bench.abilities.commissioning.verbs.commission_settings import (
+    ShownPlan,
+    limits_text,
     open_journal,
     print_returned,
     restore,
     restore_command,
-)
-from hil_bench.abilities.commissioning.verbs.commission_view import (
-    ShownPlan,
-    limits_text,
     result_text,
 )
 from hil_bench.bench.configuration import BenchConfig, load_config
@@ -53,19 +46,64 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
-from hil_bench.cli.feed_side import (
-    ShownRows,
-    add_work_arguments,
-    hold_to_real_time,
-    watched_work,
-)
+from hil_bench.cli.feed_side import ShownRows, add_work_arguments, hold_to_real_time, watched_work
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.report import RecordingReport
+
+# Checks of `hil-bench commission` before it uses the bus.
+
+
+def check_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.machine and not args.virtual:
+        raise ConfigError("--machine: is for a virtual machine; give --virtual too")
+    if args.lockstep and args.virtual:
+        raise ConfigError("--lockstep: --virtual has virtual time already; give one of both")
+    if args.sync_period_us is not None and not args.lockstep:
+        raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
+    if args.restore and args.virtual:
+        raise ConfigError("--restore: a virtual machine is new in every run; give a bus")
+
+
+def check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: BenchConfig) -> None:
+    """Refuse a plan whose samples fall between the moments that there are in virtual time.
+
+    Raises:
+        ConfigError: it says which period would be right.
+    """
+    if not (args.virtual or args.lockstep):
+        return
+    step = machine.tick_ns if args.virtual else machine.sync_period_ns
+    name = "tick_us" if args.virtual else "sync_period_us"
+    if round(plan.period * 1e9) % step:
+        raise ConfigError(
+            f"{plan.path}:plan.period_ms: {plan.period * 1e3:g} ms is not a multiple of "
+            f"{name} = {step // 1000}; give one, or another {name}"
+        )
+
+
+def check_consent(args: argparse.Namespace, plan: CommissioningPlan) -> None:
+    """Refuse a motion that nobody can be asked about, before anything is changed.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    has_motion = any(step.kind.moves for step in plan.steps)
+    if has_motion and not (args.virtual or args.yes or sys.stdin.isatty()):
+        raise ConfigError(
+            "motion needs a confirmation, and this is no terminal; "
+            "give --yes to move without asking"
+        )
+
 
 _EXAMPLES = """\
 examples:

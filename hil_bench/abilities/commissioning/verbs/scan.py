@@ -5,11 +5,15 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
-from hil_bench.abilities.commissioning.discovery import NODE_IDS, Method
+from hil_bench.abilities.commissioning.discovery import (
+    NODE_IDS,
+    BusTraffic,
+    Method,
+    Traffic,
+    listen,
+)
 from hil_bench.abilities.commissioning.identity import NodeDescription
-from hil_bench.abilities.commissioning.listening import BusTraffic, Traffic, listen
-from hil_bench.abilities.commissioning.lss import LssAddress, LssScan
-from hil_bench.abilities.commissioning.survey import Survey, survey
+from hil_bench.abilities.commissioning.survey import LssAddress, LssScan, Survey, survey
 from hil_bench.cli.arguments import add_bench_arguments, add_network_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode

@@ -8,17 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.abilities.commissioning.guard import LimitError
 from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.plan import LimitError
 from hil_bench.abilities.commissioning.procedure import Procedure, communication
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.session import recorded_channels
 from hil_bench.abilities.commissioning.verbs.commission_settings import (
+    limits_by_channel,
+    limits_text,
     open_journal,
     print_returned,
     restore_command,
 )
-from hil_bench.abilities.commissioning.verbs.commission_view import limits_by_channel, limits_text
 from hil_bench.abilities.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.abilities.scenario.recorded import judge_trace
 from hil_bench.abilities.scenario.records import ticks_of

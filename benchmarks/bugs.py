@@ -21,8 +21,8 @@ from typing import Any, Final
 
 import occasion
 from hil_bench.abilities.campaign.plan import make_spec, own_case
-from hil_bench.abilities.campaign.pool import Backend, run_pool
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, RunSpec
+from hil_bench.abilities.campaign.snapshot import Backend, run_pool
 from hil_bench.abilities.scenario.load import load_scenario
 
 ROOT: Final = Path(__file__).parents[1]

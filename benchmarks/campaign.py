@@ -31,9 +31,9 @@ import occasion
 from hil_bench.abilities.campaign.dask import DaskBackend
 from hil_bench.abilities.campaign.executing import Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import Backend, run_pool
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
+from hil_bench.abilities.campaign.snapshot import Backend, run_pool
 from hil_bench.abilities.campaign.store import Store
 
 SHORT = """\

@@ -25,12 +25,11 @@ from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import hil_drivers
 import occasion
+from hil_bench.abilities.campaign.falsify import SearchPlan, falsify
 from hil_bench.abilities.campaign.plan import own_case, space_of
-from hil_bench.abilities.campaign.pool import perform_here
-from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
-from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method
-from hil_bench.abilities.campaign.search.search import Searcher
-from hil_bench.abilities.campaign.search.writing import load_failure
+from hil_bench.abilities.campaign.search import ALL_METHODS, Budget, Method, Searcher
+from hil_bench.abilities.campaign.shrink import load_failure
+from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.controllers.python import examples as controllers
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import Controller, Scenario

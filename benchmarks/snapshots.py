@@ -19,8 +19,7 @@ from controllers import build
 from hil_bench.abilities.campaign.executing import digest_of
 from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
 from hil_bench.abilities.campaign.records import RunSpec
-from hil_bench.abilities.campaign.running import perform
-from hil_bench.abilities.campaign.snapshot import Snapshots
+from hil_bench.abilities.campaign.snapshot import Snapshots, perform
 from hil_bench.abilities.scenario.load import load_scenario
 
 SCENARIO = """

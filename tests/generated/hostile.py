@@ -17,7 +17,7 @@ from generated import seeds
 from generated.dialects import BYTES, Dialect, verbs_of
 from scipy.io import savemat
 
-from hil_bench.abilities.campaign.identity import program_identity
+from hil_bench.abilities.campaign.store import program_identity
 from hil_bench.cli import main
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench

@@ -16,8 +16,8 @@ from pathlib import Path
 from hil_bench import cli
 from hil_bench.abilities.campaign.executing import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import perform_here
 from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare

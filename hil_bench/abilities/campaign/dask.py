@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any, Self
 
-from hil_bench.abilities.campaign.identity import program_identity
-from hil_bench.abilities.campaign.pool import run_pool
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
+from hil_bench.abilities.campaign.snapshot import run_pool
+from hil_bench.abilities.campaign.store import program_identity
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.session.pool import Pool
 

@@ -8,8 +8,8 @@ from time import monotonic
 from typing import NamedTuple
 
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import Backend
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
+from hil_bench.abilities.campaign.snapshot import Backend
 from hil_bench.abilities.campaign.store import Store, same_finding
 from hil_bench.errors import ConfigError
 

@@ -7,15 +7,22 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.campaign.distributions import Distribution, Normal, Uniform
-from hil_bench.abilities.campaign.identity import (
+from hil_bench.abilities.campaign.distributions import (
+    Distribution,
+    Normal,
+    Point,
+    Sampler,
+    Uniform,
+    sample,
+    size_of_sample,
+)
+from hil_bench.abilities.campaign.records import Campaign, Case, RunSpec
+from hil_bench.abilities.campaign.store import (
     case_digest,
     controller_digest,
     firmware_digest,
     run_key,
 )
-from hil_bench.abilities.campaign.records import Campaign, Case, RunSpec
-from hil_bench.abilities.campaign.sampling import Point, Sampler, sample, size_of_sample
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import Controller, Parameter, Scenario
 from hil_bench.abilities.scenario.resolve import parameter_values

@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_bench.abilities.campaign.distributions import Distribution, read_distribution
+from hil_bench.abilities.campaign.distributions import Distribution, Sampler, read_distribution
 from hil_bench.abilities.campaign.records import EACH, Campaign
-from hil_bench.abilities.campaign.sampling import Sampler
 from hil_bench.abilities.scenario.places import LocatedProblems, find_spots
 from hil_bench.config.document import Document, Sort, give, read_document
 from hil_bench.config.settings import Key, Origin, Problems, read_table

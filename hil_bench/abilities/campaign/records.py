@@ -6,8 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from hil_bench.abilities.campaign.distributions import Distribution
-from hil_bench.abilities.campaign.sampling import Point, Sampler
+from hil_bench.abilities.campaign.distributions import Distribution, Point, Sampler
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.records import Scenario
 

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.campaign.distributions import Floats
+from hil_bench.abilities.campaign.distributions import Floats, Sampler
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunResult
-from hil_bench.abilities.campaign.sampling import Sampler
 
 _RESAMPLES = 999
 _CONFIDENCE = 0.95

@@ -1,19 +1,106 @@
-"""Summary of a campaign's results: by requirement, by parameter, and the worst run."""
+"""The summary of a campaign, its bounds of confidence, and its comparison with another."""
 
 import math
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from hil_bench.abilities.campaign.confidence import Tally
+from hil_bench.abilities.campaign.distributions import Point, Sampler
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.abilities.campaign.sampling import Point, Sampler
 from hil_bench.abilities.campaign.store import set_words
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.errors import ConfigError
+
+# Confidence bounds on a probability after a number of runs.
+
+CONFIDENCE = 0.95
+
+
+def failure_bound(failures: int, runs: int, confidence: float = CONFIDENCE) -> float:
+    """Return the upper bound on a probability, one-sided (Clopper and Pearson, Biometrika 1934).
+
+    It is exact for independent runs: with the true probability above it, as few failures come with
+    a probability of at most 1 - `confidence`.
+
+    Args:
+        failures: how many runs failed.
+        runs: how many there were.
+        confidence: of the bound, from 0 to 1.
+    """
+    if failures >= runs:
+        return 1.0
+    if failures == 0:
+        return float(1.0 - (1.0 - confidence) ** (1.0 / runs))
+    from scipy.stats import beta  # noqa: PLC0415 - an extra, and slow to import
+
+    return float(beta.ppf(confidence, failures + 1, runs - failures))
+
+
+class Tally(NamedTuple):
+    """Runs by what they say; those that are not decided bear on no probability.
+
+    Attributes:
+        passed: runs.
+        failed: likewise.
+        undecided: the number of all other runs by their outcome.
+    """
+
+    passed: int
+    failed: int
+    undecided: Mapping[str, int]
+
+    @classmethod
+    def of(cls, outcomes: Iterable[str], passing: str, failing: Container[str]) -> Self:
+        """Count runs.
+
+        Args:
+            outcomes: of each run.
+            passing: the outcome of a run that passed.
+            failing: those of one that failed.
+        """
+        counts = Counter(outcomes)
+        failed = sum(count for outcome, count in counts.items() if outcome in failing)
+        others = {k: n for k, n in counts.items() if k != passing and k not in failing}
+        return cls(counts[passing], failed, others)
+
+    @property
+    def decided(self) -> int:
+        """The number of runs that passed or failed."""
+        return self.passed + self.failed
+
+    @property
+    def runs(self) -> int:
+        """The number of all runs."""
+        return self.decided + sum(self.undecided.values())
+
+    def runs_text(self, kind: str = "runs") -> str:
+        """Say how many of how many runs are decided, as in "24 decided runs of 30 (6 crashed)"."""
+        if not self.undecided:
+            return f"{self.runs} {kind}"
+        others = ", ".join(f"{count} {outcome}" for outcome, count in self.undecided.items())
+        return f"{self.decided} decided {kind} of {self.runs} ({others})"
+
+    def failures_text(self) -> str:
+        """Say how many runs failed, of how many."""
+        word = "failure" if self.failed < 2 else "failures"
+        return f"{self.failed or 'no'} {word} in {self.runs_text()}"
+
+    def bound_text(self) -> str:
+        """Say the bound on the failure probability, which decided runs alone have."""
+        if not self.decided:
+            return "so there is no bound on the failure probability"
+        of_what = " of decided runs" if self.undecided else ""
+        return (
+            f"{CONFIDENCE:.0%} upper bound on the failure probability{of_what} under the sampled "
+            f"distribution {failure_bound(self.failed, self.decided):.2g}"
+        )
+
+
+# Summary of a campaign's results: by requirement, by parameter, and the worst run.
 
 _FEWEST = 10  # runs for a correlation
 _WORST = 10
@@ -222,3 +309,104 @@ def _rank_correlation(pairs: Sequence[tuple[float, float]]) -> float | None:
     if any(float(np.ptp(each)) == 0.0 for each in ranks):
         return None
     return float(np.corrcoef(*ranks)[0, 1])
+
+
+# Two campaigns side by side: before and after a change of firmware, bench or program.
+
+
+class Change(NamedTuple):
+    """The change of a requirement between two campaigns.
+
+    Attributes:
+        scenario: its name.
+        id: of the requirement.
+        runs: how many both campaigns have.
+        broken: runs that fail it now, and did not before.
+        mended: runs that failed it before, and pass it now.
+        undecided: how many runs either campaign did not decide.
+        margins: median of the margins of those that both decided, before and now; None where
+            there are none.
+    """
+
+    scenario: str
+    id: str
+    runs: int
+    broken: tuple[RunResult, ...]
+    mended: tuple[RunResult, ...]
+    undecided: int
+    margins: tuple[float, float] | None
+
+    def line(self) -> str:
+        """Return it in a line."""
+        counts = f"{len(self.broken)} newly failed, {len(self.mended)} no longer"
+        line = f"{self.scenario}  {self.id}: of {self.runs} common runs {counts}"
+        if self.undecided:
+            line += f", {self.undecided} not decided before or now"
+        if self.margins is not None:
+            line += f"; median margin {self.margins[0]:+.3g} before, {self.margins[1]:+.3g} now"
+        if self.broken:
+            line += f"; first at {show_point(self.broken[0].values)}"
+        return line
+
+
+def compare(before: Iterable[RunResult], now: Sequence[RunResult]) -> list[Change]:
+    """Return the changes between two campaigns, requirement by requirement.
+
+    Runs are the same where scenario, bench, seed and values are; firmware may have another name.
+
+    Args:
+        before: the results of the first campaign.
+        now: of the second.
+
+    Raises:
+        ConfigError: the campaigns have no run in common.
+    """
+    old = {_place(each): each for each in before}
+    pairs = [(old[_place(each)], each) for each in now if _place(each) in old]
+    if not pairs:
+        raise ConfigError("--compare: no run is in both campaigns; sample with the same seed")
+    names = dict.fromkeys(
+        (each.scenario, one.id)
+        for pair in pairs
+        for each in reversed(pair)
+        for one in each.verdicts
+    )
+    return [_change(*name, pairs) for name in names]
+
+
+def _change(
+    scenario: str, requirement: str, pairs: Sequence[tuple[RunResult, RunResult]]
+) -> Change:
+    found = [
+        (old, new, result)
+        for before, result in pairs
+        if result.scenario == scenario
+        and (old := _verdict(before, requirement)) is not None
+        and (new := _verdict(result, requirement)) is not None
+    ]
+    decided = [each for each in found if each[0].is_decided and each[1].is_decided]
+    broken = [each for old, new, each in found if new.is_failed and not old.is_failed]
+    mended = [each for old, new, each in decided if old.is_failed and not new.is_failed]
+    sized = [
+        (old.margin, new.margin)
+        for old, new, _ in decided
+        if old.margin is not None and new.margin is not None
+    ]
+    margins = None
+    if sized:
+        first, second = (float(np.median(column)) for column in zip(*sized, strict=True))
+        margins = first, second
+    undecided = len(found) - len(decided)
+    counts = len(found), tuple(broken), tuple(mended), undecided
+    return Change(scenario, requirement, *counts, margins)
+
+
+def _verdict(result: RunResult, requirement: str) -> Verdict | None:
+    """Return the verdict of a run, undecided where the run was cut off; None without such one."""
+    if result.outcome.is_cut_off:
+        return Verdict(requirement, result.outcome.value, None, result.problem)
+    return result.verdict_on(requirement)
+
+
+def _place(result: RunResult) -> tuple[object, ...]:
+    return result.scenario, result.bench, result.seed, *sorted(result.values.items())

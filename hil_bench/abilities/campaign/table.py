@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from hil_bench.abilities.campaign.executing import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import local_backend
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunResult
+from hil_bench.abilities.campaign.snapshot import local_backend
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.scratch import scratch_folder
 

@@ -8,7 +8,7 @@ import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
-from hil_bench.abilities.campaign import pool
+from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.cli import status_line
@@ -181,7 +181,7 @@ def test_a_parameter_that_does_nothing_is_said_without_a_controller(tmp_path, ca
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
     looked = threading.Event()
-    own_look, own_perform = WorkLines.look, pool.perform
+    own_look, own_perform = WorkLines.look, snapshot.perform
 
     def look(self):
         own_look(self)
@@ -194,7 +194,7 @@ def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(status_line, "WORK_PERIOD", 0)
     monkeypatch.setattr(status_line, "_LOOK_S", 0.01)
     monkeypatch.setattr(WorkLines, "look", look)
-    monkeypatch.setattr(pool, "perform", perform)
+    monkeypatch.setattr(snapshot, "perform", perform)
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, REST.replace("range = [1.0, 301.0]", "range = [60.0, 301.0]"))
     total = {"campaign": 1, "falsify": 3}[verb]

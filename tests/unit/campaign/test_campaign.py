@@ -13,16 +13,14 @@ from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
 import hil_bench
 from hil_bench import cli
-from hil_bench.abilities.campaign import identity
-from hil_bench.abilities.campaign.comparison import compare
+from hil_bench.abilities.campaign import store
 from hil_bench.abilities.campaign.executing import Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import perform_here, run_pool
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.abilities.campaign.running import failed_run
+from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_pool
 from hil_bench.abilities.campaign.store import Store
-from hil_bench.abilities.campaign.summary import summarise
+from hil_bench.abilities.campaign.summary import compare, summarise
 from hil_bench.abilities.campaign.table import to_table
 from hil_bench.errors import ConfigError
 
@@ -286,7 +284,7 @@ def test_the_table_has_a_row_a_run(tmp_path):
 
 
 def test_sources_decide_the_identity_of_the_program():
-    assert identity.program_identity().startswith(f"{hil_bench.__version__}+")
+    assert store.program_identity().startswith(f"{hil_bench.__version__}+")
 
 
 @pytest.mark.long

@@ -10,8 +10,8 @@ from support.campaigns import write_rest
 
 from hil_bench.abilities.campaign.executing import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import perform_here
 from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.campaign.store import Store
 
 RUNS = 24

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hil_bench.abilities.campaign.reports.margin_bins import LARGEST, bin_margins
+from hil_bench.abilities.campaign.reports import LARGEST, bin_margins
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,8 @@ from hil_bench import cli
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.abilities.campaign.replay import replay
-from hil_bench.abilities.campaign.reports.figures import beyond
-from hil_bench.abilities.campaign.reports.page import svg_of
-from hil_bench.abilities.campaign.running import perform
+from hil_bench.abilities.campaign.reports import beyond, replay, svg_of
+from hil_bench.abilities.campaign.snapshot import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs
 from hil_bench.figure_style import STYLE
 from hil_bench.outside.page import POLICY
@@ -66,7 +64,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_a_report_that_cannot_be_is_refused_before_the_runs(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
-        "hil_bench.abilities.campaign.pool.perform", lambda _spec: pytest.fail("was run")
+        "hil_bench.abilities.campaign.snapshot.perform", lambda _spec: pytest.fail("was run")
     )
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)

@@ -5,16 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.campaign.confidence import failure_bound
 from hil_bench.abilities.campaign.distributions import (
     Choices,
     LogUniform,
     Normal,
+    Sampler,
     Triangular,
     Uniform,
     read_distribution,
+    sample,
+    size_of_sample,
+    unit_points,
 )
-from hil_bench.abilities.campaign.sampling import Sampler, sample, size_of_sample, unit_points
+from hil_bench.abilities.campaign.summary import failure_bound
 from hil_bench.errors import ConfigError
 
 SALTELLI = Sampler.SALTELLI

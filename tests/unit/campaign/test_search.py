@@ -10,21 +10,23 @@ import pytest
 from support.campaigns import REST, rest_pressures, write_rest
 
 from hil_bench import cli
+from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
 from hil_bench.abilities.campaign.plan import make_spec, own_case
-from hil_bench.abilities.campaign.pool import perform_here
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.abilities.campaign.search.cost import CRASH, cost_of, turns
-from hil_bench.abilities.campaign.search.falsify import SearchPlan, falsify
-from hil_bench.abilities.campaign.search.kept_runs import KeptRuns
-from hil_bench.abilities.campaign.search.methods import Evolution, build_search
-from hil_bench.abilities.campaign.search.records import (
+from hil_bench.abilities.campaign.search import (
     ALL_METHODS,
+    CRASH,
     Budget,
+    Evolution,
     Method,
     SearchResult,
     Trial,
+    build_search,
+    cost_of,
+    turns,
 )
-from hil_bench.abilities.campaign.search.shrink import Target, round_to, shrink
+from hil_bench.abilities.campaign.shrink import Target, round_to, shrink
+from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.campaign.summary import tally_of
 from hil_bench.abilities.campaign.verbs.falsify import exit_code_of_search
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -356,7 +358,7 @@ def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr()
     assert "interrupted after 2 of 6 runs; the same command goes on from there" in said.err
     assert "R-1: fails at" in said.out
-    monkeypatch.setattr("hil_bench.abilities.campaign.search.kept_runs.Store.write", refuse)
+    monkeypatch.setattr("hil_bench.abilities.campaign.falsify.Store.write", refuse)
     assert cli.main([*words, "--seed=3"]) == 1
     said = capsys.readouterr()
     assert "interrupted after 2 of 6 runs; out: cannot be written: No space left" in said.err

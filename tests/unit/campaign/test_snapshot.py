@@ -9,8 +9,13 @@ from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
 from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
 from hil_bench.abilities.campaign.records import RunSpec
-from hil_bench.abilities.campaign.running import perform, prepare_spec
-from hil_bench.abilities.campaign.snapshot import Snapshots, can_branch, first_difference
+from hil_bench.abilities.campaign.snapshot import (
+    Snapshots,
+    can_branch,
+    first_difference,
+    perform,
+    prepare_spec,
+)
 from hil_bench.abilities.scenario.load import load_scenario
 
 pytestmark = [

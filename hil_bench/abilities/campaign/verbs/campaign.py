@@ -6,29 +6,31 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from hil_bench.abilities.campaign.comparison import Change, compare
 from hil_bench.abilities.campaign.dask import DaskBackend
+from hil_bench.abilities.campaign.distributions import Sampler
 from hil_bench.abilities.campaign.executing import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.pool import local_backend
 from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
-from hil_bench.abilities.campaign.replay import replay
-from hil_bench.abilities.campaign.reports.campaign_report import write_campaign_report
-from hil_bench.abilities.campaign.running import perform
-from hil_bench.abilities.campaign.sampling import Sampler
+from hil_bench.abilities.campaign.reports import replay, write_campaign_report
 from hil_bench.abilities.campaign.sensitivity import Sensitivity, sobol_indices
+from hil_bench.abilities.campaign.snapshot import local_backend, perform
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.campaign.summary import (
+    Change,
     bounds_of,
     command_of,
+    compare,
     count_outcomes,
     show_point,
     summarise,
     worst_runs,
 )
-from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
-from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
+from hil_bench.abilities.campaign.verbs.campaign_view import (
+    CampaignView,
+    add_jobs_argument,
+    count_runs,
+)
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,

@@ -1,14 +1,19 @@
 """A campaign or a search as those see it who watch: progress, margins, failures, best so far."""
 
+import argparse
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from time import monotonic
 
+from hil_bench.abilities.campaign.executing import Note
 from hil_bench.abilities.campaign.records import RunResult, Verdict
-from hil_bench.abilities.campaign.reports.margin_bins import bin_margins
+from hil_bench.abilities.campaign.reports import bin_margins
 from hil_bench.abilities.campaign.summary import show_point, size_of, smallest_margin
 from hil_bench.abilities.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.cli.feed_side import WorkView
+from hil_bench.cli.parser import count_from_zero
+from hil_bench.cli.status_line import Work
 from hil_bench.session.work_feed import MOST_ITEMS, Course, Failure, Histogram, WorkItem
 
 _PERIOD = 0.5  # between two pictures [s]
@@ -132,3 +137,37 @@ class CampaignView:
             text += f" at {show_point(result.values)}"
         item = WorkItem(f"{result.scenario} {verdict.id}", verdict.outcome, text.strip())
         self._worst[place] = badness, item
+
+
+# Arguments that `campaign` and `falsify` share, and their runs as they are counted.
+
+
+def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --jobs."""
+    parser.add_argument(
+        "--jobs",
+        type=count_from_zero,
+        metavar="N",
+        default=_processors(),
+        help="number of processes (default: %(default)s); 0 runs in this one, without time-outs",
+    )
+
+
+def count_runs(work: Work) -> Note:
+    """Return a function that counts the runs of a campaign or a search, and those that fail."""
+    failures = 0
+
+    def note(result: RunResult | None) -> None:
+        nonlocal failures
+        work.done += 1
+        if result is not None and result.outcome.is_failure:
+            failures += 1
+            work.remark = f"{failures} failed"
+
+    return note
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -8,20 +8,23 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from hil_bench.abilities.campaign.pool import local_backend
+from hil_bench.abilities.campaign.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.abilities.campaign.records import RunResult
-from hil_bench.abilities.campaign.reports.search_report import write_search_report
-from hil_bench.abilities.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
-from hil_bench.abilities.campaign.search.records import (
+from hil_bench.abilities.campaign.reports import write_search_report
+from hil_bench.abilities.campaign.search import (
     ALL_METHODS,
     Budget,
     Find,
     Method,
     SearchResult,
 )
+from hil_bench.abilities.campaign.snapshot import local_backend
 from hil_bench.abilities.campaign.store import set_words
-from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
-from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
+from hil_bench.abilities.campaign.verbs.campaign_view import (
+    CampaignView,
+    add_jobs_argument,
+    count_runs,
+)
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,

@@ -1,1 +1,0 @@
-"""The search for values of parameters for which a requirement fails."""

@@ -14,8 +14,7 @@ import numba
 import numpy as np
 
 import occasion
-from hil_bench.abilities.analysis.batch import simulate_batch
-from hil_bench.abilities.analysis.simulation import Setup, build_plant, simulate
+from hil_bench.abilities.analysis.simulation import Setup, build_plant, simulate, simulate_batch
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantInput,
     PlantOptions,

@@ -9,7 +9,7 @@ ABILITY = Ability(
             "more",
             20,
             "analyse valve and cylinder as the paper does: numbers, tables, figures",
-            "hil_bench.abilities.analysis.verbs.analyse",
+            "hil_bench.abilities.analysis.verbs",
         ),
     },
 )

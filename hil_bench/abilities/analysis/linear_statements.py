@@ -4,18 +4,21 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from hil_bench.abilities.analysis.full_linearisation import linearise_full
 from hil_bench.abilities.analysis.linearisation import (
     CoefficientForm,
     SecondOrderSystem,
+    linearise_full,
     linearise_orifice,
     linearise_reduced,
     linearise_with_valve,
 )
-from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.model_statements import Statement, Verdict
+from hil_bench.abilities.analysis.operating_point import (
+    find_operating_point,
+    flow_pressure_curves,
+    load_flow,
+)
 from hil_bench.abilities.analysis.root_locus import root_locus
-from hil_bench.abilities.analysis.statement import Statement, Verdict
-from hil_bench.abilities.analysis.static_curves import flow_pressure_curves, load_flow
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 

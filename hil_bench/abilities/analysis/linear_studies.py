@@ -11,24 +11,27 @@ from hil_bench.abilities.analysis.figures import (
     draw_root_locus,
 )
 from hil_bench.abilities.analysis.frequency_response import decibel
-from hil_bench.abilities.analysis.full_linearisation import (
+from hil_bench.abilities.analysis.linearisation import (
+    CoefficientForm,
     FullLinearisation,
     Input,
     Output,
-    linearise_full,
-)
-from hil_bench.abilities.analysis.linearisation import (
-    CoefficientForm,
     SecondOrderSystem,
+    linearise_full,
     linearise_orifice,
     linearise_reduced,
     linearise_with_valve,
 )
-from hil_bench.abilities.analysis.response_table import VELOCITY_PER_OPENING, response_table
+from hil_bench.abilities.analysis.operating_point import flow_pressure_curves
 from hil_bench.abilities.analysis.root_locus import root_locus
-from hil_bench.abilities.analysis.static_curves import flow_pressure_curves
 from hil_bench.abilities.analysis.steady_motion import OperatingPoint
-from hil_bench.abilities.analysis.study import Fact, Study, make_table
+from hil_bench.abilities.analysis.study import (
+    VELOCITY_PER_OPENING,
+    Fact,
+    Study,
+    make_table,
+    response_table,
+)
 from hil_bench.figure_style import BLUE, RED
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters

@@ -9,14 +9,18 @@ from hil_bench.abilities.analysis.linear_studies import (
     operating_points_study,
     root_locus_study,
 )
-from hil_bench.abilities.analysis.model_statements import model_statements
-from hil_bench.abilities.analysis.paper_runs import PaperRuns, run_paper
+from hil_bench.abilities.analysis.model_statements import (
+    PaperRuns,
+    Statement,
+    Verdict,
+    model_statements,
+    run_paper,
+)
 from hil_bench.abilities.analysis.simulated_studies import (
     measured_responses_study,
     trajectories_study,
 )
 from hil_bench.abilities.analysis.simulation_statements import simulation_statements
-from hil_bench.abilities.analysis.statement import Statement, Verdict
 from hil_bench.abilities.analysis.study import Study, write_study
 from hil_bench.errors import about_file, check_replaceable, whole_file
 

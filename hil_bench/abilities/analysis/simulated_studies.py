@@ -16,10 +16,12 @@ from hil_bench.abilities.analysis.frequency_response import (
     ChirpRun,
     measure_frequency_response,
 )
-from hil_bench.abilities.analysis.response_table import VELOCITY_PER_OPENING, response_table
-from hil_bench.abilities.analysis.simulation import Setup, without_input_nonlinearities
-from hil_bench.abilities.analysis.study import Fact, Study
-from hil_bench.abilities.analysis.trajectories import state_trajectory
+from hil_bench.abilities.analysis.simulation import (
+    Setup,
+    state_trajectory,
+    without_input_nonlinearities,
+)
+from hil_bench.abilities.analysis.study import VELOCITY_PER_OPENING, Fact, Study, response_table
 from hil_bench.figure_style import BLUE, RED
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import Model

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from hil_bench.abilities.analysis.frequency_response import ChirpRun, ResponseEstimate
-from hil_bench.abilities.analysis.full_linearisation import linearise_full
-from hil_bench.abilities.analysis.linearisation import Response, linearise_reduced
+from hil_bench.abilities.analysis.linearisation import Response, linearise_full, linearise_reduced
+from hil_bench.abilities.analysis.model_statements import (
+    RESONANCE_BAND,
+    PaperRuns,
+    Statement,
+    Verdict,
+)
 from hil_bench.abilities.analysis.operating_point import find_operating_point
-from hil_bench.abilities.analysis.paper_runs import RESONANCE_BAND, PaperRuns
 from hil_bench.abilities.analysis.simulation import Signal
-from hil_bench.abilities.analysis.statement import Statement, Verdict
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stability import largest_euler_step

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.analysis.figures import ResponseCurve
+from hil_bench.abilities.analysis.frequency_response import decibel
 from hil_bench.figure_style import write_figure
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.outside.recording.files import RecordingFile
@@ -87,3 +89,21 @@ def write_study(study: Study, directory: Path) -> list[Path]:
     for name, draw in study.figures.items():
         files += write_figure(draw, directory / name)
     return files
+
+
+# Frequency responses as a table.
+
+VELOCITY_PER_OPENING = "(m/s)/m"
+"""Unit of the gain from spool or orifice to piston velocity."""
+
+
+def response_table(curves: Sequence[ResponseCurve]) -> Recording:
+    """Return gain [dB], phase and coherence of curves that share their frequencies."""
+    columns = {Channel("frequency", "Hz"): curves[0].frequencies}
+    for curve in curves:
+        label = curve.label.replace("$", "").replace("\\,", " ").replace("\\", "")
+        columns[Channel(f"{label}: gain", "dB")] = decibel(curve.response)
+        columns[Channel(f"{label}: phase", "deg")] = np.angle(curve.response, deg=True)
+        if curve.coherence is not None:
+            columns[Channel(f"{label}: coherence", "-")] = curve.coherence
+    return make_table(columns)

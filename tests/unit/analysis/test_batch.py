@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.analysis.batch import simulate_batch
-from hil_bench.abilities.analysis.simulation import CHANNELS, Setup, simulate
+from hil_bench.abilities.analysis.simulation import CHANNELS, Setup, simulate, simulate_batch
 from hil_bench.errors import ParameterError
 from hil_bench.outside.recording.channels import recording_channels
 from hil_bench.plants.hydraulic_cylinder.model import (

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from hil_bench.abilities.analysis.errors import NyquistError
 from hil_bench.abilities.analysis.frequency_response import (
     Chirp,
     ResponseEstimate,
@@ -17,6 +16,7 @@ from hil_bench.abilities.analysis.frequency_response import (
 )
 from hil_bench.abilities.analysis.linearisation import linearise_with_valve
 from hil_bench.abilities.analysis.simulation import Setup, without_input_nonlinearities
+from hil_bench.abilities.analysis.steady_motion import NyquistError
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantParameters, Solver
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.analysis.errors import OperatingPointError
-from hil_bench.abilities.analysis.full_linearisation import (
+from hil_bench.abilities.analysis.linearisation import (
     FullLinearisation,
     Input,
     Output,
     linearise_full,
+    linearise_with_valve,
 )
-from hil_bench.abilities.analysis.linearisation import linearise_with_valve
 from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.steady_motion import OperatingPointError
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 
 

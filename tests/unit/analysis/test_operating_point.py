@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hil_bench.abilities.analysis.errors import OperatingPointError
 from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.steady_motion import OperatingPointError
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantOptions, PlantParameters
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.analysis.errors import OperatingPointError
 from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.steady_motion import OperatingPointError
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,

@@ -6,6 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_bench.abilities.analysis.model_statements import (
+    PaperRuns,
+    Statement,
+    Verdict,
+    as_double_rod,
+    run_paper,
+    with_constant_volumes,
+)
 from hil_bench.abilities.analysis.paper import (
     IMAGES,
     REPORT,
@@ -14,13 +22,6 @@ from hil_bench.abilities.analysis.paper import (
     report_text,
     write_paper,
 )
-from hil_bench.abilities.analysis.paper_runs import (
-    PaperRuns,
-    as_double_rod,
-    run_paper,
-    with_constant_volumes,
-)
-from hil_bench.abilities.analysis.statement import Statement, Verdict
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.analysis.errors import NyquistError
 from hil_bench.abilities.analysis.simulation import (
     CHANNELS,
     Model,
     Setup,
     simulate,
+    state_trajectory,
     without_input_nonlinearities,
 )
-from hil_bench.abilities.analysis.trajectories import state_trajectory
+from hil_bench.abilities.analysis.steady_motion import NyquistError
 from hil_bench.errors import ParameterError
 from hil_bench.outside.recording.channels import recording_channels
 from hil_bench.plants.hydraulic_cylinder.model import (

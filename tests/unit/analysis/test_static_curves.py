@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.analysis.static_curves import flow_pressure_curves
+from hil_bench.abilities.analysis.operating_point import flow_pressure_curves
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 import pytest
 
 from hil_bench.abilities.analysis.validation import subject as subjects
-from hil_bench.abilities.analysis.validation.check import CheckVerdict, ValidationCheck
 from hil_bench.abilities.analysis.validation.closed_forms import closed_form_checks
-from hil_bench.abilities.analysis.validation.published import TABLE_I, published_checks
 from hil_bench.abilities.analysis.validation.subject import (
+    CheckVerdict,
     Subject,
+    ValidationCheck,
     closed_pressures,
     friction,
     held_displacement,
     steady_speed,
 )
-from hil_bench.abilities.analysis.validation.suite import validate
+from hil_bench.abilities.analysis.validation.suite import TABLE_I, published_checks, validate
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, paper_parameters
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench import extras
-from hil_bench.abilities.analysis.verbs import analyse
+from hil_bench.abilities.analysis import verbs
 from hil_bench.cli import main
 
 NAMES = (
@@ -131,8 +131,8 @@ def test_dead_zone_and_saturation_stay_in_where_it_is_told(
 def test_the_papers_report_is_written_and_its_verdicts_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = analyse.run_paper
-    monkeypatch.setattr(analyse, "run_paper", lambda: run(chirp_duration=5.0))
+    run = verbs.run_paper
+    monkeypatch.setattr(verbs, "run_paper", lambda: run(chirp_duration=5.0))
     monkeypatch.setattr("hil_bench.abilities.analysis.paper.paper_studies", lambda _runs: [])
 
     assert main(["analyse", "paper", "--output", str(tmp_path)]) == 0

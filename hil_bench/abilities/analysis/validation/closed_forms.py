@@ -8,11 +8,11 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from hil_bench.abilities.analysis.full_linearisation import linearise_full
+from hil_bench.abilities.analysis.linearisation import linearise_full
 from hil_bench.abilities.analysis.operating_point import find_operating_point
-from hil_bench.abilities.analysis.validation.check import ValidationCheck
 from hil_bench.abilities.analysis.validation.subject import (
     Subject,
+    ValidationCheck,
     closed_pressures,
     held_displacement,
     steady_pressures,

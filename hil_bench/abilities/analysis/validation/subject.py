@@ -1,7 +1,8 @@
-"""The subject of a validation: the full-order model with the parameters of one cylinder."""
+"""The plant under validation, and a check of it."""
 
 import math
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
@@ -11,6 +12,8 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Solver,
 )
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
+
+# The subject of a validation: the full-order model with the parameters of one cylinder.
 
 _HALVINGS = 200  # until the interval holds no further number
 
@@ -117,3 +120,47 @@ def closed_pressures(
         P_A - p.E * math.log((p.V_A0 + p.A_A * x) / p.V_A0),
         P_B - p.E * math.log((p.V_B0 - p.A_B * x) / p.V_B0),
     )
+
+
+# One quantity of the plant beside the value that it must have.
+
+
+class CheckVerdict(StrEnum):
+    """The verdict of a check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_APPLICABLE = "not applicable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationCheck:
+    """One quantity of the plant beside the value that it must have.
+
+    Attributes:
+        subject: the plant, as in ``Table I``.
+        name: of the quantity, and where it is looked at.
+        unit: its symbol; ``-`` for a pure number.
+        source: where the expected value comes from.
+        expected: the value that is right; None where there is none.
+        found: what the plant has; None where it was not asked.
+        tolerance: largest difference that passes, in the same unit.
+        detail: why the check does not apply, or what else is worth knowing.
+    """
+
+    subject: str
+    name: str
+    unit: str
+    source: str
+    expected: float | None = None
+    found: float | None = None
+    tolerance: float = 0.0
+    detail: str = ""
+
+    @property
+    def verdict(self) -> CheckVerdict:
+        """The verdict: passed where the value found is within the tolerance; NaN never passes."""
+        if self.expected is None or self.found is None:
+            return CheckVerdict.NOT_APPLICABLE
+        is_right = abs(self.found - self.expected) <= self.tolerance
+        return CheckVerdict.PASSED if is_right else CheckVerdict.FAILED

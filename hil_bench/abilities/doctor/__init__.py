@@ -12,7 +12,7 @@ ABILITY = Ability(
             "more",
             10,
             "measure what this machine can do in real time, and name what to change",
-            "hil_bench.abilities.doctor.verbs.doctor",
+            "hil_bench.abilities.doctor.verbs",
         ),
     },
 )

@@ -1,21 +1,123 @@
-"""Kernel, processors and clock."""
+"""The machine: its clock, its processors, its permissions, and findings about them."""
 
 import gzip
 import os
 import platform
 import re
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
-from hil_bench.abilities.doctor.finding import (
-    IS_LINUX,
-    Finding,
-    Read,
-    Topic,
-    absent,
-    first_match,
-    good,
-    judged,
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy
+from hil_bench.outside.realtime import linux
+from hil_bench.outside.realtime.clock import Clock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.realtime.permissions import (
+    CAP_SYS_NICE,
+    GRANT_DEADLINE,
+    GRANT_LATENCY,
+    GRANT_MEMORY,
+    GRANT_PRIORITY,
+    format_cpus,
+    has_capability,
+    may_lock_memory,
 )
+from hil_bench.outside.realtime.statistics import TickSummary
+from hil_bench.outside.transports.silent import SilentTransport
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import Session
+
+# The findings of an examination, and the reading of the kernel's files.
+
+IS_LINUX = sys.platform.startswith("linux")
+
+
+class Verdict(StrEnum):
+    """The meaning of a finding for a bench in real time."""
+
+    GOOD = "good"
+    """Nothing is to be changed."""
+    HINT = "hint"
+    """It works; a change would make it better."""
+    MISSING = "missing"
+    """Something does not work without a change."""
+    ABSENT = "absent"
+    """This system has no such thing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One fact.
+
+    Attributes:
+        name: what was looked at.
+        verdict: what it means.
+        value: what is there, in words.
+        advice: what to change, in one line; empty where nothing is.
+    """
+
+    name: str
+    verdict: Verdict
+    value: str
+    advice: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """The findings on one subject.
+
+    Attributes:
+        name: the subject.
+        findings: the facts.
+    """
+
+    name: str
+    findings: tuple[Finding, ...]
+
+
+Read = Callable[[str], str]
+"""Returns the text of a file of the kernel, empty where there is none."""
+
+
+def read_file(path: str) -> str:
+    """Return the text of a file without white space at its ends, empty where it cannot be read."""
+    try:
+        return Path(path).read_text("utf-8", "replace").strip()
+    except OSError:
+        return ""
+
+
+def good(name: str, value: str) -> Finding:
+    """Return a finding about which nothing is to be done."""
+    return Finding(name, Verdict.GOOD, value)
+
+
+def absent(name: str, value: str = "not on this system") -> Finding:
+    """Return a finding about what this system does not have."""
+    return Finding(name, Verdict.ABSENT, value)
+
+
+def judged(name: str, value: str, advice: str, *, is_good: bool) -> Finding:
+    """Return a finding that is good, or a hint with advice."""
+    return good(name, value) if is_good else Finding(name, Verdict.HINT, value, advice)
+
+
+def first_match(text: str, beginnings: Iterable[str]) -> str:
+    """Return the rest of the first word of a text with one of these beginnings, or nothing."""
+    for word in text.split():
+        for beginning in beginnings:
+            if word.startswith(beginning):
+                return word.removeprefix(beginning)
+    return ""
+
+
+# Kernel, processors and clock.
 
 _PROCESSORS = "/sys/devices/system/cpu"
 _GOOD_CLOCKS = frozenset({"tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page"})
@@ -153,3 +255,133 @@ def _clock(source: str) -> Finding:
         "a slow clock costs each tick some us; 'clocksource=tsc' where the processor has it",
         is_good=source in _GOOD_CLOCKS,
     )
+
+
+# Measurement of this machine's lateness in waking the bench's loop.
+
+
+class LatenessTest(NamedTuple):
+    """One measurement.
+
+    Attributes:
+        name: how `hil-bench run` is called to run like this.
+        summary: what the loop did.
+    """
+
+    name: str
+    summary: TickSummary
+
+
+def measure_lateness(
+    config: BenchConfig, seconds: float, policies: list[RealtimePolicy], clock: Clock
+) -> list[LatenessTest]:
+    """Measure the lateness of the whole bench on a silent bus, once with each policy.
+
+    Args:
+        config: the bench.
+        seconds: length of all together [s].
+        policies: those to try.
+        clock: the clock to wait on.
+    """
+    ticks = max(round(seconds / len(policies) * 1e9 / config.tick_ns), 1)
+    names = {RealtimePolicy.OFF: "run"}
+    return [
+        LatenessTest(
+            names.get(policy, f"run --realtime {policy.value}"),
+            _run(build_bench(config), Pacer(clock, config.tick_ns), policy, ticks),
+        )
+        for policy in policies
+    ]
+
+
+def _run(bench: Bench, pacer: Pacer, policy: RealtimePolicy, ticks: int) -> TickSummary:
+    return run_paced(
+        Session(bench),
+        SilentTransport(),
+        pacer,
+        stopped=lambda: pacer.statistics.ticks + pacer.statistics.skipped >= ticks,
+        realtime=RealtimeConfig(policy=policy),
+    ).ticks
+
+
+# The permissions of this process in the kernel.
+
+_PRIORITY = 80
+_PERIOD = 1_000_000  # [ns]
+
+
+def examine_permissions(read: Read) -> Topic:
+    """Return the findings on the permissions of this process.
+
+    Args:
+        read: reads files of the kernel.
+    """
+    if not IS_LINUX:
+        names = ("SCHED_FIFO", "SCHED_DEADLINE", "memory lock", "wake-up latency")
+        return Topic("Permissions", tuple(absent(name, "Linux only") for name in names))
+    processors = good("processors", f"{format_cpus(linux.processors())} permitted")
+    throttling = _throttling(read("/proc/sys/kernel/sched_rt_runtime_us"))
+    permitted = (_fifo(), _deadline(), _memory_lock(), _wake_latency())
+    return Topic("Permissions", (*permitted, throttling, _timer_slack(), processors))
+
+
+def _fifo() -> Finding:
+    finding = _policy("SCHED_FIFO", lambda: linux.set_fifo_policy(_PRIORITY), GRANT_PRIORITY)
+    return replace(finding, value=f"{finding.value}; RLIMIT_RTPRIO {linux.priority_limit()}")
+
+
+def _deadline() -> Finding:
+    return _policy(
+        "SCHED_DEADLINE",
+        lambda: linux.set_deadline_policy(_PERIOD // 10, _PERIOD),
+        GRANT_DEADLINE,
+    )
+
+
+def _policy(name: str, take: Callable[[], None], grant: str) -> Finding:
+    """Find out by trying, in a thread that ends at once."""
+    refusals: list[OSError] = []
+
+    def try_it() -> None:
+        try:
+            take()
+        except OSError as error:
+            refusals.append(error)
+
+    thread = threading.Thread(target=try_it)
+    thread.start()
+    thread.join()
+    if not refusals:
+        return good(name, "permitted")
+    if has_capability(CAP_SYS_NICE):
+        grant = "leave the cgroup, which gives no real-time time (cpu.rt_runtime_us), or give it"
+    return Finding(name, Verdict.HINT, f"refused: {refusals[0].strerror}", grant)
+
+
+def _memory_lock() -> Finding:
+    limit = linux.memory_limit()
+    text = "unlimited" if limit is None else f"{limit / 2**20:g} MiB"
+    if may_lock_memory():
+        return good("memory lock", f"permitted; RLIMIT_MEMLOCK {text}")
+    return Finding("memory lock", Verdict.HINT, f"RLIMIT_MEMLOCK {text}", GRANT_MEMORY)
+
+
+def _wake_latency() -> Finding:
+    name = "wake-up latency"
+    if linux.may_hold_wake_latency():
+        return good(name, "may be held at 0 us, as a run with --realtime does")
+    return Finding(name, Verdict.HINT, "left to the idle states", GRANT_LATENCY)
+
+
+def _throttling(runtime: str) -> Finding:
+    name = "real-time throttling"
+    if not runtime.lstrip("-").isdigit():
+        return absent(name, "unknown")
+    if int(runtime) < 0:
+        advice = "'sysctl -w kernel.sched_rt_runtime_us=950000' leaves the rest a twentieth"
+        return Finding(name, Verdict.HINT, "off: a spinning thread takes a processor", advice)
+    return good(name, f"{int(runtime) / 1e4:g} % for real-time threads")
+
+
+def _timer_slack() -> Finding:
+    return good("timer slack", f"{linux.timer_slack() / 1000:g} us; a paced run sets 1 ns")

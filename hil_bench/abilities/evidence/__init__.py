@@ -10,7 +10,7 @@ ABILITY = Ability(
             "test",
             60,
             "validate this installation, and write the evidence as a folder",
-            "hil_bench.abilities.evidence.verbs.evidence",
+            "hil_bench.abilities.evidence.verbs",
         ),
     },
 )

@@ -9,7 +9,7 @@ ABILITY = Ability(
             "more",
             30,
             "write an axis as an FMU for co-simulation in other tools",
-            "hil_bench.abilities.fmu.verbs.export_fmu",
+            "hil_bench.abilities.fmu.verbs",
         ),
     },
 )

@@ -9,7 +9,7 @@ ABILITY = Ability(
             "run",
             50,
             "put recorded frames on a bus, or drive the plant with recorded set-points",
-            "hil_bench.abilities.replay.verbs.replay",
+            "hil_bench.abilities.replay.verbs",
         ),
     },
 )

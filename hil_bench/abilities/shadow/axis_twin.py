@@ -1,21 +1,137 @@
-"""One axis of the twin: what is known of the machine, and how far it is from the twin."""
+"""The twin of an axis, its trace, and the residual between it and the machine."""
 
 import math
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.shadow.decoder import STATUS_WORD, Reading
 from hil_bench.abilities.shadow.followed_valve import FollowedValve
-from hil_bench.abilities.shadow.residual import Residual
-from hil_bench.abilities.shadow.sample_clock import SampleTime
-from hil_bench.abilities.shadow.trace import Row, Trace
+from hil_bench.abilities.shadow.sample_clock import STATUS_WORD, Reading, SampleTime
 from hil_bench.devices.axis import Axis
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
+
+# The deviation of a machine from its twin.
+
+
+@dataclass(slots=True)
+class Residual:
+    """Machine less twin of one quantity over a window.
+
+    A device that sends by event sends most while its value moves. So each residual counts for the
+    time that it stands for, not for its number of frames.
+
+    Attributes:
+        count: values compared.
+        time: what they stand for [s].
+        squares: integral of the residual's square over that time.
+        largest: largest residual in size.
+    """
+
+    count: int = 0
+    time: float = 0.0
+    squares: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over time; NaN without any value."""
+        if not self.count:
+            return math.nan
+        return math.sqrt(self.squares / self.time) if self.time else self.largest
+
+    def add(self, residual: float, duration: float) -> None:
+        """Take one residual, which stands for the time [s] since the one before."""
+        self.count += 1
+        self.time += duration
+        self.squares += residual * residual * duration
+        self.largest = max(self.largest, abs(residual))
+
+
+# The trace of an axis' twin over the last ticks.
+
+
+class Row(NamedTuple):
+    """The twin at the end of one tick.
+
+    Attributes:
+        time: of the tick's end [s].
+        values: what each device would say without noise, by its name, in SI units.
+    """
+
+    time: float
+    values: dict[str, float]
+
+
+class Trace:
+    """The last rows, to compare values of the machine with that are older than the twin's present.
+
+    Args:
+        length: how many rows are kept.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._rows: deque[Row] = deque(maxlen=length)
+
+    def append(self, row: Row) -> None:
+        """Take the newest row."""
+        self._rows.append(row)
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._rows.clear()
+
+    def shift(self, offsets: Mapping[str, float]) -> None:
+        """Move all rows by what the twin was moved by."""
+        for _, values in self._rows:
+            for name, offset in offsets.items():
+                values[name] += offset
+
+    def at(self, name: str, time: float) -> float:
+        """Return the value at a time [s], interpolated; beyond either end, that of the end."""
+        rows = self._since(time)
+        if len(rows) == 1:
+            return rows[0].values[name]
+        return _between(rows[0], rows[1], name, time)
+
+    def distance(self, name: str, value: float, begin: float, end: float) -> float:
+        """Return the distance of a value beyond all of the twin's from `begin` to `end` [s].
+
+        Args:
+            name: of the device.
+            value: what the machine's says.
+            begin: when it was measured at the earliest [s].
+            end: when at the latest [s].
+
+        Returns:
+            The value less the nearest of the twin's; 0 if it lies among them.
+        """
+        rows = self._since(begin)
+        found = [self.at(name, begin), self.at(name, end)]
+        found += [row.values[name] for row in rows if begin <= row.time <= end]
+        return value - min(max(value, min(found)), max(found))
+
+    def _since(self, time: float) -> list[Row]:
+        """Return the rows from the last one that is not after a time on; at least one."""
+        found: list[Row] = []
+        for row in reversed(self._rows):
+            found.append(row)
+            if row.time <= time:
+                break
+        found.reverse()
+        return found
+
+
+def _between(before: Row, after: Row, name: str, time: float) -> float:
+    share = min(max((time - before.time) / (after.time - before.time), 0.0), 1.0)
+    value = before.values[name]
+    return value + share * (after.values[name] - value)
+
+
+# One axis of the twin: what is known of the machine, and how far it is from the twin.
 
 POSITION, SPEED = "position", "speed"
 """What a window begins and ends with, and what positions show by the way."""

@@ -1,12 +1,97 @@
-"""When a value that comes in a PDO was measured, as far as the frames of a bus show."""
+"""Samples of a machine: decoded from frames, with their clock and its punctuality."""
 
+import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from pkgutil import resolve_name
 from typing import NamedTuple
 
 import can
 
-from hil_bench.abilities.shadow.punctuality import PdoPunctuality
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
+from hil_drivers.device import Device, Input
+
+# The lateness of a PDO against its usual time.
+#
+# A computer or a bus that is too slow for a bench holds commands up, too, and by as much. A PDO
+# that is sent when its value changes comes at any time, and is never late.
+
+_KEPT = 256
+_FEWEST = 8
+_REFRESHED = 16
+"""After so many times the usual one is found anew."""
+_PROMPT = 5e-3
+"""A PDO of which a quarter comes within this time after SYNC answers it [s]."""
+_TOLERANCE, _SHARE = 2e-3, 0.2
+"""Intervals are alike within so many seconds, or so much of the median."""
+_MANY = 0.4
+"""Share of intervals that are alike if there is a usual one."""
+
+
+class _Times:
+    """The last times of one kind, and the usual one."""
+
+    def __init__(self, find_usual: Callable[[Sequence[float]], float | None]) -> None:
+        self._find_usual = find_usual
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._usual: float | None = None
+        self._count = 0
+
+    def take(self, time: float) -> float | None:
+        """Take the next time [s]; return how much longer than usual it is, None without a usual."""
+        self._times.append(time)
+        self._count += 1
+        if self._count == _FEWEST or not self._count % _REFRESHED:
+            self._usual = self._find_usual(sorted(self._times))
+        return None if self._usual is None else max(time - self._usual, 0.0)
+
+
+class PdoPunctuality:
+    """The lateness of one PDO after the frame before and after the SYNC that it may answer."""
+
+    def __init__(self) -> None:
+        self._came_at: float | None = None
+        self._unanswered: float | None = None
+        self._intervals = _Times(usual_interval)
+        self._answers = _Times(usual_answer)
+
+    def synchronise(self, time: float) -> None:
+        """Take a SYNC [s]."""
+        if self._unanswered is None:
+            self._unanswered = time
+
+    def take(self, time: float) -> float:
+        """Take a frame of the PDO at a time [s]; return how late it is [s], 0 if that is unknown.
+
+        A PDO that answers SYNC is not late if SYNC was.
+        """
+        found = []
+        if self._came_at is not None:
+            found.append(self._intervals.take(time - self._came_at))
+        if self._unanswered is not None:
+            found.append(self._answers.take(time - self._unanswered))
+        self._came_at, self._unanswered = time, None
+        return min((late for late in found if late is not None), default=0.0)
+
+
+def usual_interval(times: Sequence[float]) -> float | None:
+    """Return the interval [s] that many of the sorted ones have; None where they differ."""
+    usual = times[len(times) // 2]
+    tolerance = max(_TOLERANCE, _SHARE * usual)
+    alike = sum(abs(time - usual) <= tolerance for time in times)
+    return usual if alike >= _MANY * len(times) else None
+
+
+def usual_answer(times: Sequence[float]) -> float | None:
+    """Return the time after SYNC [s] of an answer; None where too few of the sorted ones answer."""
+    quarter = times[len(times) // 4]
+    return quarter if quarter <= _PROMPT else None
+
+
+# When a value that comes in a PDO was measured, as far as the frames of a bus show.
 
 _SYNC = 0x080
 _EVIDENCE = 8
@@ -100,3 +185,104 @@ class SampleClock:
 def _sample_time(likely: float, frame: float, lateness: float) -> SampleTime:
     earliest = min(likely, frame - _TRANSFER)
     return SampleTime(earliest, likely, frame, frame + _CYCLE, lateness)
+
+
+# Decoding of a bus' devices, in SI units, from their TPDOs alone.
+
+STATUS_WORD = "status_word"
+"""The quantity that a valve's status word is."""
+
+
+class Reading(NamedTuple):
+    """One quantity of one axis as a device reports it.
+
+    Attributes:
+        axis: its name.
+        quantity: of the plant, or `STATUS_WORD`.
+        name: of the device.
+        node_id: of the device.
+        device: the driver that decodes it.
+        source: the PDO that brings it.
+        value: what it says now, in SI; of the spool, in full openings.
+    """
+
+    axis: str
+    quantity: str
+    name: str
+    node_id: int
+    device: Device
+    source: Input
+    value: Callable[[], float]
+
+    def read(self) -> float:
+        """Return the value; NaN while the device has none that is valid."""
+        try:
+            value = self.value()
+        except DriverError:
+            return math.nan
+        return value if math.isfinite(value) else math.nan
+
+
+class OverheardDrivers:
+    """The drivers of a bench's devices, fed with frames that somebody overheard.
+
+    How a device maps and scales its values is taken from the configuration: the drivers ask a
+    virtual bench of the same configuration for it, so nothing is sent to the machine.
+
+    Args:
+        config: the bench.
+
+    Attributes:
+        readings: all quantities that can be decoded.
+    """
+
+    def __init__(self, config: BenchConfig) -> None:
+        self._time = 0.0
+        with VirtualBench(config, recorded_time=0.1, logged_frames=1) as bench:
+            # Bench time stands still once all is set up; from then on, the frames' time counts.
+            self._network = Network(bench.bus, clock=lambda: bench.now() + self._time)
+            self.readings = [
+                reading for node in config.nodes if node.axis for reading in self._readings(node)
+            ]
+        self._seen = dict.fromkeys(self.readings, -math.inf)
+
+    def take(self, message: can.Message, time: float) -> list[Reading]:
+        """Take a frame of the bus and return which quantities it brought.
+
+        Args:
+            message: the frame.
+            time: when it was on the bus, from the first one [s].
+        """
+        self._time = time
+        self._network.deliver(message)
+        fresh = []
+        for reading in self.readings:
+            received_at = reading.source.pdo.received_at
+            if received_at > self._seen[reading]:
+                self._seen[reading] = received_at
+                if math.isfinite(reading.device.received_at):  # its other PDOs have come, too
+                    fresh.append(reading)
+        return fresh
+
+    def _readings(self, node: NodeConfig) -> Iterator[Reading]:
+        watched = node.kind.watched(node)
+        if not watched or node.kind.driver is None:
+            return
+        # A value may come on two PDOs of different age, the second with its status.
+        device: PressureSensor | PositionSensor | ProportionalValve = resolve_name(
+            node.kind.driver
+        )(self._network, node.node_id, node.eds, max_age=math.inf)
+        device.setup(transmission_type=254)
+        device.expect_protection(node.protected_tpdos)
+        axis = str(node.axis)
+        if isinstance(device, ProportionalValve):
+            word = device.status
+            yield Reading(
+                *(axis, STATUS_WORD, node.name, node.node_id, device, word),
+                lambda: word.signal.decode(word.pdo.data),
+            )
+        for quantity, attribute in watched.items():
+            yield Reading(
+                *(axis, quantity, node.name, node.node_id, device, device.primary),
+                partial(getattr, device, attribute),
+            )

@@ -1,15 +1,6 @@
-"""The twin: a bench that hears the machine's bus, and what sets it apart from the machine.
+"""The twin of a machine, and the limits of its residuals."""
 
-The twin's devices obey the very frames that the machine's obey: NMT, SYNC, PDOs, and the SDO
-downloads by which a controller configures them. Its plant therefore moves under the same commands.
-A model that integrates a velocity drifts away from any machine, so at the end of each window the
-plant is set to what the sensors say, and the next window shows how well it predicts from there.
-
-A tick is long beside what sets a sound machine apart from its twin (0.2 m/s make 0.2 mm in 1 ms).
-So a value is compared at the time when it was measured, which is that of its frame, or of the SYNC
-before it where its PDO is synchronous.
-"""
-
+import math
 from collections import deque
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,12 +8,29 @@ from typing import Any, NamedTuple
 import can
 
 from hil_bench.abilities.shadow.axis_twin import AxisTwin, Window
-from hil_bench.abilities.shadow.decoder import OverheardDrivers, Reading
-from hil_bench.abilities.shadow.node_states import NodeStates
-from hil_bench.abilities.shadow.sample_clock import SampleClock, SampleTime
+from hil_bench.abilities.shadow.followed_valve import NodeStates
+from hil_bench.abilities.shadow.sample_clock import (
+    OverheardDrivers,
+    Reading,
+    SampleClock,
+    SampleTime,
+)
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.measurement.parameters import ChainParameters
+
+# The twin: a bench that hears the machine's bus, and what sets it apart from the machine.
+#
+# The twin's devices obey the very frames that the machine's obey: NMT, SYNC, PDOs, and the SDO
+# downloads by which a controller configures them. Its plant therefore moves under the same
+# commands. A model that integrates a velocity drifts away from any machine, so at the end of each
+# window the plant is set to what the sensors say, and the next window shows how well it predicts
+# from there.
+#
+# A tick is long beside what sets a sound machine apart from its twin (0.2 m/s make 0.2 mm in 1
+# ms). So a value is compared at the time when it was measured, which is that of its frame, or of
+# the SYNC before it where its PDO is synchronous.
 
 _SECOND = 1_000_000_000
 _IDENTIFIER = 0x7FF
@@ -197,3 +205,50 @@ def _sound_node(node: NodeConfig) -> NodeConfig:
         return node
     changes: Any = {"chain": replace(chain, noise_rms=0.0, noise_density=0.0)}
     return replace(node, **changes)
+
+
+# Up to which residual a twin follows its machine.
+
+_PUNCTUAL = 2e-3
+"""Lateness of frames up to which the limits hold; more widens them, in proportion [s]."""
+_NOISE = 3.0
+"""How many standard deviations of a sensor's noise come to that."""
+_FIRST_ORDER = 0.5 * math.pi
+"""Bandwidth of white noise behind a low-pass of first order, by its frequency of -3 dB."""
+
+
+def fit_limits(config: BenchConfig) -> dict[str, dict[str, float]]:
+    """Return the limits of each axis by quantity, for the sensors that a configuration gives it."""
+    limits = {
+        axis.name: {
+            quantity.name: quantity.residual
+            for quantity in axis.kind.quantities
+            if quantity.residual is not None
+        }
+        for axis in config.axes
+    }
+    bases = {axis: dict(of_axis) for axis, of_axis in limits.items()}
+    for node in config.nodes:
+        quantity, axis = node.kind.measured(node), str(node.axis)
+        chain = getattr(node, "chain", None)
+        if quantity is None or chain is None or quantity not in bases.get(axis, {}):
+            continue
+        fitted = math.hypot(bases[axis][quantity], _NOISE * noise_of(chain))
+        limits[axis][quantity] = max(limits[axis][quantity], fitted)
+    return limits
+
+
+def noise_of(chain: ChainParameters) -> float:
+    """Return the standard deviation of a measuring chain's noise, in the quantity's unit."""
+    return math.hypot(
+        chain.noise_rms, chain.noise_density * math.sqrt(_FIRST_ORDER * chain.bandwidth)
+    )
+
+
+def widening(lateness: float) -> float:
+    """Return by how much the limits grow if frames came late: the commands did so, too.
+
+    Args:
+        lateness: of a window's frames [s].
+    """
+    return max(1.0, lateness / _PUNCTUAL)

@@ -3,8 +3,8 @@ import re
 
 import pytest
 
-from hil_bench.abilities.doctor.finding import Finding, Topic, Verdict
-from hil_bench.abilities.doctor.verbs.doctor import report_lines
+from hil_bench.abilities.doctor.machine import Finding, Topic, Verdict
+from hil_bench.abilities.doctor.verbs import report_lines
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
 
@@ -16,7 +16,7 @@ TOPICS = [
 
 @pytest.fixture(autouse=True)
 def _virtual_time(monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.doctor.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.MonotonicClock", VirtualClock)
 
 
 def test_each_finding_is_a_line_and_each_advice_one_below():

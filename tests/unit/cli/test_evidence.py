@@ -11,10 +11,9 @@ from hil_bench.abilities.analysis.validation import subject
 from hil_bench.abilities.analysis.validation.suite import validate
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
-from hil_bench.abilities.evidence import determinism, devices
-from hil_bench.abilities.evidence.page import page_html
-from hil_bench.abilities.evidence.texts import classification
-from hil_bench.abilities.evidence.versions import examine_software
+from hil_bench.abilities.evidence import devices
+from hil_bench.abilities.evidence.content import classification, page_html
+from hil_bench.abilities.evidence.pack import examine_software
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
@@ -107,7 +106,7 @@ def test_the_runs_agree_and_another_seed_does_not(made, tmp_path):
     assert found["runs"][0]["rows"] == 1010  # 1.01 s at 1 kHz
     noisy = tmp_path / "bench.toml"
     noisy.write_bytes((ROOT / "examples" / "real_sensors.toml").read_bytes())
-    traces = {determinism.run_once(noisy, seed) for seed in (1, 1, 2)}
+    traces = {devices.run_once(noisy, seed) for seed in (1, 1, 2)}
     assert len(traces) == 2
     assert digest not in {trace.digest for trace in traces}
 
@@ -119,8 +118,8 @@ def test_the_run_of_the_determinism_moves_the_axis(monkeypatch):
         benches.append(VirtualBench(config))
         return benches[-1]
 
-    monkeypatch.setattr(determinism, "VirtualBench", keep)
-    determinism.run_once(None, 1)
+    monkeypatch.setattr(devices, "VirtualBench", keep)
+    devices.run_once(None, 1)
     positions = benches[0].signals["axis1.position"]
     assert positions.max() - positions.min() > 0.02
 
@@ -138,15 +137,11 @@ def test_the_inputs_are_in_the_pack(made):
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out what the test does not look at."""
-    monkeypatch.setattr(
-        "hil_bench.abilities.evidence.verbs.evidence.examine_devices", lambda _config: []
-    )
-    monkeypatch.setattr(
-        "hil_bench.abilities.evidence.verbs.evidence.validate", lambda _axes, _dt: iter(())
-    )
-    trace = determinism.Trace("0" * 64, 1, 1)
-    monkeypatch.setattr(determinism, "run_once", lambda _path, _seed: trace)
-    monkeypatch.setattr(determinism, "ProcessPoolExecutor", SameProcess)
+    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.examine_devices", lambda _config: [])
+    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.validate", lambda _axes, _dt: iter(()))
+    trace = devices.Trace("0" * 64, 1, 1)
+    monkeypatch.setattr(devices, "run_once", lambda _path, _seed: trace)
+    monkeypatch.setattr(devices, "ProcessPoolExecutor", SameProcess)
 
 
 class SameProcess:
@@ -172,7 +167,7 @@ class Done:
 
 @pytest.mark.usefixtures("quick")
 def test_a_wrong_plant_is_shown_as_failed(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.evidence.validate", validate)
+    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.validate", validate)
 
     def wider(parameters, **rest):
         return FullOrderPlant(replace(parameters, C_d=0.66), **rest)
@@ -227,7 +222,7 @@ def test_stored_parameters_are_not_overwritten(monkeypatch, tmp_path, storage, a
 def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path):
     digests = iter("123")
     monkeypatch.setattr(
-        determinism, "run_once", lambda _path, _seed: determinism.Trace(next(digests), 1, 1)
+        devices, "run_once", lambda _path, _seed: devices.Trace(next(digests), 1, 1)
     )
     assert main(["-q", "evidence", str(tmp_path / "pack"), "--seconds", "0"]) == 1
 

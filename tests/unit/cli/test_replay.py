@@ -20,7 +20,7 @@ def run_mf4(tmp_path_factory):
 
 
 def test_frames_go_back_on_a_bus(run_mf4, monkeypatch, capsys):
-    monkeypatch.setattr("hil_bench.abilities.replay.verbs.replay.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
     with can.Bus(interface="virtual", channel="test_replay") as listener:
         bus = ["-i", "virtual", "-c", "test_replay"]
         assert main(["replay", str(run_mf4), *bus, "--frames", "received"]) == 0

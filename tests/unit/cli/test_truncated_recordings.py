@@ -43,7 +43,7 @@ COMMANDS = {
 )
 def test_it_is_read_or_refused(recordings, tmp_path, monkeypatch, capsys, command, suffix, left):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("hil_bench.abilities.replay.verbs.replay.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
     content = recordings[suffix]
     cut = tmp_path / f"cut{suffix}"
     cut.write_bytes(content[: int(left * len(content))])

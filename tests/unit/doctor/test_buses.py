@@ -1,14 +1,14 @@
 import pytest
 
-from hil_bench.abilities.doctor.buses import examine_buses
-from hil_bench.abilities.doctor.finding import Verdict
+from hil_bench.abilities.doctor.machine import Verdict
+from hil_bench.abilities.doctor.software import examine_buses
 from hil_bench.outside.transports.can_interfaces import CanInterface
 
 
 @pytest.fixture
 def examine(monkeypatch):
     def examine_with(*interfaces, has_socketcan=True, rmem_max="212992"):
-        place = "hil_bench.abilities.doctor.buses."
+        place = "hil_bench.abilities.doctor.software."
         monkeypatch.setattr(place + "has_socketcan", lambda: has_socketcan)
         monkeypatch.setattr(place + "can_interfaces", lambda: list(interfaces))
 
@@ -49,6 +49,6 @@ def test_a_small_receive_buffer_is_a_hint(examine):
 
 
 def test_elsewhere_there_is_the_hub_too(monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.doctor.buses.IS_LINUX", False)
+    monkeypatch.setattr("hil_bench.abilities.doctor.software.IS_LINUX", False)
     (item,) = examine_buses(lambda _path: "").findings
     assert (item.verdict, item.value) == (Verdict.ABSENT, "Linux only")

@@ -5,8 +5,8 @@ import json
 
 from support.distribution import declare
 
-from hil_bench.abilities.doctor.extensions import examine_extensions
-from hil_bench.abilities.doctor.finding import Verdict, absent, good
+from hil_bench.abilities.doctor.machine import Verdict, absent, good
+from hil_bench.abilities.doctor.software import examine_extensions
 from hil_bench.cli import main
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.registry import PLANTS

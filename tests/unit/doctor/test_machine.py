@@ -2,8 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.doctor.finding import Verdict
-from hil_bench.abilities.doctor.machine import examine_machine, preemption_model
+from hil_bench.abilities.doctor.machine import Verdict, examine_machine, preemption_model
 
 
 def reader(**files):

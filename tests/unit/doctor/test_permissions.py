@@ -4,8 +4,7 @@ import errno
 
 import pytest
 
-from hil_bench.abilities.doctor.finding import Verdict
-from hil_bench.abilities.doctor.permissions import examine_permissions
+from hil_bench.abilities.doctor.machine import Verdict, examine_permissions
 
 
 class Kernel:
@@ -29,7 +28,7 @@ class Kernel:
 @pytest.fixture
 def examine(monkeypatch):
     def examine_with(*refused, runtime="950000", may_lock=True, has_capability=False):
-        place = "hil_bench.abilities.doctor.permissions."
+        place = "hil_bench.abilities.doctor.machine."
         monkeypatch.setattr(place + "linux", Kernel(*refused))
         monkeypatch.setattr(place + "may_lock_memory", lambda: may_lock)
         monkeypatch.setattr(place + "has_capability", lambda _number: has_capability)
@@ -73,6 +72,6 @@ def test_throttling_that_is_off_is_a_risk(examine):
 
 
 def test_elsewhere_nothing_is_asked(monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.doctor.permissions.IS_LINUX", False)
+    monkeypatch.setattr("hil_bench.abilities.doctor.machine.IS_LINUX", False)
     topic = examine_permissions(lambda _path: "")
     assert {item.verdict for item in topic.findings} == {Verdict.ABSENT}

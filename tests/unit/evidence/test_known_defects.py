@@ -12,7 +12,7 @@ import pytest
 from support.bus_side import BusSide, valve_command
 from support.documents import ROOT
 
-from hil_bench.abilities.evidence.texts import classification, known_defects
+from hil_bench.abilities.evidence.content import classification, known_defects
 from hil_bench.bench.configuration import OverrunPolicy, load_config
 from hil_bench.devices.position_control import POSITION
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW

@@ -3,7 +3,7 @@
 import pytest
 from support.documents import ROOT
 
-from hil_bench.abilities.evidence.texts import classification, known_defects
+from hil_bench.abilities.evidence.content import classification, known_defects
 
 
 @pytest.mark.parametrize("defect", known_defects(), ids=lambda defect: defect["id"])

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from hil_bench.abilities.evidence.traceability import read_results, trace
+from hil_bench.abilities.evidence.content import read_results, trace
 from hil_bench.errors import ConfigError
 
 JUNIT = """<?xml version="1.0"?>

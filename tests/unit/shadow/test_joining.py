@@ -9,8 +9,7 @@ from support.built_in_nodes import NODES
 from support.machine_life import BY_EVENT, SYNCHRONOUS, commanded_blindly, motion, whole_life
 
 from hil_bench.abilities.shadow.axis_twin import Window
-from hil_bench.abilities.shadow.limits import fit_limits, widening
-from hil_bench.abilities.shadow.twin import Shadow
+from hil_bench.abilities.shadow.twin import Shadow, fit_limits, widening
 from hil_bench.bench.configuration import BenchConfig, load_config
 
 BUILT_IN = load_config()

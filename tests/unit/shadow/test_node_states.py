@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from hil_bench.abilities.shadow.node_states import NodeStates
+from hil_bench.abilities.shadow.followed_valve import NodeStates
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.nmt import NmtState

@@ -3,8 +3,7 @@
 import can
 import pytest
 
-from hil_bench.abilities.shadow.punctuality import PdoPunctuality
-from hil_bench.abilities.shadow.sample_clock import SampleClock
+from hil_bench.abilities.shadow.sample_clock import PdoPunctuality, SampleClock
 
 PDO = 0x184
 SYNC_PERIOD = 0.01

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import can
 
-from hil_bench.abilities.shadow.limits import fit_limits
-from hil_bench.abilities.shadow.twin import Shadow
+from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, check_one_bus, load_bench_config

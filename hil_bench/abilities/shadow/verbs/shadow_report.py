@@ -7,10 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_bench.abilities.shadow.axis_twin import Correction, Window
-from hil_bench.abilities.shadow.limits import widening
-from hil_bench.abilities.shadow.residual import Residual
-from hil_bench.abilities.shadow.twin import Sample, Shadow
+from hil_bench.abilities.shadow.axis_twin import Correction, Residual, Window
+from hil_bench.abilities.shadow.twin import Sample, Shadow, widening
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import WorkView

@@ -9,13 +9,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 
 from hil_bench import __version__
-from hil_bench.abilities.doctor.buses import examine_buses
-from hil_bench.abilities.doctor.extensions import examine_extensions
-from hil_bench.abilities.doctor.finding import Topic, Verdict, read_file
-from hil_bench.abilities.doctor.lateness import LatenessTest, measure_lateness
-from hil_bench.abilities.doctor.machine import examine_machine
-from hil_bench.abilities.doctor.permissions import examine_permissions
-from hil_bench.abilities.doctor.software import examine_software
+from hil_bench.abilities.doctor.machine import (
+    LatenessTest,
+    Topic,
+    Verdict,
+    examine_machine,
+    examine_permissions,
+    measure_lateness,
+    read_file,
+)
+from hil_bench.abilities.doctor.software import examine_buses, examine_extensions, examine_software
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument

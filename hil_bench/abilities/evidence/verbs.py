@@ -9,18 +9,24 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.analysis.validation.suite import validate
-from hil_bench.abilities.doctor.finding import read_file
-from hil_bench.abilities.doctor.machine import examine_machine
-from hil_bench.abilities.doctor.permissions import examine_permissions
-from hil_bench.abilities.doctor.verbs.doctor import found_content, measure
-from hil_bench.abilities.evidence.content import summarise
-from hil_bench.abilities.evidence.determinism import examine_determinism
-from hil_bench.abilities.evidence.devices import Examination, examine_devices
-from hil_bench.abilities.evidence.pack import check_folder, verify_pack, write_pack
-from hil_bench.abilities.evidence.page import page_html
-from hil_bench.abilities.evidence.texts import classification, known_defects
-from hil_bench.abilities.evidence.traceability import ResultsFile, read_results, trace
-from hil_bench.abilities.evidence.versions import examine_software
+from hil_bench.abilities.doctor.machine import examine_machine, examine_permissions, read_file
+from hil_bench.abilities.doctor.verbs import found_content, measure
+from hil_bench.abilities.evidence.content import (
+    ResultsFile,
+    classification,
+    known_defects,
+    page_html,
+    read_results,
+    summarise,
+    trace,
+)
+from hil_bench.abilities.evidence.devices import Examination, examine_determinism, examine_devices
+from hil_bench.abilities.evidence.pack import (
+    check_folder,
+    examine_software,
+    verify_pack,
+    write_pack,
+)
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results

@@ -27,7 +27,7 @@ def test_a_browser_that_was_asleep_for_an_hour_goes_on(pages, monkeypatch):
     with live_bench(), panel() as port:
         page = pages.open(port, clocked=True)
         expect_time_to_pass(page)
-        monkeypatch.setattr("hil_bench.abilities.panel.viewer.MOST_WAITING", 0)  # it is given up
+        monkeypatch.setattr("hil_bench.abilities.panel.hub.MOST_WAITING", 0)  # it is given up
         page.clock.fast_forward(HOUR)
         expect(page.locator("#banner")).to_contain_text("the panel does not answer")
         monkeypatch.undo()
@@ -77,7 +77,7 @@ def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatc
     with live_bench() as bench, panel() as port:
         page = pages.open(port)
         expect_time_to_pass(page)
-        monkeypatch.setattr("hil_bench.abilities.panel.viewer.MOST_UNREAD", -1)  # nothing may wait
+        monkeypatch.setattr("hil_bench.abilities.panel.hub.MOST_UNREAD", -1)  # nothing may wait
         expect(page.locator("#banner")).to_contain_text("bench time stands still at")
         monkeypatch.undo()
         expect(page.locator("#banner")).to_be_hidden()

@@ -12,7 +12,7 @@ ABILITY = Ability(
             "run",
             40,
             "watch, set and break a running bench, on a web page",
-            "hil_bench.abilities.panel.verbs.panel",
+            "hil_bench.abilities.panel.verbs",
         ),
     },
 )

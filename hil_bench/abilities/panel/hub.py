@@ -1,26 +1,203 @@
-"""The middle of a panel: one connection to the bench, any number of browsers.
-
-What the bench says goes to every browser as it is, bundled thirty times a second. Nobody looks: the
-bench is asked for no rows and no frames.
-"""
+"""The hub between feeds and browsers: viewers, news of frames, findings on buses."""
 
 import asyncio
 import contextlib
 import itertools
 import json
 from collections import deque
-from typing import Any
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
 
-from hil_bench.abilities.panel.bench_link import BenchLink, open_link
-from hil_bench.abilities.panel.bus_findings import BusFindings
-from hil_bench.abilities.panel.fault_table import fault_choices
-from hil_bench.abilities.panel.frame_news import FrameNews
-from hil_bench.abilities.panel.viewer import Viewer
+from hil_bench.abilities.eyes.explain.explain import Explainer
+from hil_bench.abilities.eyes.explain.finding import Finding
+from hil_bench.abilities.eyes.explain.live import LiveFindings
+from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.abilities.panel.bench_link import BenchLink, fault_choices, open_link
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ConfigError, HilBenchError
 from hil_bench.outside.feed.client import only_one
 from hil_bench.outside.feed.messages import encode
 from hil_bench.outside.feed.places import find_names
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.shown_units import units_content
+
+# A browser that looks at a panel: what waits for it, and what it has lost.
+
+MOST_UNREAD = 1 << 20
+"""Bytes that may wait for a browser; beyond, it loses rows, frames and events."""
+
+MOST_WAITING = 1 << 22
+"""Bytes of all that may wait for a browser; beyond, it is given up."""
+
+Send = Callable[[bytes], Awaitable[None]]
+"""Sends a message to the browser; it returns when there is room for the next one."""
+
+
+class Viewer:
+    """One browser.
+
+    Args:
+        send: to it.
+
+    Attributes:
+        wants_frames: whether it shows frames.
+        wants_marks: whether it marks the frames that are news.
+        lost: messages that it has lost since the last time it was told.
+        over: set when it is given up.
+    """
+
+    def __init__(self, send: Send) -> None:
+        self.wants_frames = False
+        self.wants_marks = False
+        self.lost = 0
+        self.over = asyncio.Event()
+        self._send = send
+        self._waiting: list[bytes] = []
+        self._size = 0
+        self._wake = asyncio.Event()
+
+    def offer(self, lines: bytes) -> None:
+        """Send it lines that it may lose."""
+        if self.is_slow:
+            self.lost += lines.count(b"\n")
+        else:
+            self.tell(lines)
+
+    def tell(self, lines: bytes) -> None:
+        """Send it lines that it must have."""
+        self._waiting.append(lines)
+        self._size += len(lines)
+        self._wake.set()
+        if self._size > MOST_WAITING:
+            self.over.set()
+
+    @property
+    def is_slow(self) -> bool:
+        """Return True if it has to read before it gets more."""
+        return self._size > MOST_UNREAD
+
+    async def pump(self) -> None:
+        """Send what waits, for ever."""
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            if self.lost:
+                self._waiting.insert(0, encode({"type": "missed", "messages": self.lost}))
+                self.lost = 0
+            lines, self._waiting = b"".join(self._waiting), []
+            await self._send(lines)
+            self._size = sum(map(len, self._waiting))
+
+
+# The frames of a bus that a scope marks: EMCY, NMT commands, heartbeats with another state.
+
+_NMT, _EMCY, _HEARTBEAT = 0x000, range(0x081, 0x100), range(0x701, 0x780)
+_MOST_AT_ONCE = 50
+
+
+class FrameNews:
+    """Picks the frames that are news: of a heartbeat, only those with another state."""
+
+    def __init__(self) -> None:
+        self._states: dict[tuple[int, int], str] = {}
+
+    def take(self, frames: Sequence[Sequence[Any]]) -> list[Sequence[Any]]:
+        """Return those of some frames that are news, the newest of a flood.
+
+        Args:
+            frames: as the feed has them: time, bus, way, identifier, data, extended, remote,
+                CAN FD.
+        """
+        return [*self._news(frames)][-_MOST_AT_ONCE:]
+
+    def _news(self, frames: Sequence[Sequence[Any]]) -> Iterator[Sequence[Any]]:
+        for frame in frames:
+            _, bus, _, identifier, data, is_extended, is_remote, fd = frame
+            if is_extended or is_remote or fd:
+                continue
+            if identifier == _NMT or identifier in _EMCY:
+                yield frame
+            elif identifier in _HEARTBEAT:
+                before = self._states.get((bus, identifier))
+                self._states[bus, identifier] = data
+                if before is not None and before != data:
+                    yield frame
+
+
+# Faults on the buses of a bench, as `explain` names them, for the page's view of the bus.
+
+_NS: Final = 1_000_000_000
+_MOST_BUSES: Final = 64
+_MOST: Final = 20
+"""Findings of a bus that are shown."""
+
+
+class BusFindings:
+    """Explains each bus from the frame on at which somebody begins to look.
+
+    Args:
+        devices: of the bench, as its greeting has them: node-ID and bus by name.
+    """
+
+    def __init__(self, devices: Mapping[str, Any]) -> None:
+        self._devices = devices
+        self._buses: dict[int, tuple[Explainer, LiveFindings]] = {}
+
+    def take(self, frames: Iterable[Sequence[Any]]) -> dict[str, Any] | None:
+        """Take frames; return the message of what is wrong where that has changed.
+
+        Args:
+            frames: as the feed has them: time, bus, way, identifier, data, extended, remote,
+                CAN FD.
+        """
+        is_news = False
+        for time, bus, _way, can_id, data, is_extended, is_remote, fd in frames:
+            if bus not in self._buses and len(self._buses) >= _MOST_BUSES:
+                continue
+            explainer, live = self._buses.get(bus) or self._begin(bus)
+            payload = bytes.fromhex(data)
+            frame = Frame(can_id, payload, bool(is_remote), bool(is_extended), fd=fd)
+            explainer.take(LoggedFrame(frame, round(time * _NS), None))
+            is_news |= any([*live.look(explainer.now)])
+        return self._message() if is_news else None
+
+    def _begin(self, bus: int) -> tuple[Explainer, LiveFindings]:
+        known = [
+            KnownNode(each["node_id"], name)
+            for name, each in self._devices.items()
+            if each.get("bus") == bus and each.get("node_id")
+        ]
+        explainer = Explainer(known, USUAL_BITRATE)
+        self._buses[bus] = explainer, LiveFindings(explainer)
+        return self._buses[bus]
+
+    def _message(self) -> dict[str, Any]:
+        return {
+            "type": "findings",
+            "findings": [
+                _content(bus, finding)
+                for bus, (_, live) in sorted(self._buses.items())
+                for finding in live.findings[:_MOST]
+            ],
+        }
+
+
+def _content(bus: int, finding: Finding) -> dict[str, Any]:
+    return {
+        "bus": bus,
+        "title": finding.cause.title,
+        "clause": finding.cause.clause,
+        "text": finding.text,
+        "advice": finding.cause.advice,
+        "leads_to": [each.text for each in finding.consequences[:_MOST]],
+    }
+
+
+# The middle of a panel: one connection to the bench, any number of browsers.
+#
+# What the bench says goes to every browser as it is, bundled thirty times a second. Nobody looks:
+# the bench is asked for no rows and no frames.
 
 MOST_VIEWERS = 64
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import uvicorn
 
 from hil_bench.abilities.panel import DEFAULT_PORT
-from hil_bench.abilities.panel.app import Panel
-from hil_bench.abilities.panel.connections import AT_ONCE, Connections, Server
+from hil_bench.abilities.panel.app import AT_ONCE, Connections, Panel, Server
 from hil_bench.abilities.panel.desk import Desk
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.hub import MOST_VIEWERS, Hub

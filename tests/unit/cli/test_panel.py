@@ -82,7 +82,7 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
         plans.append((plan, secret))
 
     monkeypatch.setattr(server, "_serve", serve)
-    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
     assert main(["panel", "--port", "0", "--bench", "left"]) == 0
     word, address = capsys.readouterr().out.split()
     place, _, token = address.partition("/#")
@@ -105,7 +105,7 @@ def test_a_signal_ends_the_page_in_order(number, monkeypatch, capsys):
         signal.raise_signal(number)
 
     monkeypatch.setattr(uvicorn.Server, "startup", starting)
-    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
     assert main(["panel", "--port", "0", "--bench", "none"]) == 0
     assert capsys.readouterr().out.startswith("panel  http://127.0.0.1:")
 
@@ -117,7 +117,7 @@ def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys
         secrets.append(secret)
 
     monkeypatch.setattr(server, "_serve", serve)
-    monkeypatch.setattr("hil_bench.abilities.panel.verbs.panel.os.nice", lambda _by: 0)
+    monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
     path = tmp_path / "password"
     path.write_text("correct horse battery", encoding="utf-8")
     path.chmod(0o600)

@@ -10,7 +10,7 @@ from support.distribution import PLUGIN, declare
 from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.campaign.table import run_campaign
-from hil_bench.abilities.panel.fault_table import fault_choices
+from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import ctl, main

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.abilities.panel.fault_table import fault_choices
+from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus

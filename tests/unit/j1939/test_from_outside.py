@@ -9,7 +9,7 @@ from support.feed_loop import FeedLoop
 
 import hil_bench
 from hil_bench import VirtualBench, load_config
-from hil_bench.abilities.panel.fault_table import fault_choices
+from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.scenario.records import SetStep
 from hil_bench.abilities.scenario.writing import JournalSteps
 from hil_bench.cli import ctl, main

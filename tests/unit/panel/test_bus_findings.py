@@ -1,6 +1,6 @@
 """What the page's view of the bus says is wrong."""
 
-from hil_bench.abilities.panel.bus_findings import BusFindings
+from hil_bench.abilities.panel.hub import BusFindings
 
 DEVICES = {"valve": {"node_id": 1, "bus": 0}, "pressure": {"node_id": 2, "bus": 0}}
 

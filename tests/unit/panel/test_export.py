@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from support.live_bench import SECRET, panel, runtime_folder
 
-from hil_bench.abilities.panel import export
-from hil_bench.abilities.panel.export import make_mf4
+from hil_bench.abilities.panel import record
+from hil_bench.abilities.panel.record import make_mf4
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.files import read_recording
 
@@ -92,4 +92,4 @@ def test_others_get_nothing(port, monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.panel.app.MOST_BYTES", 1 << 20)
     status, words = post(port, b"x" * ((1 << 20) + 1))
     assert (status, words) == (400, b"mf4: more than 1 MiB; zoom in, or choose less")
-    assert export.MOST_BYTES == 1 << 26
+    assert record.MOST_BYTES == 1 << 26

@@ -1,6 +1,6 @@
 """Which frames a scope marks; identifiers are those of CiA 301's predefined connection set."""
 
-from hil_bench.abilities.panel.frame_news import FrameNews
+from hil_bench.abilities.panel.hub import FrameNews
 
 
 def frame(identifier, data="", *, time=0.0, bus=0, extended=False, remote=False):

@@ -6,8 +6,7 @@ import pytest
 
 from hil_bench.abilities.panel import hub as hub_module
 from hil_bench.abilities.panel.bench_link import BenchLink
-from hil_bench.abilities.panel.hub import Hub
-from hil_bench.abilities.panel.viewer import Viewer
+from hil_bench.abilities.panel.hub import Hub, Viewer
 from hil_bench.errors import BusError, WaitTimeoutError
 
 

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from hil_bench.abilities.panel import run_replay
+from hil_bench.abilities.panel import record
 from hil_bench.errors import ConfigError
 
 AGAIN = ["campaign", "/somewhere/campaign.toml", "--runs=8", "--set=target_mm=100 mm"]
@@ -13,7 +13,7 @@ KEY = "0f8567fd"
 
 
 def replayed(again, key=KEY):
-    return asyncio.run(run_replay.replay_run(again, key))
+    return asyncio.run(record.replay_run(again, key))
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def played(monkeypatch):
             file.write(b"svg")
         return 1, json.dumps({"run": {"key": KEY}}).encode(), b""
 
-    monkeypatch.setattr(run_replay, "_play", play)
+    monkeypatch.setattr(record, "_play", play)
     return found
 
 
@@ -72,6 +72,6 @@ def test_the_errors_of_a_run_that_cannot_be_played_are_passed_on(monkeypatch):
     async def play(_words):
         return 2, b"", b"hil-bench: campaign.toml: is not there\n"
 
-    monkeypatch.setattr(run_replay, "_play", play)
+    monkeypatch.setattr(record, "_play", play)
     with pytest.raises(ConfigError, match=r"campaign\.toml: is not there"):
         replayed(AGAIN)

@@ -13,7 +13,7 @@ from support.patience import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from hil_bench.abilities.panel import connections
+from hil_bench.abilities.panel import app
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
 from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
 from hil_bench.abilities.panel.server import open_port, read_password
@@ -162,7 +162,7 @@ HALF_REQUESTS = [
 
 @pytest.mark.usefixtures("folder")
 def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog, monkeypatch):
-    monkeypatch.setattr(connections, "ROOM", 16)
+    monkeypatch.setattr(app, "ROOM", 16)
     with live_bench(), panel() as port, contextlib.ExitStack() as stack:
         attackers = []
         for request in 16 * HALF_REQUESTS:
@@ -180,7 +180,7 @@ def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog, monkeypatch):
 
 @pytest.mark.usefixtures("folder")
 def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
-    monkeypatch.setattr(connections, "ROOM", 8)
+    monkeypatch.setattr(app, "ROOM", 8)
     with live_bench(), panel() as port, contextlib.ExitStack() as stack:
         address = f"ws://127.0.0.1:{port}/feed"
         for _ in range(20):
@@ -192,10 +192,8 @@ def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
 @pytest.mark.usefixtures("folder")
 def test_a_page_that_looks_stays_and_an_idle_connection_makes_room(monkeypatch):
     """A browser keeps its connection after a request, and may say nothing more."""
-    monkeypatch.setattr(connections, "ROOM", 2)
-    monkeypatch.setattr(
-        connections._Http, "timeout_keep_alive_handler", lambda _: None
-    )  # after 5 s
+    monkeypatch.setattr(app, "ROOM", 2)
+    monkeypatch.setattr(app._Http, "timeout_keep_alive_handler", lambda _: None)  # after 5 s
     with live_bench(), panel() as port, Client(port) as client, contextlib.ExitStack() as stack:
         client.hear("hello")
         idle = []

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from hil_bench.abilities.panel.viewer import MOST_UNREAD, MOST_WAITING, Viewer
+from hil_bench.abilities.panel.hub import MOST_UNREAD, MOST_WAITING, Viewer
 
 LINE = b'{"type":"rows"}\n'
 

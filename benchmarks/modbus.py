@@ -28,8 +28,8 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 import occasion
 from hil_bench.abilities.modbus.binding import ModbusBinding
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.protocol.register_map import Table
-from hil_bench.abilities.modbus.records import ModbusConfig
 from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy, load_config

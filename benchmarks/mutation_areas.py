@@ -66,13 +66,8 @@ AREAS: Final = {
         *_files("hil_bench/cli", "exit_codes"),
     ],
     "modbus": [
-        *_files(
-            "hil_bench/abilities/modbus/protocol",
-            "data_types exchange mailbox register_map rivals unit_image",
-        ),
-        *_files(
-            "hil_bench/abilities/modbus/server", "framing pdu register_server session connections"
-        ),
+        *_files("hil_bench/abilities/modbus/protocol", "register_map mailbox unit_image"),
+        *_files("hil_bench/abilities/modbus/server", "session pdu register_server connections"),
     ],
     **PACKAGES,
 }

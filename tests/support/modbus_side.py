@@ -5,8 +5,7 @@ import struct
 from support.bus_side import VALVE, BusSide
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.modbus.protocol.exceptions import ModbusException
-from hil_bench.abilities.modbus.protocol.register_map import Table
+from hil_bench.abilities.modbus.protocol.register_map import ModbusException, Table
 
 PRESSURE_A, POSITION = 2, 4
 CONTROL, ENABLE, RESET = 0, 1, 2

@@ -24,20 +24,19 @@ from support.modbus_traffic import (
 )
 from support.virtual_loop import VirtualLoop
 
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
-from hil_bench.abilities.modbus.protocol.exchange import BoundRegister, Exchange
-from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
+from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import (
+    DATA_TYPES,
     DeviceIdentification,
     Register,
     RegisterAccess,
     RegisterMap,
+    ServerConfig,
     Table,
 )
-from hil_bench.abilities.modbus.protocol.server_config import ServerConfig
 from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
 from hil_bench.abilities.modbus.server import process
-from hil_bench.abilities.modbus.server.complaints import Complaints
+from hil_bench.abilities.modbus.server.connections import Complaints
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import BACKLOG
 from hil_bench.outside.transports import socketcand_hub

@@ -8,7 +8,7 @@ ABILITY = Ability(
     "modbus",
     verbs={
         "registers": Verb(
-            "bus", 110, "print the register maps of the Modbus units", f"{_HERE}.verbs.registers"
+            "bus", 110, "print the register maps of the Modbus units", f"{_HERE}.verbs"
         ),
     },
     tables={"modbus": f"{_HERE}.section:ModbusSection"},

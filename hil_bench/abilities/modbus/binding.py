@@ -8,12 +8,10 @@ with the checks that a request meets.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from hil_bench.abilities.modbus.protocol.exchange import BoundRegister, Exchange
-from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
-from hil_bench.abilities.modbus.protocol.register_map import Register, RegisterAccess
-from hil_bench.abilities.modbus.protocol.server_config import ServerConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
+from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
+from hil_bench.abilities.modbus.protocol.register_map import Register, RegisterAccess, ServerConfig
 from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
-from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.node import Node

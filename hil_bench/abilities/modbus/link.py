@@ -1,8 +1,8 @@
 """A Modbus client's link to a bench in virtual time: `VirtualBench.modbus_link`."""
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.modbus.server.embedded import EmbeddedLink
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
+from hil_bench.abilities.modbus.server.session import EmbeddedLink
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 

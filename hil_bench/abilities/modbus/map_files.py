@@ -1,19 +1,19 @@
-"""Register map files: TOML, one table a register, to a checked `RegisterMap`.
-
-`docs/modbus.md` tells the meaning of each key.
-"""
+"""Files of register maps, and the records of a bench with them."""
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES, WordOrder
 from hil_bench.abilities.modbus.protocol.register_map import (
+    DATA_TYPES,
     DeviceIdentification,
+    Holes,
     Register,
     RegisterAccess,
     RegisterMap,
+    ServerConfig,
     Table,
+    WordOrder,
 )
 from hil_bench.config.document import (
     Document,
@@ -28,6 +28,10 @@ from hil_bench.config.values import choice, describe, integer, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import PRESSURE, kind_name
 from hil_bench.units import ONE, UNITS_OF
+
+# Register map files: TOML, one table a register, to a checked `RegisterMap`.
+#
+# `docs/modbus.md` tells the meaning of each key.
 
 _KNOWN_UNITS = {unit.symbol: unit for units in UNITS_OF.values() for unit in units}
 HIGHEST_ADDRESS = 0xFFFF
@@ -210,3 +214,44 @@ def _check_addresses(registers: list[Register], problems: Problems) -> None:
         if register.address < free:
             wrong = f"{register.address} is taken by {before.name}"
             problems.add(place, f"{wrong}; {free} is the next address behind it")
+
+
+# The records of Modbus: the server, and the units that it shows.
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusUnitConfig:
+    """One device as Modbus clients see it.
+
+    Attributes:
+        name: the unit, as in ``[modbus.units.NAME]``.
+        node: the name of the node that it shows.
+        unit_id: its address, 1 to 247.
+        register_map: what stands where.
+        commands: whether clients may command the device.
+        word_order: takes the place of the map's own, None where it does not.
+        watchdog: of a valve, longest time between two commands at power-on [s]; 0 for any.
+        holes: what an address is where the map has nothing.
+    """
+
+    name: str
+    node: str
+    unit_id: int
+    register_map: RegisterMap
+    commands: bool
+    word_order: WordOrder | None
+    watchdog: float
+    holes: Holes
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusConfig:
+    """The Modbus server.
+
+    Attributes:
+        server: where it is found.
+        units: the devices, each with its unit-ID.
+    """
+
+    server: ServerConfig
+    units: tuple[ModbusUnitConfig, ...]

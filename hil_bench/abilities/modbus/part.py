@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.session.session import Session

@@ -6,19 +6,19 @@ from typing import Any, ClassVar
 
 from hil_bench.abilities.modbus.map_files import (
     HIGHEST_ADDRESS,
+    ModbusUnitConfig,
     copy_inputs,
     load_register_map,
 )
 from hil_bench.abilities.modbus.part import ModbusPart
-from hil_bench.abilities.modbus.protocol.data_types import WordOrder
-from hil_bench.abilities.modbus.protocol.register_map import Holes
-from hil_bench.abilities.modbus.protocol.server_config import (
+from hil_bench.abilities.modbus.protocol.register_map import (
+    Holes,
     Parity,
     SerialConfig,
     ServerConfig,
     TlsConfig,
+    WordOrder,
 )
-from hil_bench.abilities.modbus.records import ModbusUnitConfig
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections, read_section
 from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table

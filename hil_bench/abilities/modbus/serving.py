@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.cli.helpers import Helper
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session

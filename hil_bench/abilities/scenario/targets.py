@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from hil_bench.abilities.modbus.binding import BoundUnit, ModbusBinding
-from hil_bench.abilities.modbus.protocol.exceptions import ModbusException
-from hil_bench.abilities.modbus.protocol.exchange import BoundRegister
-from hil_bench.abilities.modbus.protocol.register_map import RegisterAccess
+from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister
+from hil_bench.abilities.modbus.protocol.register_map import ModbusException, RegisterAccess
 from hil_bench.abilities.scenario.dimensions import dimension_of, show_dimension
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.ecus import EcuHandle, ecus_of

@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
-from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
 from hil_bench.abilities.scenario.targets import MODBUS

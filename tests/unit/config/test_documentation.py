@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.copper.section import WIRE_KEYS
-from hil_bench.abilities.modbus.records import ModbusConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
 from hil_bench.bench.configuration import load_config

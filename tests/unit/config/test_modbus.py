@@ -6,15 +6,17 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.abilities.modbus.protocol.data_types import WordOrder
-from hil_bench.abilities.modbus.protocol.register_map import Holes, RegisterAccess, Table
-from hil_bench.abilities.modbus.protocol.server_config import (
+from hil_bench.abilities.modbus.map_files import ModbusConfig
+from hil_bench.abilities.modbus.protocol.register_map import (
+    Holes,
     Parity,
+    RegisterAccess,
     SerialConfig,
     ServerConfig,
+    Table,
     TlsConfig,
+    WordOrder,
 )
-from hil_bench.abilities.modbus.records import ModbusConfig
 from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.errors import ConfigError
 

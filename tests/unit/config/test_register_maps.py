@@ -7,12 +7,13 @@ import pytest
 
 from device_profiles import REGISTERS
 from hil_bench.abilities.modbus.map_files import load_register_map
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES, WordOrder
 from hil_bench.abilities.modbus.protocol.register_map import (
+    DATA_TYPES,
     DeviceIdentification,
     Register,
     RegisterAccess,
     Table,
+    WordOrder,
 )
 from hil_bench.errors import ConfigError
 from hil_bench.units import BAR, ONE

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES, WordOrder
+from hil_bench.abilities.modbus.protocol.register_map import DATA_TYPES, WordOrder
 
 BIG, LITTLE = WordOrder.BIG, WordOrder.LITTLE
 

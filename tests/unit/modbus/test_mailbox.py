@@ -4,8 +4,8 @@ import ctypes
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
 from hil_bench.abilities.modbus.protocol.mailbox import MOST_ASSIGNMENTS, SLOTS, Mailbox
+from hil_bench.abilities.modbus.protocol.register_map import Assignment
 
 
 def test_an_order_goes_over_and_its_answer_comes_back():

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
 from hil_bench.abilities.modbus.protocol.mailbox import SLOTS, Mailbox
+from hil_bench.abilities.modbus.protocol.register_map import Assignment
 
 
 def answered(box, count):

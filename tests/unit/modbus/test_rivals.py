@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
-from hil_bench.abilities.modbus.protocol.rivals import ClientMemory
+from hil_bench.abilities.modbus.protocol.register_map import Assignment
+from hil_bench.abilities.modbus.protocol.unit_image import ClientMemory
 
 ENABLE, WORD, OTHER, FLOAT, SCALED = range(5)
 RIVALS = {ENABLE: ENABLE, WORD: ENABLE, FLOAT: FLOAT, SCALED: FLOAT}

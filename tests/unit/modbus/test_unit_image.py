@@ -4,19 +4,19 @@ import pickle
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
-from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
 from hil_bench.abilities.modbus.protocol.register_map import (
+    DATA_TYPES,
+    Assignment,
     DeviceIdentification,
+    ExceptionCode,
     Holes,
+    ModbusException,
     Register,
     RegisterAccess,
     RegisterMap,
     Table,
 )
-from hil_bench.abilities.modbus.protocol.rivals import find_rivals
-from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
+from hil_bench.abilities.modbus.protocol.unit_image import UnitImage, find_rivals
 from hil_bench.units import BAR, MILLISECOND
 
 FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]

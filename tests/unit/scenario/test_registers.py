@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
-from hil_bench.abilities.modbus.protocol.register_map import Register, Table
+from hil_bench.abilities.modbus.protocol.register_map import DATA_TYPES, Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.on_machine import prepare_for_machine

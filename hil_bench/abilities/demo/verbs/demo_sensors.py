@@ -4,7 +4,7 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
-from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
+from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.members import Members
 from hil_bench.errors import ConfigError

@@ -1,18 +1,131 @@
-"""Register maps: which value of a device stands at which address, and how it is written there.
-
-The four tables and their function codes are those of the MODBUS Application Protocol Specification
-V1.1b3, 4.3. Addresses are those in the frame, from 0; the older notation (40001 for the first
-holding register) is `Register.reference`.
-"""
+"""A register map: its types of data, its exceptions, and the settings of its server."""
 
 import math
-from collections.abc import Sequence
+import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import IntEnum, StrEnum
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
-from hil_bench.abilities.modbus.protocol.data_types import BIT, DataType, WordOrder
-from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
+from hil_bench.errors import HilBenchError
 from hil_bench.units import ONE, Unit
+
+# The encoding of numbers in 16-bit registers.
+#
+# Each register is sent high byte first (MODBUS Application Protocol V1.1b3, 4.2). In which order
+# the two registers of a 32-bit value come is left open there, and real devices differ:
+# `WordOrder`.
+#
+# A value that a type cannot hold stands at its nearest end. What is no number is NaN in a
+# float32, in a signed integer the lowest value and in an unsigned one the highest.
+
+_LARGEST_FLOAT32: Final = struct.unpack(">f", bytes.fromhex("7f7fffff"))[0]
+
+
+class WordOrder(StrEnum):
+    """The order of the two registers of a 32-bit value."""
+
+    BIG = "big"
+    """The high word, as in ABCD."""
+    LITTLE = "little"
+    """The low word, as in CDAB."""
+
+
+class DataType(NamedTuple):
+    """One type of value.
+
+    Attributes:
+        name: as in a register map.
+        letter: its letter in a `struct` format.
+        size: registers that it takes; 0 for a bit.
+        low: lowest value.
+        high: highest value.
+    """
+
+    name: str
+    letter: str
+    size: int
+    low: float
+    high: float
+
+    @property
+    def is_real(self) -> bool:
+        """Return True if it holds fractions."""
+        return self.letter == "f"
+
+    @property
+    def no_value(self) -> float:
+        """The number that stands for an invalid value."""
+        if self.is_real:
+            return math.nan
+        return self.low if self.low < 0 else self.high
+
+    def encode(self, value: float, order: WordOrder) -> Sequence[int]:
+        """Return the registers of a value, saturated."""
+        value = self.no_value if math.isnan(value) else min(max(value, self.low), self.high)
+        raw = struct.pack(f">{self.letter}", value if self.is_real else round(value))
+        words = struct.unpack(f">{self.size}H", raw)
+        return words if order is WordOrder.BIG else words[::-1]
+
+    def decode(self, words: Sequence[int], order: WordOrder) -> float:
+        """Return the value of its registers."""
+        ordered = words if order is WordOrder.BIG else words[::-1]
+        raw = struct.pack(f">{self.size}H", *ordered)
+        return float(struct.unpack(f">{self.letter}", raw)[0])
+
+
+BIT: Final = DataType("bit", "", 0, 0, 1)
+
+DATA_TYPES: Final[Mapping[str, DataType]] = MappingProxyType(
+    {
+        data_type.name: data_type
+        for data_type in (
+            DataType("int16", "h", 1, -(2**15), 2**15 - 1),
+            DataType("uint16", "H", 1, 0, 2**16 - 1),
+            DataType("int32", "i", 2, -(2**31), 2**31 - 1),
+            DataType("uint32", "I", 2, 0, 2**32 - 1),
+            DataType("float32", "f", 2, -_LARGEST_FLOAT32, _LARGEST_FLOAT32),
+        )
+    }
+)
+"""The types of a register, by name."""
+
+
+# Why a Modbus server refuses a request.
+#
+# Source: MODBUS Application Protocol Specification V1.1b3, chapter 7.
+
+
+class ExceptionCode(IntEnum):
+    """The exception codes that this server uses."""
+
+    ILLEGAL_FUNCTION = 1
+    ILLEGAL_DATA_ADDRESS = 2
+    ILLEGAL_DATA_VALUE = 3
+    SERVER_DEVICE_FAILURE = 4
+    SERVER_DEVICE_BUSY = 6
+    GATEWAY_TARGET_FAILED = 11
+
+
+class ModbusException(HilBenchError):  # noqa: N818 - the specification's word
+    """A request was refused.
+
+    Attributes:
+        code: the reason, as it goes to the client.
+    """
+
+    def __init__(self, code: ExceptionCode) -> None:
+        super().__init__(f"Modbus exception {code.value}: {code.name}")
+        self.code = code
+
+
+# Register maps: which value of a device stands at which address, and how it is written there.
+#
+# The four tables and their function codes are those of the MODBUS Application Protocol
+# Specification V1.1b3, 4.3. Addresses are those in the frame, from 0; the older notation (40001
+# for the first holding register) is `Register.reference`.
 
 
 class Table(StrEnum):
@@ -182,3 +295,88 @@ class RegisterMap:
     def table(self, table: Table) -> tuple[Register, ...]:
         """Return the registers of one table, in the order of their addresses."""
         return tuple(register for register in self.registers if register.table is table)
+
+
+# An assignment: a part of a write request, in the form that the loop takes.
+
+
+class Assignment(NamedTuple):
+    """A value that a client wrote.
+
+    Attributes:
+        position: of the value in the row of all values.
+        value: in SI, or as the object counts it; for a mask, AND mask << 16 | OR mask.
+        is_mask: whether it changes some bits of a register only (function 22).
+    """
+
+    position: int
+    value: float
+    is_mask: bool = False
+
+
+# The configuration of a Modbus server's process: its addresses, its line and its TLS files.
+
+
+class Parity(StrEnum):
+    """Parity of a serial line."""
+
+    EVEN = "even"
+    ODD = "odd"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class SerialConfig:
+    """A serial line that Modbus RTU is spoken on.
+
+    Attributes:
+        port: its device file, as in ``/dev/ttyUSB0``; ``pty`` for a new pseudo-terminal.
+        baud_rate: bit rate [bit/s].
+        parity: of each character.
+        stop_bits: of each character.
+    """
+
+    port: str
+    baud_rate: int
+    parity: Parity
+    stop_bits: int
+
+
+@dataclass(frozen=True, slots=True)
+class TlsConfig:
+    """Modbus/TCP Security on the TCP port; all files are PEM.
+
+    Attributes:
+        certificate: of the server, with what leads to its authority.
+        key: of that certificate, without a password.
+        client_ca: the authorities that clients' certificates must come from.
+        writer_role: the role in a client's certificate that may write; the others read.
+    """
+
+    certificate: Path
+    key: Path
+    client_ca: Path
+    writer_role: str
+
+
+@dataclass(frozen=True, slots=True)
+class ServerConfig:
+    """The ways in.
+
+    Attributes:
+        is_on_tcp: whether it listens on TCP.
+        host: address to listen on.
+        port: TCP port; 0 for a free one.
+        connections: most connections at a time.
+        serial: the serial line, None for none.
+        tls: certificates and roles for TCP; None for plain TCP.
+        default_unit: unit-ID of the device that unit-IDs 0 and 255 reach on TCP; None for none.
+    """
+
+    is_on_tcp: bool
+    host: str
+    port: int
+    connections: int
+    serial: SerialConfig | None
+    tls: TlsConfig | None = None
+    default_unit: int | None = None

@@ -29,8 +29,12 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterResponse,
 )
 
-from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
-from hil_bench.abilities.modbus.protocol.register_map import DeviceIdentification, Table
+from hil_bench.abilities.modbus.protocol.register_map import (
+    DeviceIdentification,
+    ExceptionCode,
+    ModbusException,
+    Table,
+)
 
 IDENTIFY: Final = 0x2B
 _MEI_IDENTIFICATION: Final = 0x0E

@@ -15,12 +15,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
-from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
 from hil_bench.abilities.modbus.protocol.mailbox import MOST_ASSIGNMENTS, Mailbox
-from hil_bench.abilities.modbus.protocol.register_map import Table
-from hil_bench.abilities.modbus.protocol.rivals import ClientMemory
-from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
+from hil_bench.abilities.modbus.protocol.register_map import (
+    Assignment,
+    ExceptionCode,
+    ModbusException,
+    Table,
+)
+from hil_bench.abilities.modbus.protocol.unit_image import ClientMemory, UnitImage
 from hil_bench.abilities.modbus.server.pdu import (
     IDENTIFY,
     MASK_WRITE,

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.data_types import DATA_TYPES
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import (
+    DATA_TYPES,
     DeviceIdentification,
     Register,
     RegisterAccess,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.abilities.modbus.server.framing import (
+from hil_bench.abilities.modbus.server.session import (
     Adu,
     FramingError,
     RtuFraming,

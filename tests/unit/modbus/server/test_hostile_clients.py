@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.abilities.modbus.server.connections import ConnectionPool
-from hil_bench.abilities.modbus.server.framing import crc16
-from hil_bench.abilities.modbus.server.session import BACKLOG, serial_session, tcp_session
+from hil_bench.abilities.modbus.server.session import BACKLOG, crc16, serial_session, tcp_session
 
 READ = bytes.fromhex("04 0000 0002")
 ANSWER = bytes.fromhex("04 04 0001 0002")

@@ -7,8 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.exceptions import ExceptionCode, ModbusException
-from hil_bench.abilities.modbus.protocol.register_map import DeviceIdentification, Table
+from hil_bench.abilities.modbus.protocol.register_map import (
+    DeviceIdentification,
+    ExceptionCode,
+    ModbusException,
+    Table,
+)
 from hil_bench.abilities.modbus.server.pdu import (
     Request,
     _is_well_formed,

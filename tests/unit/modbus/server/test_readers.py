@@ -2,8 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.modbus.server.framing import Adu, RtuFraming, crc16
-from hil_bench.abilities.modbus.server.session import tcp_session
+from hil_bench.abilities.modbus.server.session import Adu, RtuFraming, crc16, tcp_session
 
 WRITING = {  # MODBUS Application Protocol V1.1b3: 6.5, 6.6, 6.11, 6.12, 6.16, 6.17
     5: "05 0000 FF00",

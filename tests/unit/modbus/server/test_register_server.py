@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.modbus.protocol.assignment import Assignment
 from hil_bench.abilities.modbus.protocol.mailbox import SLOTS
+from hil_bench.abilities.modbus.protocol.register_map import Assignment
 from hil_bench.abilities.modbus.server.register_server import (
     ANSWER_TIMEOUT,
     MOST_WAITING,

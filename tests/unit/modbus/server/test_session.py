@@ -2,8 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.modbus.server.framing import crc16
-from hil_bench.abilities.modbus.server.session import BACKLOG, serial_session, tcp_session
+from hil_bench.abilities.modbus.server.session import BACKLOG, crc16, serial_session, tcp_session
 
 
 def tcp(transaction, unit_id, pdu):

@@ -11,9 +11,8 @@ from support.modbus_world import World, run_seeds
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
 from hil_bench.abilities.modbus.server import register_server
 from hil_bench.abilities.modbus.server.connections import _Connection
-from hil_bench.abilities.modbus.server.framing import FramingError
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
-from hil_bench.abilities.modbus.server.session import ModbusSession
+from hil_bench.abilities.modbus.server.session import FramingError, ModbusSession
 from hil_bench.outside.transports.socketcand_hub import _Client
 
 

@@ -15,10 +15,9 @@ from support.certificates import Authority, Files
 from support.modbus_loop import make_binding, ticking
 from support.patience import GUARD
 
-from hil_bench.abilities.modbus.protocol.server_config import TlsConfig
-from hil_bench.abilities.modbus.server.connections import ConnectionPool
+from hil_bench.abilities.modbus.protocol.register_map import TlsConfig
+from hil_bench.abilities.modbus.server.connections import ConnectionPool, role_of, server_context
 from hil_bench.abilities.modbus.server.process import ModbusProcess
-from hil_bench.abilities.modbus.server.tls import role_of, server_context
 from hil_bench.errors import BusError
 from hil_drivers import BusLostError, DriverTimeoutError
 from hil_drivers.errors import ModbusExceptionError

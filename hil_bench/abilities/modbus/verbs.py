@@ -5,8 +5,8 @@ import csv
 import sys
 from collections.abc import Iterator, Sequence
 
+from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.modbus.protocol.register_map import Register, RegisterAccess
-from hil_bench.abilities.modbus.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode

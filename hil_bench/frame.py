@@ -66,8 +66,8 @@ def bits_of(frame: Frame, speedup: float = 1.0) -> float:
         return frame_bits(length, is_extended=is_extended)
     head = FD_HEAD + FD_EXTENSION * is_extended
     data = FD_DLC + 8 * length
-    slow = head + ACK_TO_NEXT + (head - 1) / 4 / 2
-    fast = data + fd_crc_bits(length) + data / 4 / 2
+    slow = head + ACK_TO_NEXT + (head - 4) / 4 / 2
+    fast = data + fd_crc_bits(length) + (data - 1) / 4 / 2
     return slow + (fast / speedup if frame.fd & BRS else fast)
 
 

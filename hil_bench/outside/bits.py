@@ -3,11 +3,24 @@
 A classical frame has a start bit, the identifier with its control bits, the data and a CRC of 15
 bits; after five equal bits of these comes one of the other value. Ten bits end the frame without
 stuffing, and three stand between two frames.
+
+In a frame of CAN FD stuffing ends with the data. The count of stuff bits and a CRC of 17 or 21 bits
+follow, with a stuff bit before the first of these and after each four. With BRS, the bits behind it
+up to the delimiter of the CRC have the data bit rate.
 """
 
 from typing import Final
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
+from hil_bench.frame import (
+    ACK_TO_NEXT,
+    FD_DLC,
+    FD_EXTENSION,
+    FD_HEAD,
+    FD_LENGTHS,
+    MOST_OF_CRC17,
+    fd_crc_bits,
+)
 
 INTERMISSION: Final = 3
 """Bits between two frames."""
@@ -37,24 +50,72 @@ def worst_bits(length: int, *, is_extended: bool = False) -> int:
     return stuffed + ENDING + INTERMISSION + (stuffed - 1) // 4
 
 
+def worst_fd_bits(length: int, *, is_extended: bool = False) -> tuple[int, int]:
+    """Return `exact_fd_bits` of a frame with BRS that has the most stuff bits.
+
+    Of the bits up to BRS, those behind the last of fixed value have none, so 14 (33 with a 29-bit
+    identifier) are stuffed, and then those from BRS on but the last.
+
+    Args:
+        length: data bytes.
+        is_extended: whether the identifier has 29 bits.
+    """
+    head = FD_HEAD + FD_EXTENSION * is_extended
+    slow = head + (head - 4) // 4 + ACK_TO_NEXT
+    data = FD_DLC + 8 * length
+    return slow, data + (data - 1) // 4 + fd_crc_bits(length)
+
+
 def exact_bits(frame: Frame) -> int:
     """Return the bits of a frame with its stuff bits, and of the intermission after it."""
+    if frame.fd:
+        return sum(exact_fd_bits(frame))
     word, length = _with_crc(frame)
-    count, state = length + ENDING + INTERMISSION, _START
-    place = length - 8
+    return length + _stuff_count(word, length, _START)[1] + ENDING + INTERMISSION
+
+
+def exact_fd_bits(frame: Frame) -> tuple[int, int]:
+    """Return the bits of a frame of CAN FD without those from ESI to the CRC delimiter, and these.
+
+    The second ones have the data bit rate where BRS is set. The first ones count the intermission.
+    """
+    head, size, data, length = _fd_words(frame)
+    state, stuffed = _stuff_count(head, size, _START)
+    slow = size + stuffed + ACK_TO_NEXT
+    # The fixed stuff bit of the CRC field stands where one behind the last bit would be.
+    _, stuffed = _stuff_count(data >> 1, length - 1, state)
+    return slow, length + stuffed + fd_crc_bits(len(frame.data))
+
+
+def fast_place(frame: Frame) -> int:
+    """Return the place of the first bit at the data bit rate in a frame with BRS."""
+    head, size, _, _ = _fd_words(frame)
+    return size + _stuff_count(head, size, _START)[1]
+
+
+def stuffed_bits(frame: Frame) -> list[int]:
+    """Return the bits of a frame from its start to the end of the CRC, with stuff bits."""
+    if frame.fd:
+        return _stuffed_fd_bits(frame)
+    return _stuffed(*_with_crc(frame))
+
+
+def _stuff_count(word: int, length: int, state: int) -> tuple[int, int]:
+    """Return the state after some bits, and how many stuff bits are among them."""
+    count, place = 0, length - 8
     while place >= 0:
         state, stuffed = _STEPS[8][state << 8 | word >> place & 0xFF]
         count += stuffed
         place -= 8
     rest = place + 8
     if rest:
-        count += _STEPS[rest][state << rest | word & (1 << rest) - 1][1]
-    return count
+        state, stuffed = _STEPS[rest][state << rest | word & (1 << rest) - 1]
+        count += stuffed
+    return state, count
 
 
-def stuffed_bits(frame: Frame) -> list[int]:
-    """Return the bits of a frame from its start to the end of the CRC, with stuff bits."""
-    word, length = _with_crc(frame)
+def _stuffed(word: int, length: int) -> list[int]:
+    """Return bits with stuff bits."""
     bits: list[int] = []
     last, run = -1, 0
     for place in range(length - 1, -1, -1):
@@ -65,6 +126,39 @@ def stuffed_bits(frame: Frame) -> list[int]:
         if run == _STUFFED_AFTER:
             last, run = 1 - bit, 1
             bits.append(last)
+    return bits
+
+
+def _fd_words(frame: Frame) -> tuple[int, int, int, int]:
+    """Return the bits of a frame of CAN FD up to BRS, and from ESI on, with their counts."""
+    can_id, data, _, is_extended, _, fd = frame
+    head = can_id << 2  # 11 bits, RRS and IDE dominant
+    if is_extended:  # 11 bits, SRR and IDE recessive, 18 bits, RRS dominant
+        head = ((can_id >> 18) << 2 | 0b11) << 19 | (can_id & 0x3FFFF) << 1
+    head = head << 3 | 0b100 | (fd & BRS != 0)  # FDF recessive, a reserved bit dominant
+    length = len(data)
+    word = (fd & ESI != 0) << 4 | FD_LENGTHS.index(length)
+    size = FD_HEAD + FD_EXTENSION * is_extended
+    return head, size, word << 8 * length | int.from_bytes(data, "big"), FD_DLC + 8 * length
+
+
+def _stuffed_fd_bits(frame: Frame) -> list[int]:
+    head, size, data, length = _fd_words(frame)
+    plain = size + length
+    word = head << length | data
+    bits = [*_stuffed(word >> 1, plain - 1), word & 1]
+    stuffed = (len(bits) - plain) % 8
+    gray = stuffed ^ stuffed >> 1
+    count = [*(gray >> place & 1 for place in (2, 1, 0)), gray.bit_count() & 1]
+    width, polynomial = (17, 0x1685B) if len(frame.data) <= MOST_OF_CRC17 else (21, 0x102899)
+    crc = 1 << width - 1
+    for bit in (*bits, *count):
+        is_set = crc >> width - 1 ^ bit
+        crc = (crc << 1 ^ polynomial * is_set) & (1 << width) - 1
+    for place, bit in enumerate((*count, *(crc >> place & 1 for place in reversed(range(width))))):
+        if place % 4 == 0:
+            bits.append(1 - bits[-1])
+        bits.append(bit)
     return bits
 
 

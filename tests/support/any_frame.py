@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, FDF, Frame
 
 ANY_FRAME = st.builds(
     Frame,
@@ -14,4 +14,5 @@ ANY_FRAME = st.builds(
     st.booleans() | st.just(value=False),
     st.booleans() | st.just(value=False),
     st.integers(0, 8) | st.just(0),
+    st.sampled_from([0, 0, FDF | BRS]),
 )

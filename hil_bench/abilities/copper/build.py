@@ -46,6 +46,7 @@ def build_wiring(config: BenchConfig, devices: Mapping[str, Device]) -> Wiring:
             [controller, babbler, *stations.values()],
             chance=chance,
             recovery=round(wire_config.recovery * _NS_PER_S),
+            data_bitrate=bus.data_bitrate,
         )
         buses.append(Bus(number, wire, controller, babbler))
         plugs += [

@@ -181,6 +181,7 @@ FRAMES = st.builds(
     st.one_of(st.binary(max_size=8), st.sampled_from([b"\x01\x05", b"\x80\x00", b"\x02\x00"])),
     st.booleans() | st.just(value=False),
     st.booleans() | st.just(value=False),
+    fd=st.just(0),
 )
 
 

@@ -32,9 +32,15 @@ def counted(frame):
 
 
 frames = st.one_of(
-    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)),
-    st.builds(Frame, st.integers(0, 0x7FF), st.just(b""), is_remote=st.just(True)),
-    st.builds(Frame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), is_extended=st.just(True)),
+    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), fd=st.just(0)),
+    st.builds(Frame, st.integers(0, 0x7FF), st.just(b""), is_remote=st.just(True), fd=st.just(0)),
+    st.builds(
+        Frame,
+        st.integers(0, 0x1FFFFFFF),
+        st.binary(max_size=8),
+        is_extended=st.just(True),
+        fd=st.just(0),
+    ),
 )
 
 

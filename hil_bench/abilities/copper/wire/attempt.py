@@ -11,8 +11,8 @@ from hil_bench.abilities.copper.wire.broken import (
     unacknowledged,
 )
 from hil_bench.abilities.copper.wire.station import Rule, Station
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.bits import exact_bits, stuffed_bits
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
+from hil_bench.outside.bits import exact_bits, exact_fd_bits, fast_place, stuffed_bits
 
 Chance = Callable[[], int]
 """Draws how many bits pass until the next one that is disturbed."""
@@ -25,6 +25,7 @@ class Attempt(NamedTuple):
         senders: who sends; more than one where they have the same identifier.
         frames: what each of them sends.
         length: bits until the bus is free.
+        fast: those of them that have the data bit rate.
         broken: what is wrong; None where it passes.
         culprit: the receiver that breaks it.
         deaf: receivers that cannot read it.
@@ -33,6 +34,7 @@ class Attempt(NamedTuple):
     senders: tuple[Station, ...]
     frames: tuple[Frame, ...]
     length: int
+    fast: int = 0
     broken: Broken | None = None
     culprit: Station | None = None
     deaf: tuple[Station, ...] = ()
@@ -59,7 +61,7 @@ class Disturbances:
             listeners: all stations that are not bus-off.
             has_rules: whether one of them has a rule by which it misreads frames.
         """
-        frames = tuple(station.begin().frame for station in senders)
+        frames = tuple(map(_begin, senders))
         is_sure = (
             len(senders) == 1
             and self._chance is None
@@ -68,7 +70,7 @@ class Disturbances:
             and len(listeners) > 1
         )
         if is_sure:
-            return Attempt(senders, frames, exact_bits(frames[0]))
+            return _sound(senders, frames)
         return self._doubtful(senders, frames, listeners)
 
     def _doubtful(
@@ -100,8 +102,13 @@ class Disturbances:
                 deaf.append(each)
             elif share is not None and broken is None:
                 culprit, broken = each, misread(bits, int(share * len(bits)))
-        length = exact_bits(frame) if broken is None else broken.length
-        return Attempt(senders, frames, length, broken, culprit, tuple(deaf))
+        if broken is None:
+            return _sound(senders, frames)._replace(deaf=tuple(deaf))
+        fast = 0
+        if frame.fd & BRS:  # flags and what follows have the bit rate again
+            most = exact_fd_bits(frame)[1]
+            fast = min(max(broken.position + 1 - fast_place(frame), 0), most)
+        return Attempt(senders, frames, broken.length, fast, broken, culprit, tuple(deaf))
 
     def _position(self, sender: Station, frame: Frame, bits: list[int]) -> int | None:
         """Return the position of the disturbed bit on the bus, None without a disturbance."""
@@ -117,6 +124,19 @@ class Disturbances:
             return position
         self._bits_left -= length
         return None
+
+
+def _begin(station: Station) -> Frame:
+    """Have a station begin to send its head; one that is error-passive sets ESI in CAN FD."""
+    frame = station.begin().frame
+    return frame._replace(fd=frame.fd | ESI) if frame.fd and station.is_passive else frame
+
+
+def _sound(senders: tuple[Station, ...], frames: tuple[Frame, ...]) -> Attempt:
+    """Return a transmission that passes."""
+    frame = frames[0]
+    fast = exact_fd_bits(frame)[1] if frame.fd & BRS else 0
+    return Attempt(senders, frames, exact_bits(frame), fast)
 
 
 def _clash(sent: list[tuple[list[int], Station]]) -> Broken | None:

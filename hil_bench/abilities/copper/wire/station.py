@@ -52,13 +52,14 @@ Rule = Callable[[Frame], float | None]
 def priority(frame: Frame) -> int:
     """Return the key of arbitration, the lowest first: the bits up to the control field.
 
-    A data frame goes before a remote frame of its identifier, and one of 11 bits before one of 29
-    bits that begins with them.
+    A data frame goes before a frame of CAN FD of its identifier, that before a remote frame, and
+    one of 11 bits before one of 29 bits that begins with them.
     """
+    is_fd = frame.fd != 0
     if frame.is_extended:
         base, rest = frame.can_id >> 18, frame.can_id & 0x3FFFF
-        return (base << 2 | 3) << 19 | rest << 1 | frame.is_remote
-    return (frame.can_id << 2 | frame.is_remote << 1) << 19
+        return (base << 2 | 3) << 20 | rest << 2 | frame.is_remote << 1 | is_fd
+    return (frame.can_id << 2 | frame.is_remote << 1) << 20 | is_fd
 
 
 class Station:

@@ -73,6 +73,7 @@ class Wire:
         stations: all of them.
         chance: of disturbed bits; None for none.
         recovery: time from bus-off until the software of a station asks for its recovery [ns].
+        data_bitrate: of the data phase of CAN FD [bit/s]; None for that of the rest.
 
     Attributes:
         bitrate: as passed in.
@@ -91,8 +92,10 @@ class Wire:
         *,
         chance: Chance | None = None,
         recovery: int = 0,
+        data_bitrate: int | None = None,
     ) -> None:
         self.bitrate = bitrate
+        self._data_bitrate = data_bitrate or bitrate
         self.due = NEVER
         self.busy = 0
         self.passed = 0
@@ -129,6 +132,14 @@ class Wire:
     def bits(self, count: int) -> int:
         """Return the time of some bits [ns]."""
         return count * _NS_PER_S // self.bitrate
+
+    def _time(self, attempt: Attempt) -> int:
+        """Return the time of a transmission [ns]."""
+        if not attempt.fast:
+            return self.bits(attempt.length)
+        slow = attempt.length - attempt.fast
+        both = slow * self._data_bitrate + attempt.fast * self.bitrate
+        return both * _NS_PER_S // (self.bitrate * self._data_bitrate)
 
     def put(self, station: Station, frame: Frame, now: int) -> bool:
         """Have a station want to send a frame from now on [ns]; return whether none is lost."""
@@ -183,7 +194,7 @@ class Wire:
 
     def make_end(self) -> "Wire":
         """Return a wire of its own for a station whose plug is pulled."""
-        end = Wire(self.bitrate, recovery=self._recovery)
+        end = Wire(self.bitrate, recovery=self._recovery, data_bitrate=self._data_bitrate)
         end.on_event = self.on_event
         return end
 
@@ -260,14 +271,14 @@ class Wire:
             senders, self._listeners, has_rules=bool(self._ruled)
         )
         self._begun = now
-        self.due = now + self.bits(self._going.length)
+        self.due = now + self._time(self._going)
 
     # Ends
 
     def _end(self, attempt: Attempt) -> Passage | None:
         """Count what has passed or failed; return it where it has passed."""
         self._going = None
-        begin, end = self._begun, self._begun + self.bits(attempt.length)
+        begin, end = self._begun, self._begun + self._time(attempt)
         self.busy += end - begin
         self._free_at = end
         for absence in self._off.values():

@@ -4,9 +4,10 @@
 
 Without that variable, in an editable installation, and where there is no C compiler, the wheel is
 pure Python and does the same, slower. mypyc compiles the core, whose modules `pyproject.toml`
-names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only; on Linux the C compiler
-makes the library that controllers of the kind `program` are run with. Where one of them fails the
-wheel has the others. It says in `hil_bench/compiled.json` of which sources the core was made.
+names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only; the C compiler makes
+what calls controllers of the kind `library`, and on Linux the library that those of the kind
+`program` are run with. Where one of them fails the wheel has the others. It says in
+`hil_bench/compiled.json` of which sources the core was made.
 """
 
 import hashlib
@@ -34,6 +35,8 @@ REQUIREMENTS = [
 ]
 NO_KERNELS = "the plant's kernels are not compiled: {}; Numba does it at run time"
 NO_PRELOAD = "the library of programs is not compiled: {}; a first run does it"
+NO_CALLS = "calls of libraries are not compiled: {}; ctypes does them, slower"
+LIBRARY = "hil_bench/abilities/controllers/library"
 PROGRAM = "hil_bench/abilities/controllers/program"
 KERNELS = "hil_bench.plants.hydraulic_cylinder.model._kernels"
 
@@ -65,13 +68,14 @@ class CompiledCore(BuildHookInterface):  # type: ignore[type-arg]
             included[str(record)] = RECORD
         for part, compile_part, otherwise in (
             ("kernels", compile_kernels, NO_KERNELS),
+            ("calls", compile_calls, NO_CALLS),
             ("preload", compile_preload, NO_PRELOAD),
         ):
             try:
                 compile_part(root, built / part)
             except Problem as problem:
                 self.app.display_warning(otherwise.format(problem))
-        for part in ("core", "kernels", "preload"):
+        for part in ("core", "kernels", "calls", "preload"):
             place = built / part / "lib"
             included |= {str(path): str(path.relative_to(place)) for path in place.rglob("*.so")}
         if included:
@@ -169,6 +173,18 @@ def compile_kernels(root: Path, built: Path) -> None:
         libraries=["m"],
     )
     build_extensions([extension], built)
+
+
+def compile_calls(root: Path, built: Path) -> None:
+    """Compile the calls of controllers' libraries into an extension module in `built`/lib.
+
+    `Problem` says that there is no compiler, or that it refuses.
+    """
+    from setuptools import Extension  # noqa: PLC0415 - there only where it is asked for
+
+    name = f"{LIBRARY}/_call".replace("/", ".")
+    source = str(root / LIBRARY / "_call.c")
+    build_extensions([Extension(name, [source], extra_compile_args=["-O2"])], built)
 
 
 def compile_preload(root: Path, built: Path) -> None:

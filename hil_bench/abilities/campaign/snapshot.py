@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, NamedTuple, NoReturn
@@ -17,7 +18,7 @@ from hil_bench.abilities.controllers.section import ControllersConfig
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding
-from hil_bench.abilities.scenario.resolve import PreparedScenario, TimedAction
+from hil_bench.abilities.scenario.resolve import PreparedScenario, TimedAction, parameter_values
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.run import (
     PLAIN,
@@ -27,8 +28,10 @@ from hil_bench.abilities.scenario.run import (
     controller_of,
     play,
     prepare,
+    prepare_on,
 )
 from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.session.pool import Pool, TaskEnd
 from hil_bench.session.virtual_bench import VirtualBench
@@ -81,10 +84,19 @@ def play_spec(spec: RunSpec, options: PlayOptions = PLAIN) -> Run:
 
 def prepare_spec(spec: RunSpec) -> PreparedScenario:
     """Return the scenario of a run, with its numbers in; `HilBenchError` says what does not fit."""
-    tables = nested(spec.tolerances)
-    return prepare(
-        spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables, keeps_session=True
-    )
+    scenario = spec.case.scenario
+    tolerances = tuple(sorted(spec.tolerances.items()))
+    config = _load_config(scenario.bench_path, spec.case.digest, spec.seed, tolerances)
+    values = parameter_values(scenario, spec.parameters)
+    return prepare_on(config, scenario, values, keeps_session=True)
+
+
+@lru_cache(maxsize=4)
+def _load_config(
+    path: Path | None, _digest: str, seed: int | None, tolerances: tuple[tuple[str, float], ...]
+) -> BenchConfig:
+    """Return the bench of runs that differ in their parameters; the digest is of its files."""
+    return load_config(path, seed=seed, tables=nested(dict(tolerances)))
 
 
 def verdicts_of(run: Run) -> tuple[Verdict, ...]:
@@ -139,6 +151,7 @@ LEAST_SHARE: Final = 0.1
 """Of a run, that a snapshot has to save."""
 
 _CHILDREN = Path("/proc/thread-self/children")
+_THREADS = Path("/proc/self/task")
 
 
 class _Common(NamedTuple):
@@ -328,8 +341,9 @@ class _Halt:
         if now != self._now or self.spec is not None:
             return
         pids = desks.pids if desks is not None else set()
-        if {int(pid) for pid in _CHILDREN.read_text(encoding="ascii").split()} != pids:
-            raise _Over  # something else has a process of its own
+        has_threads = len(list(_THREADS.iterdir())) > 1
+        if has_threads or {*map(int, _CHILDREN.read_text(encoding="ascii").split())} != pids:
+            raise _Over  # something else has a process or a thread of its own, which no copy has
         while self.spec is None:
             try:
                 spec: RunSpec = self._connection.recv()

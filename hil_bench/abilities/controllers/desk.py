@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.seam import (
@@ -142,12 +142,7 @@ class Desk:
                 logger.warning("%.3f s: %shas ended%s", until * 1e-9, self.place, words)
         except ControllerError as error:
             raise ControllerError(f"{self.place}{error}") from error
-        if not sent:
-            return ()
-        if not self._is_on_all or any(frame.bus for _, frame in sent):
-            sent = [TimedFrame(time, self._to_bench(frame)) for time, frame in sent]
-        self._own += [frame for _, frame in sent]
-        return sorted(sent, key=_TIME)
+        return self._take(sent) if sent else ()
 
     def prepare(self) -> None:
         """Build the controller that starts with the first tick, and do what needs no time.
@@ -178,14 +173,26 @@ class Desk:
             controller.close()
 
     def branching(self) -> BranchingController | None:
-        """Return the controller where it runs and can branch."""
-        if self._controller is None or not self._config.kind.can_branch:
-            return None
-        return cast("BranchingController", self._controller)
+        """Return the controller where it runs in a process of its own and can branch."""
+        running = self._controller
+        return running if isinstance(running, BranchingController) else None
 
     def tail(self) -> str:
         """The end of what it has printed."""
         return self._controller.tail() if self._controller is not None else ""
+
+    def _take(self, sent: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
+        """Return frames that it has sent as those of the bench, in order of time."""
+        taken: list[TimedFrame] = []
+        is_sorted, last = True, 0
+        for each in sent:
+            time, frame = each
+            known = frame if self._is_on_all and not frame.bus else self._to_bench(frame)
+            self._own.append(known)
+            taken.append(each if known is frame else make_timed(TimedFrame, (time, known)))
+            is_sorted = is_sorted and time >= last
+            last = time
+        return taken if is_sorted else sorted(taken, key=_TIME)
 
     def _start(self, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Build the controller, in a new folder; return what it has heard already."""
@@ -211,18 +218,20 @@ class Desk:
     def _hear(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
         """Keep what passes on its buses, but for its own frames."""
         own, places, inbox = self._own, self._places, self._inbox
-        time = now - self._skipped
+        time: Any = now - self._skipped  # made an object once for all frames
         for frame in received:
-            if own and frame in own:
+            if own and frame is own[0]:  # as a rule in the order in which they were sent
+                del own[0]
+            elif own and frame in own:
                 own.remove(frame)
             elif frame.bus in places and not frame.fd:  # whose CAN is classical
-                inbox.append(TimedFrame(time, self._to_own(frame)))
-        if self._is_on_all:
-            inbox += [make_timed(TimedFrame, (time, frame)) for frame in sent]
-            return
+                inbox.append(make_timed(TimedFrame, (time, self._to_own(frame))))
+        is_on_all = self._is_on_all
         for frame in sent:
-            if frame.bus in places:
-                inbox.append(TimedFrame(time, self._to_own(frame)))
+            if is_on_all:
+                inbox.append(make_timed(TimedFrame, (time, frame)))
+            elif frame.bus in places:
+                inbox.append(make_timed(TimedFrame, (time, self._to_own(frame))))
 
     def _to_own(self, frame: Frame) -> Frame:
         place = self._places[frame.bus]
@@ -351,7 +360,8 @@ class Desks:
         self._skipped += max(now - self._last - self._tick, 0) if self._last else 0
         self._last = now
         until = now - self._skipped
+        if len(self.desks) == 1:
+            return [frame for _, frame in self.desks[0].live(until, self._skipped)]
         sent = [each for desk in self.desks for each in desk.live(until, self._skipped)]
-        if len(self.desks) > 1:
-            sent.sort(key=_TIME)
+        sent.sort(key=_TIME)
         return [frame for _, frame in sent]

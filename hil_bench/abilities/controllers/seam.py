@@ -88,8 +88,9 @@ class PreparingController(Controller, Protocol):
         """
 
 
+@runtime_checkable
 class BranchingController(Controller, Protocol):
-    """A controller of a kind that `can_branch`.
+    """A controller of a kind that `can_branch`, in a process of its own.
 
     Attributes:
         pid: of its process; 0 where it has none.
@@ -149,9 +150,9 @@ class ControllerKind(ABC):
         uses_files: whether it needs `Surroundings.scratch`; without it no folder is made.
         is_clock: whether its SYNC is its clock, so that it needs `Surroundings.serve`, and buses
             on which frames take no time.
-        can_branch: whether a run that it drives may be copied with its process: its controllers
-            are each a `BranchingController`, and take nothing of the parameters but what
-            ``{parameter}`` names in its table.
+        can_branch: whether a run that it drives may be copied with its process: all of its
+            controllers' state is there, or each is a `BranchingController`; and they take nothing
+            of the parameters but what ``{parameter}`` names in its table.
     """
 
     name: str

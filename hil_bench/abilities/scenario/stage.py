@@ -238,7 +238,9 @@ class Director:
         if self.is_over or tick > self._plan.last_tick:
             self.is_over = True
             return frames
-        own = list(self._due(tick))
+        waiting = self._waiting
+        is_due = bool(self._courses or self._repeated) or bool(waiting and waiting[-1].tick <= tick)
+        own = list(self._due(tick)) if is_due else []
         if self._sends_sync and tick % self._plan.sync_ticks == 0:
             own.append(Frame(SYNC_COB_ID))
         if not self._passes_sync:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from operator import itemgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -135,7 +136,7 @@ class Witness:
         self, config: BenchConfig, session: Session, names: Iterable[str], last_tick: int
     ) -> None:
         self._last_tick, self._tick = last_tick, config.tick_ns * 1e-9
-        self._rows: list[list[float]] = []
+        self._rows: list[Sequence[float]] = []
         self._heard: set[str] = set()
         self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
         self._registers = name_registers(session.bench.find(ModbusBinding))
@@ -146,10 +147,15 @@ class Witness:
             node.name: fitting.state
             for node, fitting in zip(config.nodes, session.bench.fittings, strict=True)
         }
-        self._readers = [
+        readers = [
             ecu_reader(ecus_of(session.bench), name) or self._reader(name, places, states)
             for name in self._names
         ]
+        self._read: Callable[[Sequence[float]], Sequence[float]]
+        if len(readers) > 1 and all(name in places for name in self._names):
+            self._read = itemgetter(*(places[name] for name in self._names))
+        else:
+            self._read = lambda row: [read(row) for read in readers]
         self._hears = any(name.startswith((f"{EMCY}(", f"{FRAME}(")) for name in self._names)
         session.watch(frames=self._hear if self._hears else None, rows=self._note)
 
@@ -165,12 +171,13 @@ class Witness:
         return {name: table[:, number].copy() for number, name in enumerate(self._names)}
 
     def _note(self, row: Sequence[float]) -> None:
-        number = round(row[0] / self._tick)
-        while len(self._rows) < min(number, self._last_tick + 1):
-            self._rows.append([math.nan] * len(self._names))  # a tick that the loop left out
+        number, rows = round(row[0] / self._tick), self._rows
+        while len(rows) < number and len(rows) <= self._last_tick:
+            rows.append([math.nan] * len(self._names))  # a tick that the loop left out
         if number <= self._last_tick:
-            self._rows.append([read(row) for read in self._readers])
-        self._heard.clear()
+            rows.append(self._read(row))
+        if self._heard:
+            self._heard.clear()
 
     def _hear(self, received: Sequence[Frame], sent: Sequence[Frame], _now: int) -> None:
         heard = self._heard

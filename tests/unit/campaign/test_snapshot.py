@@ -1,6 +1,7 @@
 """Snapshots: runs that go on from a copy have the results of runs from the start."""
 
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -115,11 +116,23 @@ def test_steps_are_common_up_to_the_first_that_differs(load: Path) -> None:
 @pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
 def test_a_chip_is_copied_with_its_bench(tmp_path: Path) -> None:
     pytest.importorskip("unicorn")
-    build_example(tmp_path, "stm32f4.elf")
-    path = tmp_path / "chip.scenario.toml"
-    table = '[controller]\nkind = "elf"\nprogram = "stm32f4.elf"\nchip = "STM32F407"\n'
     (tmp_path / "bench.toml").write_text("[bench]\ntick_us = 500\n")
-    path.write_text('bench = "bench.toml"\n' + LOAD.format(controller=table))
+    table = 'kind = "elf"\nprogram = "stm32f4.elf"\nchip = "STM32F407"'
+    check_copies(tmp_path, "stm32f4.elf", table, bench='bench = "bench.toml"\n')
+
+
+@pytest.mark.skipif("CI" not in os.environ and not shutil.which("cc"), reason="needs a C compiler")
+def test_a_library_is_copied_with_its_bench(tmp_path: Path) -> None:
+    name = "libposition_control.so"
+    settings = 'settings = { targets_mm = "50,-50" }'
+    check_copies(tmp_path, name, f'kind = "library"\nlibrary = "{name}"\n{settings}')
+
+
+def check_copies(folder: Path, goal: str, table: str, bench: str = "") -> None:
+    """Check that runs with the example in C end as those from the start, from a snapshot."""
+    build_example(folder, goal)
+    path = folder / "example.scenario.toml"
+    path.write_text(bench + LOAD.format(controller=f"[controller]\n{table}\n"))
     runs = specs(path, *POINTS[:3])
     assert can_branch(prepare_spec(runs[0]))
     snapshots = Snapshots()

@@ -3,14 +3,18 @@
 The libraries are a few lines of C, built here; the example of examples/firmware is one of them.
 """
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.controllers import library
+from hil_bench.abilities.controllers.library import controller as library_controller
 from hil_bench.abilities.controllers.library.controller import LibraryController
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
 from hil_bench.bench.configuration import load_config
@@ -19,7 +23,7 @@ from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.virtual_bench import VirtualBench
 
 ROOT = Path(__file__).parents[3]
-INCLUDE = ROOT / "hil_bench/abilities/controllers/library/include"
+INCLUDE = Path(library.__file__).parent / "include"
 
 pytestmark = pytest.mark.skipif(
     "CI" not in os.environ and not (shutil.which("make") and shutil.which("cc")),
@@ -86,8 +90,25 @@ def echo(build):
     return build("libecho.so")
 
 
-@pytest.fixture
-def instance(echo):
+@pytest.fixture(scope="module")
+def machine_code(tmp_path_factory):
+    """Return what a compiled wheel calls libraries with, in place of ctypes."""
+    if not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+        pytest.skip("needs the headers of Python")
+    file = tmp_path_factory.mktemp("calls") / "_call.so"
+    words = ["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror"]
+    words += [f"-I{sysconfig.get_path('include')}", INCLUDE.parent / "_call.c", "-o", file]
+    subprocess.run(words, check=True)
+    spec = importlib.util.spec_from_file_location("_call", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.advance
+
+
+@pytest.fixture(params=["ctypes", "machine code"])
+def instance(request, echo, monkeypatch):
+    way = request.getfixturevalue("machine_code") if request.param == "machine code" else None
+    monkeypatch.setattr(library_controller, "_advance", way)
     controller = LibraryController(echo, {"side": "left"})
     assert controller.advance(1, ()) == []
     yield controller
@@ -113,6 +134,12 @@ def test_frames_go_in_and_out_whole(instance):
 def test_more_frames_than_a_call_has_room_for_come_in_several(instance):
     many = [TimedFrame(k, Frame(k)) for k in range(600)]
     assert [frame.can_id for _, frame in instance.advance(1_000_000, many)] == list(range(600))
+
+
+def test_what_is_no_frame_is_not_packed(machine_code):
+    for frame in ((1, Frame(1, bytes(9))), (1, (1, b"")), None):
+        with pytest.raises(TypeError):
+            machine_code(0, 0, 0, [frame], bytearray(24))
 
 
 def test_it_has_begun_when_it_says_so(echo):

@@ -1,8 +1,11 @@
-"""An instance of a shared library, by ctypes: one call a tick, frames packed in buffers."""
+"""An instance of a shared library: one call a tick, frames packed in buffers.
+
+A compiled wheel packs and calls in machine code (``_call.c``), any other by ctypes.
+"""
 
 import ctypes
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
@@ -13,12 +16,25 @@ from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame, make
 from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.errors import ControllerError
 
+Advance = Callable[[int, int, int, list[TimedFrame], bytearray], tuple[int, int]]
+"""Given the addresses of ``hil_controller_advance`` and of an instance, a time [ns], frames that
+came and room for those that are sent, returns an `hil_state` and how many were sent."""
+
+try:
+    from hil_bench.abilities.controllers.library import _call  # type: ignore[attr-defined]
+except ImportError:
+    _advance: Advance | None = None
+else:
+    _advance = _call.advance
+
 VERSION = 1
 SHOWN_LINES = 20
 """Lines of its output that messages show."""
 
 _ROOM = 256  # frames of a call
 _FRAME = Struct("=qIBBBx8s")  # struct hil_frame
+_SIZE_OF_FRAME = _FRAME.size
+_pack, _iter_unpack = _FRAME.pack_into, _FRAME.iter_unpack
 _EXTENDED, _REMOTE = 1, 2
 _SIZE = ctypes.c_size_t
 _POINTER = ctypes.c_void_p
@@ -77,6 +93,36 @@ def load_library(path: Path, _changed: int) -> dict[str, Any]:
     return functions
 
 
+class _CallByCtypes:
+    """An `Advance` where there is no machine code for it.
+
+    Args:
+        function: the library's.
+        sent: where it writes frames that it sends.
+    """
+
+    def __init__(self, function: Any, sent: bytearray) -> None:  # noqa: ANN401 - of ctypes
+        self._function = function
+        self._received, self._count = bytearray(_ROOM * _SIZE_OF_FRAME), _SIZE()
+        self._received_at, self._sent_at = (
+            ctypes.addressof(ctypes.c_char.from_buffer(each)) for each in (self._received, sent)
+        )
+        self._counted = ctypes.byref(self._count)
+
+    def __call__(
+        self, _address: int, instance: int, until: int, received: list[TimedFrame], _sent: bytearray
+    ) -> tuple[int, int]:
+        place = 0
+        for time, (can_id, data, is_remote, is_extended, bus, _) in received:
+            flags = is_extended * _EXTENDED | is_remote * _REMOTE
+            _pack(self._received, place, time, can_id, bus, len(data), flags, data)
+            place += _SIZE_OF_FRAME
+        state = self._function(
+            instance, until, self._received_at, len(received), self._sent_at, _ROOM, self._counted
+        )
+        return state, self._count.value
+
+
 class LibraryController:
     """An instance of a library.
 
@@ -97,37 +143,25 @@ class LibraryController:
             raise ControllerError(f"{path}: there is no such library; build it first")
         self._path, self._call = path, load_library(path, path.stat().st_mtime_ns)
         words = [f"{name}={value}".encode() for name, value in settings.items()]
-        self._instance = self._call["create"]((ctypes.c_char_p * (len(words) + 1))(*words, None))
+        given = (ctypes.c_char_p * (len(words) + 1))(*words, None)
+        self._instance: int = self._call["create"](given) or 0
         if not self._instance:
-            why = self._say(None) or "says not why"
+            why = self._say(0) or "says not why"
             raise ControllerError(f"{path}: makes no instance: {why}")
         self.has_begun = True
         self._lines: deque[str] = deque(maxlen=SHOWN_LINES)
-        self._received, self._sent = bytearray(_ROOM * _FRAME.size), bytearray(_ROOM * _FRAME.size)
-        self._count = _SIZE()
-        self._places = [
-            ctypes.addressof(ctypes.c_char.from_buffer(each))
-            for each in (self._received, self._sent)
-        ]
-        self._counted = ctypes.byref(self._count)
-        self._advance = self._call["advance"]
+        self._sent = bytearray(_ROOM * _SIZE_OF_FRAME)
+        function = self._call["advance"]
+        self._address: int = ctypes.cast(function, _POINTER).value or 0
+        self._advance: Advance = _advance or _CallByCtypes(function, self._sent)
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let it live until a moment; see `Controller`."""
         sent: list[TimedFrame] = []
-        pack = _FRAME.pack_into
         for start in range(0, len(received) or 1, _ROOM):
-            part = received[start : start + _ROOM]
-            place = 0
-            for time, (can_id, data, is_remote, is_extended, bus, _) in part:
-                flags = is_extended * _EXTENDED | is_remote * _REMOTE
-                pack(self._received, place, time, can_id, bus, len(data), flags, data)
-                place += _FRAME.size
-            places = self._places
-            state = self._advance(
-                self._instance, until, places[0], len(part), places[1], _ROOM, self._counted
-            )
-            if count := self._count.value:
+            part = list(received[start : start + _ROOM])
+            state, count = self._advance(self._address, self._instance, until, part, self._sent)
+            if count:
                 sent += self._take(count, until)
             if state:
                 self._look_at(state, sent)
@@ -147,7 +181,7 @@ class LibraryController:
     def close(self) -> None:
         """Destroy the instance; the library stays loaded."""
         self._listen()
-        instance, self._instance = self._instance, None
+        instance, self._instance = self._instance, 0
         if instance:
             self._call["destroy"](instance)
 
@@ -160,19 +194,22 @@ class LibraryController:
         if count > _ROOM:
             wrong = f"says that it sent {count} frames, and had room for {_ROOM}"
             raise ControllerError(f"{self._path}: {wrong}")
-        frames = []
-        for time, can_id, bus, length, flags, data in _FRAME.iter_unpack(
-            self._sent[: count * _FRAME.size]
-        ):
-            is_extended = bool(flags & _EXTENDED)
-            if length > 8 or can_id >> (29 if is_extended else 11) or flags > 3 or time > until:
+        frames: list[TimedFrame] = []
+        end = count * _SIZE_OF_FRAME
+        for time, can_id, bus, length, flags, data in _iter_unpack(self._sent[:end]):
+            if (
+                length > 8
+                or flags > 3
+                or time > until
+                or can_id >> (29 if flags & _EXTENDED else 11)
+            ):
                 what = f"identifier 0x{can_id:X}, length {length}, flags {flags}"
                 wrong = f"sent no CAN frame: {what}, at {time * 1e-9:g} s"
                 raise ControllerError(f"{self._path}: {wrong}")
             is_remote = bool(flags & _REMOTE)
             payload = b"" if is_remote else data[:length]
-            frame = make_frame(Frame, (can_id, payload, is_remote, is_extended, bus, 0))
-            frames.append(make_timed(TimedFrame, (time, frame)))
+            fields = (can_id, payload, is_remote, bool(flags & _EXTENDED), bus, 0)
+            frames.append(make_timed(TimedFrame, (time, make_frame(Frame, fields))))
         return frames
 
     def _look_at(self, state: int, sent: Sequence[TimedFrame]) -> None:
@@ -196,6 +233,6 @@ class LibraryController:
         if self._instance:
             self._lines.extend(self._say(self._instance).splitlines())
 
-    def _say(self, instance: int | None) -> str:
-        text: bytes | None = self._call["message"](instance)
+    def _say(self, instance: int) -> str:
+        text: bytes | None = self._call["message"](instance or None)
         return (text or b"").decode(errors="replace").strip()

@@ -36,6 +36,7 @@ class LibraryKind(ControllerKind):
     name = "library"
     summary = "a shared library with the functions of hil_controller.h"
     uses_files = False
+    can_branch = True  # a library's memory is its process's
     keys = (
         Key("library", text, example='"build/libaxis.so"'),
         Key("settings", settings_table, {}),

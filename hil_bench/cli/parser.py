@@ -1,7 +1,6 @@
 """The parser of the command line, its help, and arguments that are numbers or units."""
 
 import argparse
-import difflib
 import math
 import sys
 import textwrap
@@ -10,6 +9,7 @@ from itertools import groupby
 from typing import Any, NoReturn
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.config.values import close_names
 from hil_bench.errors import ConfigError
 from hil_bench.shown_units import SETS, VARIABLE, choose, parse_choice
 
@@ -106,7 +106,7 @@ class Parser(argparse.ArgumentParser):
         parsed, rest = super().parse_known_args(args, namespace)
         for word in rest:
             name = word.partition("=")[0]
-            near = difflib.get_close_matches(name, self._option_string_actions, n=1)
+            near = close_names(name, self._option_string_actions)
             if name.startswith("-") and near:
                 self.error(f"{name} is unknown; did you mean {near[0]}?")
         if rest:
@@ -122,7 +122,7 @@ class Parser(argparse.ArgumentParser):
         known = [str(choice) for choice in action.choices or ()]
         if action.choices is None or value in action.choices:
             return
-        near = difflib.get_close_matches(str(value), known, n=1)
+        near = close_names(str(value), known)
         if near:
             right = f"did you mean {near[0]}?"
         else:

@@ -2,13 +2,21 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
-from hil_bench.config.settings import Given, Origin, Problems
-from hil_bench.config.values import describe, find_nearest
+from hil_bench.config.settings import (
+    Given,
+    Key,
+    Origin,
+    Problems,
+    Settings,
+    open_table,
+    read_table,
+)
+from hil_bench.config.values import Reader, Value, describe, find_nearest
 from hil_bench.errors import ConfigError, about_file
 
 Document = Mapping[str, object]
@@ -95,11 +103,8 @@ def merge(document: Document, tables: Document) -> Document:
 
 def read_section(document: Document, name: str, problems: Problems) -> dict[str, Given]:
     """Return the keys and values that the file gives in the table `name`."""
-    value = document.get(name, {})
-    if isinstance(value, dict):
-        return give(name, value, Origin.FILE, problems)
-    problems.add(problems.place(name), f"{describe(value)} is not a table; write it as [{name}]")
-    return {}
+    given = Given(document.get(name, {}), Origin.FILE, problems.place(name))
+    return open_table(name, given, problems)
 
 
 def read_named_sections(
@@ -107,22 +112,16 @@ def read_named_sections(
 ) -> dict[str, dict[str, Given]]:
     """Return the keys and values that the file gives in each table ``[name.X]``, by X."""
     sections = {}
-    for key, (value, _, place) in read_section(document, name, problems).items():
+    for key, given in read_section(document, name, problems).items():
         if not _NAME.fullmatch(key):
             right = "give at most 32 letters, digits, _ or -"
             problems.add(problems.place(name), f"{describe(key)} cannot be a name; {right}")
-        elif not isinstance(value, dict):
-            problems.add(place, f"{describe(value)} is not a table; write it as [{name}.NAME]")
+        elif not isinstance(given.value, dict):
+            wrong = f"{describe(given.value)} is not a table"
+            problems.add(given.place, f"{wrong}; write it as [{name}.NAME]")
         else:
-            sections[key] = give(f"{name}.{key}", value, Origin.FILE, problems)
+            sections[key] = open_table(f"{name}.{key}", given, problems)
     return sections
-
-
-def give(
-    table: str, values: Mapping[str, object], origin: Origin, problems: Problems
-) -> dict[str, Given]:
-    """Return `values` with their place in `table`."""
-    return {key: Given(value, origin, problems.place(table, key)) for key, value in values.items()}
 
 
 def check_tables(document: Document, known: tuple[str, ...], problems: Problems) -> None:
@@ -131,3 +130,84 @@ def check_tables(document: Document, known: tuple[str, ...], problems: Problems)
         if name not in known:
             nearest = find_nearest(name, known)
             problems.add(problems.place(name), f"unknown table; the nearest known is [{nearest}]")
+
+
+class Tables:
+    """The tables of a TOML file, each read by its keys.
+
+    Args:
+        document: the file.
+        problems: where problems are noted.
+
+    Attributes:
+        document: as passed in.
+        problems: as passed in.
+    """
+
+    def __init__(self, document: Document, problems: Problems) -> None:
+        self.document, self.problems = document, problems
+
+    @classmethod
+    def of_file(cls, path: Path, sort: Sort, known: tuple[str, ...]) -> Self:
+        """Return the tables of a file.
+
+        Args:
+            path: of the file.
+            sort: of file that it is to be.
+            known: the tables that it may have.
+        """
+        tables = cls(read_document(path, sort), Problems(str(path)))
+        check_tables(tables.document, known, tables.problems)
+        return tables
+
+    def head(self, keys: Sequence[Key], tables: Sequence[str]) -> Settings:
+        """Return the settings that stand above all tables.
+
+        Args:
+            keys: that may stand there.
+            tables: that the file may have, too.
+        """
+        names, given = tuple(key.name for key in keys), {}
+        for name, value in self.document.items():
+            if name in names:
+                given[name] = value
+            elif name not in tables:
+                nearest = find_nearest(name, (*names, *tables))
+                place = self.problems.place("", name)
+                self.problems.add(place, f"unknown; the nearest known is {nearest}")
+        return read_table("", given, keys, self.problems)
+
+    def table(self, name: str, keys: Sequence[Key]) -> Settings:
+        """Return the settings of ``[name]``."""
+        return read_table(name, self.section(name), keys, self.problems)
+
+    def named(self, name: str, keys: Sequence[Key]) -> dict[str, Settings]:
+        """Return the settings of each ``[name.X]``, by X."""
+        sections = read_named_sections(self.document, name, self.problems)
+        return {
+            key: read_table(f"{name}.{key}", given, keys, self.problems)
+            for key, given in sections.items()
+        }
+
+    def entries(self, name: str, read: Reader) -> dict[str, Value]:
+        """Return the values of ``[name]``, whose keys are names; one that is wrong is left out."""
+        found = {}
+        for key, given in self.section(name).items():
+            try:
+                found[key] = read(given.value)
+            except ConfigError as error:
+                self.problems.add(given.place, error)
+        return found
+
+    def section(self, name: str) -> dict[str, Given]:
+        """Return the keys and values of ``[name]``, not yet read."""
+        return read_section(self.document, name, self.problems)
+
+    def listed(self, name: str) -> list[tuple[str, Mapping[str, object]]]:
+        """Return the values of each ``[[name]]``, with its name, as in ``name[1]``."""
+        found = self.document.get(name, [])
+        if isinstance(found, list) and all(isinstance(each, dict) for each in found):
+            return [(f"{name}[{number}]", each) for number, each in enumerate(found, 1)]
+        wrong = f"{describe(found)} is no list; write it as [[{name}]]"
+        self.problems.add(self.problems.place(name), wrong)
+        return []

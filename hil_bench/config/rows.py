@@ -1,12 +1,12 @@
 """Parameters as the rows of a table: one row declares one key.
 
-The columns of the file are separated by tabs:
+The columns of the file are separated by tabs; those without example, range or sheet lack it:
 
 - `group`: the keys that belong together, as those of one record do;
 - `key`, `unit`, `default`, `field`, `example`: as of a `Key`; a default that is left out is None;
-- `accepts`: what is read, ``low..high`` in the key's unit, ``true or false``, ``text``, ``points``,
-  or ``a word``, whose reader `Rows.with_words` gets; or what the record
-  accepts: ``> 0``, ``>= 0``, each with ``none,`` before it where it may be None;
+- `accepts`: what is read, ``low..high`` in the key's unit, ``whole low..high``, ``0 or`` one of
+  them, ``interval``, ``points``, ``true or false``, ``text``, or ``a word``, whose reader
+  `with_words` gets; or what the record accepts: ``> 0``, ``>= 0``, or ``none,`` and that;
 - `usual`, `usually`, `possible`, `naturally`: the ranges of a `Key`, and the reason of each;
 - `symbol`, `absent`, `meaning`: of the documents: symbol in the equations, what holds where there
   is no default, and one line of help;
@@ -14,18 +14,28 @@ The columns of the file are separated by tabs:
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from hil_bench.config.settings import Key, Range
-from hil_bench.config.values import Reader, Value, boolean, number, points, text
+from hil_bench.config.settings import CLOCK_MICROSECOND, Key, Range
+from hil_bench.config.values import (
+    Reader,
+    Value,
+    boolean,
+    integer,
+    interval,
+    number,
+    points,
+    text,
+    zero_or,
+)
 from hil_bench.units import UNIT_OF, Unit
 
 HALF_MILLIMETRE: Final = Unit("mm", "_mm", 0.5e-3)
 """Of a length of which a model has the half."""
 
-_UNITS: Final = {**UNIT_OF, "mm/2": HALF_MILLIMETRE}
+_UNITS: Final = {**UNIT_OF, "mm/2": HALF_MILLIMETRE, "us in ns": CLOCK_MICROSECOND}
 
 
 class Rows(NamedTuple):
@@ -43,24 +53,23 @@ class Rows(NamedTuple):
         """Return the keys that a data sheet has."""
         return tuple(key for key in self.groups["sheet"] if key.sheet == name)
 
-    def with_words(self, words: Mapping[str, Reader]) -> "Rows":
-        """Return the keys in which those of words have their readers."""
-        return _grouped(
-            key._replace(read=words[key.name], default=words[key.name](key.default))
-            if key.name in words
-            else key
-            for key in self.keys
-        )
+
+def with_words(keys: Iterable[Key], words: Mapping[str, Reader]) -> Iterator[Key]:
+    """Yield keys in which those of words have their readers."""
+    for key in keys:
+        read = words.get(key.name)
+        yield key._replace(read=read, default=key.default and read(key.default)) if read else key
 
 
 def read_rows(path: Path) -> Rows:
     """Return the keys that a file declares."""
     head, *lines = path.read_text(encoding="utf-8").splitlines()
     names = head.split("\t")
-    return _grouped(_key(dict(zip(names, line.split("\t"), strict=True))) for line in lines)
+    return group(_key(dict(zip(names, line.split("\t"), strict=True))) for line in lines)
 
 
-def _grouped(keys: Iterable[Key]) -> Rows:
+def group(keys: Iterable[Key]) -> Rows:
+    """Return keys with their groups."""
     groups: dict[str, list[Key]] = {}
     every = tuple(keys)
     for key in every:
@@ -76,12 +85,12 @@ def _key(row: Mapping[str, str]) -> Key:
         _default(row["default"], accepts),
         unit,
         row["field"],
-        row["example"],
-        usual=_range(row["usual"], row["usually"]),
-        possible=_range(row["possible"], row["naturally"]),
+        row.get("example", ""),
+        usual=_range(row.get("usual", ""), row.get("usually", "")),
+        possible=_range(row.get("possible", ""), row.get("naturally", "")),
         accepts=accepts if accepts.startswith((">", "none")) else "",
         group=row["group"],
-        sheet=row["sheet"],
+        sheet=row.get("sheet", ""),
     )
 
 
@@ -89,22 +98,28 @@ def _default(default: str, accepts: str) -> Value:
     match accepts:
         case "points":
             return ()
-        case "a word":
-            return default
+        case "a word" | "text":
+            return default or None
         case "true or false":
             return default == "true"
+        case _ if "whole" in accepts:
+            return int(default) if default else None
         case _:
             return float(default) if default else None
 
 
 def _reader(unit: Unit, accepts: str) -> Reader:
+    if accepts.startswith("0 or "):
+        return zero_or(_reader(unit, accepts.removeprefix("0 or ")))
+    if accepts.startswith("whole "):
+        first, _, last = accepts.removeprefix("whole ").partition("..")
+        return integer(int(first), int(last) if last else None)
     if ".." in accepts:
         low, high = _limits(accepts)
         return number(unit, low=low, high=high)
-    if accepts == "points":
-        return points(unit)
-    others = {"text": text, "a word": text, "true or false": boolean}
-    return others.get(accepts) or number(unit)
+    plain = {"text": text, "a word": text, "true or false": boolean}.get(accepts)
+    of_unit = {"points": points, "interval": interval}.get(accepts, number)
+    return plain or of_unit(unit)
 
 
 def _range(limits: str, reason: str) -> Range | None:

@@ -5,6 +5,7 @@ takes from the others, then has each build its part of the record. So loading kn
 """
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import Any, Protocol
 
 from hil_bench.config.settings import Problems, Settings
@@ -39,5 +40,5 @@ def build_sections(sections: Sequence[Section], problems: Problems) -> dict[str,
     problems.raise_any()
     parts = [section.build() for section in sections]
     problems.raise_any()
-    used = (setting for each in sections for table in each.tables() for setting in table.values())
+    used = chain.from_iterable(table.values() for each in sections for table in each.tables())
     return {"settings": tuple(used)} | {name: part[name] for part in parts for name in part}

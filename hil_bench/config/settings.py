@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from hil_bench.config.values import Reader, Value, find_nearest, quote
+from hil_bench.config.values import Reader, Value, describe, find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.units import MICROSECOND, MILLISECOND, ONE, Unit
 
@@ -139,10 +139,36 @@ def quote_name(name: str) -> str:
     return name if _PLAIN_NAME.fullmatch(name) else quote(name)
 
 
+def give(
+    table: str, values: Mapping[str, object], origin: Origin, problems: Problems
+) -> dict[str, Given]:
+    """Return `values` with their place in `table`; what has one already keeps it."""
+    return {
+        key: value if isinstance(value, Given) else Given(value, origin, problems.place(table, key))
+        for key, value in values.items()
+    }
+
+
+def open_table(table: str, given: Given, problems: Problems) -> dict[str, Given]:
+    """Return the keys and values of a table; what is no table is noted, and counts as empty."""
+    if isinstance(given.value, dict):
+        return give(table, given.value, given.origin, problems)
+    problems.add(given.place, f"{describe(given.value)} is not a table; write it as [{table}]")
+    return {}
+
+
 def read_table(
-    table: str, given: Mapping[str, Given], keys: Sequence[Key], problems: Problems
+    table: str, values: Mapping[str, object], keys: Sequence[Key], problems: Problems
 ) -> Settings:
-    """Return the settings of a table by key; one with a problem is noted and left out."""
+    """Return the settings of a table by key; one with a problem is noted and left out.
+
+    Args:
+        table: its name.
+        values: what stands there, each as TOML has it or as a `Given`.
+        keys: that it may have.
+        problems: where problems are noted.
+    """
+    given = give(table, values, Origin.FILE, problems)
     known = [key.name for key in keys]
     for name in given:
         if name not in known:

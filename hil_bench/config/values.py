@@ -4,7 +4,6 @@ A `Reader` takes a value as TOML gave it and returns the checked value, or raise
 that says what is wrong and what would be right; who calls it adds where.
 """
 
-import difflib
 import json
 import math
 from collections.abc import Callable, Iterable
@@ -46,7 +45,23 @@ def describe(value: object) -> str:
 def find_nearest(name: str, known: Iterable[str]) -> str:
     """Return the known name that is most like `name`, whatever its case."""
     names = {known_name.lower(): known_name for known_name in known}
-    return names[difflib.get_close_matches(name.lower(), sorted(names), n=1, cutoff=0.0)[0]]
+    return names[close_names(name.lower(), sorted(names), cutoff=0.0)[0]]
+
+
+def close_names(
+    name: str, known: Iterable[str], *, most: int = 1, cutoff: float = 0.6
+) -> list[str]:
+    """Return the known names that are like `name`, the nearest first.
+
+    Args:
+        name: as somebody wrote it.
+        known: names.
+        most: how many are returned.
+        cutoff: likeness that a name must have, up to 1.
+    """
+    from difflib import get_close_matches  # noqa: PLC0415 - a start without a mistake needs none
+
+    return get_close_matches(name, list(known), n=most, cutoff=cutoff)
 
 
 class NoNumberError(ConfigError):

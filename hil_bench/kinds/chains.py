@@ -4,9 +4,15 @@ import itertools
 from collections.abc import Mapping
 from enum import StrEnum
 
-from hil_bench.config.document import give
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe
+from hil_bench.config.settings import (
+    Given,
+    Origin,
+    Problems,
+    Settings,
+    convert,
+    open_table,
+    read_table,
+)
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS
 
@@ -33,11 +39,7 @@ def read_chain(
     keys = CHAIN_KEYS[unit]
     if given is None:
         return read_table(table, {}, keys, problems)
-    if not isinstance(given.value, dict):
-        right = f"write it as [{table}]"
-        problems.add(given.place, f"{describe(given.value)} is not a table; {right}")
-        return None
-    values = give(table, given.value, Origin.FILE, problems)
+    values = open_table(table, given, problems)
     return _with_preset(read_table(table, values, keys, problems))
 
 

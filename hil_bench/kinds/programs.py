@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hil_bench.canopen_device.node import Node
-from hil_bench.config.document import give
-from hil_bench.config.settings import Key, Origin, Problems, convert, read_table
+from hil_bench.config.settings import Key, Problems, convert, read_table
 from hil_bench.config.values import choice, describe, integer, number
 from hil_bench.devices.program_memory import Checksum, MemoryConfig, program_memories
 from hil_bench.errors import ConfigError
@@ -43,6 +42,6 @@ def build_programs(node: Node, table: Mapping[str, object] | None) -> list[Calla
 
 def _read(table: Mapping[str, object]) -> dict[str, Any]:
     problems = Problems("program")
-    settings = read_table("", give("", table, Origin.FILE, problems), PROGRAM_KEYS, problems)
+    settings = read_table("", table, PROGRAM_KEYS, problems)
     problems.raise_any()
     return convert(settings, PROGRAM_KEYS)

@@ -1,14 +1,14 @@
 """`campaign.toml` to a record; a scenario's file is a campaign by itself."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.campaign.distributions import Distribution, Sampler, read_distribution
+from hil_bench.abilities.campaign.distributions import Sampler, read_distribution
 from hil_bench.abilities.campaign.records import EACH, Campaign
 from hil_bench.abilities.scenario.places import LocatedProblems, find_spots
-from hil_bench.config.document import Document, Sort, give, read_document
-from hil_bench.config.settings import Key, Origin, Problems, read_table
-from hil_bench.config.values import choice, describe, find_nearest, integer, number, text, texts
+from hil_bench.config.document import Sort, Tables, read_document
+from hil_bench.config.settings import Key
+from hil_bench.config.values import choice, describe, integer, number, text, texts
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 
@@ -28,15 +28,11 @@ def read_campaign(path: Path) -> Campaign:
     if path.name.endswith(".scenario.toml") or "expect" in document:
         return Campaign(path, (path,))
     problems = LocatedProblems(str(path), find_spots(path.read_text(encoding="utf-8-sig")))
-    head = {name: value for name, value in document.items() if name not in _TABLES}
-    for name in [name for name in head if name not in _KEY_NAMES]:
-        nearest = find_nearest(name, (*_KEY_NAMES, *_TABLES))
-        problems.add(problems.place("", name), f"unknown; the nearest known is {nearest}")
-        del head[name]
-    found = read_table("", give("", head, Origin.FILE, problems), _KEYS, problems)
-    firmware = _read_firmware(document, problems)
-    parameters = _read_distributions(document, "parameters", problems)
-    tolerances = _read_distributions(document, "tolerances", problems)
+    file = Tables(document, problems)
+    found = file.head(_KEYS, _TABLES)
+    firmware = file.entries("firmware", _command)
+    parameters = file.entries("parameters", read_distribution)
+    tolerances = file.entries("tolerances", read_distribution)
     problems.raise_any()
     value = {name: setting.value for name, setting in found.items()}
     seeds = value["seeds"]
@@ -67,6 +63,14 @@ def _some(value: object) -> tuple[str, ...]:
     return found
 
 
+def _command(value: object) -> tuple[str, ...]:
+    words = texts(value)
+    if not words:
+        right = 'give a command line, as in ["build/controller", "{bus}"]'
+        raise ConfigError(f"is empty; {right}")
+    return words
+
+
 def _seeds(value: object) -> tuple[int, ...] | str:
     if value == EACH:
         return EACH
@@ -87,40 +91,3 @@ _KEYS: Sequence[Key] = (
     Key("benches", _some, ()),
     Key("timeout_s", number(SECOND, low=0.1, high=1e6), 60.0, SECOND),
 )
-_KEY_NAMES = tuple(key.name for key in _KEYS)
-
-
-def _read_firmware(document: Document, problems: Problems) -> dict[str, tuple[str, ...]]:
-    found = {}
-    for name, value in _table(document, "firmware", problems).items():
-        try:
-            words = texts(value)
-        except ConfigError as error:
-            problems.add(problems.place("firmware", name), error)
-            continue
-        if not words:
-            wrong = 'is empty; give a command line, as in ["build/controller", "{bus}"]'
-            problems.add(problems.place("firmware", name), wrong)
-        found[name] = words
-    return found
-
-
-def _read_distributions(
-    document: Document, table: str, problems: Problems
-) -> dict[str, Distribution]:
-    found = {}
-    for name, value in _table(document, table, problems).items():
-        try:
-            found[name] = read_distribution(value)
-        except ConfigError as error:
-            problems.add(problems.place(table, name), error)
-    return found
-
-
-def _table(document: Document, name: str, problems: Problems) -> Mapping[str, object]:
-    value = document.get(name, {})
-    if not isinstance(value, dict):
-        wrong = f"{describe(value)} is not a table; write it as [{name}]"
-        problems.add(problems.place(name), wrong)
-        return {}
-    return value

@@ -8,16 +8,9 @@ from typing import Any, Final
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.config.document import (
-    Document,
-    Sort,
-    check_tables,
-    read_document,
-    read_named_sections,
-    read_section,
-)
+from hil_bench.config.document import Document, Sort, Tables
 from hil_bench.config.objects import name_object, objects, override_defaults, parse_object
-from hil_bench.config.settings import Key, Problems, convert, read_table
+from hil_bench.config.settings import Key, Problems, convert
 from hil_bench.config.values import boolean, choice, describe, integer, number, text, zero_or
 from hil_bench.errors import ConfigError
 from hil_bench.units import MILLISECOND, SECOND
@@ -133,14 +126,9 @@ def plan_of_bench(config: BenchConfig) -> BootPlan:
 
 def load_boot_plan(path: Path) -> BootPlan:
     """Return the network of a file; every problem of its keys is told at once, a line each."""
-    document = read_document(path, Sort.NETWORK)
-    problems = Problems(str(path))
-    check_tables(document, ("master", "slaves"), problems)
-    master = read_table("master", read_section(document, "master", problems), MASTER_KEYS, problems)
-    tables = {
-        name: read_table(f"slaves.{name}", given, SLAVE_KEYS, problems)
-        for name, given in read_named_sections(document, "slaves", problems).items()
-    }
+    file = Tables.of_file(path, Sort.NETWORK, ("master", "slaves"))
+    problems = file.problems
+    master, tables = file.table("master", MASTER_KEYS), file.named("slaves", SLAVE_KEYS)
     if not tables:
         problems.add(problems.source, "has no slaves; give tables such as [slaves.valve]")
     problems.raise_any()

@@ -6,8 +6,7 @@ from hil_bench.abilities.controllers.desk import Desk, Desks
 from hil_bench.abilities.controllers.kinds import read_controller
 from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.controllers.section import config_of
-from hil_bench.config.document import give
-from hil_bench.config.settings import Origin, Problems
+from hil_bench.config.settings import Problems
 from hil_bench.session.virtual_bench import VirtualBench
 
 
@@ -79,8 +78,7 @@ class Handles:
         name = name or f"{kind}{len(self._all) or ''}"
         problems = Problems(name)
         values = {"kind": kind, **table, **({"buses": list(buses)} if buses else {})}
-        given = give("controller", values, Origin.FILE, problems)
-        chosen = read_controller("controller", given, self._folder, problems)
+        chosen = read_controller("controller", values, self._folder, problems)
         problems.raise_any()
         record = chosen and config_of(name, "controller", chosen, config.buses, problems)
         problems.raise_any()

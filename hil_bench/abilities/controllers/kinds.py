@@ -12,7 +12,7 @@ from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.program.kind import KIND as PROGRAM
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.seam import ControllerKind
-from hil_bench.config.settings import Given, Key, Problems, Setting, convert, read_table
+from hil_bench.config.settings import Key, Problems, Setting, convert, read_table
 from hil_bench.config.values import find_nearest, quote, text, texts
 from hil_bench.registry import Registry, find_twice
 
@@ -57,7 +57,7 @@ class Chosen(NamedTuple):
 
 
 def read_controller(
-    table: str, given: Mapping[str, Given], folder: Path, problems: Problems
+    table: str, given: Mapping[str, object], folder: Path, problems: Problems
 ) -> Chosen | None:
     """Return the controller of a table with ``kind``; None with a problem noted.
 
@@ -83,7 +83,7 @@ def read_controller(
     return Chosen(kind, settings, found["buses"].value, folder, found)
 
 
-def find_kind(table: str, given: Mapping[str, Given], problems: Problems) -> ControllerKind | None:
+def find_kind(table: str, given: Mapping[str, object], problems: Problems) -> ControllerKind | None:
     """Return the kind that a table names; None with a problem noted."""
     named = read_table(
         table, {k: v for k, v in given.items() if k == "kind"}, (KIND_KEY,), problems

@@ -6,9 +6,16 @@ from dataclasses import dataclass, field
 from hil_bench.abilities.copper.part import CopperWire
 from hil_bench.abilities.copper.wire.config import CONTROLLER, BufferConfig
 from hil_bench.abilities.copper.wire.station import Order
-from hil_bench.config.document import give
-from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
-from hil_bench.config.values import choice, describe, integer, number
+from hil_bench.config.settings import (
+    Given,
+    Key,
+    Problems,
+    Settings,
+    convert,
+    open_table,
+    read_table,
+)
+from hil_bench.config.values import choice, integer, number
 from hil_bench.units import MILLISECOND
 
 _STATIONS = "stations"
@@ -66,21 +73,12 @@ class WireTable:
 
 def read_wire(table: str, given: Given, problems: Problems) -> WireTable:
     """Return the settings of the wire of a bus."""
-    values = _table(table, given, problems)
+    values = open_table(table, given, problems)
     stations = values.pop(_STATIONS, None)
     wire = WireTable(table, read_table(table, values, WIRE_KEYS, problems))
     if stations is not None:
-        for name, each in _table(f"{table}.{_STATIONS}", stations, problems).items():
+        for name, each in open_table(f"{table}.{_STATIONS}", stations, problems).items():
             place = f"{table}.{_STATIONS}.{name}"
-            wire.stations[name] = read_table(
-                place, _table(place, each, problems), BUFFER_KEYS, problems
-            )
+            values = open_table(place, each, problems)
+            wire.stations[name] = read_table(place, values, BUFFER_KEYS, problems)
     return wire
-
-
-def _table(table: str, given: Given, problems: Problems) -> dict[str, Given]:
-    if isinstance(given.value, dict):
-        return give(table, given.value, given.origin, problems)
-    wrong = f"{describe(given.value)} is not a table; write it as [{table}]"
-    problems.add(given.place, wrong)
-    return {}

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hil_bench.config.document import give, read_document
-from hil_bench.config.settings import Key, Origin, Problems, read_table
+from hil_bench.config.document import read_document
+from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
@@ -232,7 +232,7 @@ def _read_column(
     prefix: str, quantity: str, table: dict[str, object], problems: Problems
 ) -> Column | None:
     name = f"{prefix}.{quantity}" if prefix else quantity
-    settings = read_table(name, give(name, table, Origin.FILE, problems), _KEYS, problems)
+    settings = read_table(name, table, _KEYS, problems)
     values = {key: setting.value for key, setting in settings.items()}
     if len(values) < len(_KEYS):
         return None

@@ -1,6 +1,5 @@
 """Files of register maps, and the records of a bench with them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -15,15 +14,8 @@ from hil_bench.abilities.modbus.protocol.register_map import (
     Table,
     WordOrder,
 )
-from hil_bench.config.document import (
-    Document,
-    Sort,
-    check_tables,
-    read_document,
-    read_named_sections,
-    read_section,
-)
-from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
+from hil_bench.config.document import Sort, Tables
+from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import choice, describe, integer, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import PRESSURE, kind_name
@@ -101,13 +93,10 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
         path: the file.
         word_order: takes the place of the file's where a register has none of its own.
     """
-    document = read_document(path, Sort.REGISTER_MAP)
-    problems = Problems(str(path))
-    check_tables(document, ("device", *Table), problems)
-    device = read_table(
-        "device", read_section(document, "device", problems), _DEVICE_KEYS, problems
-    )
-    tables = {table: _read_registers(document, table, problems) for table in Table}
+    file = Tables.of_file(path, Sort.REGISTER_MAP, ("device", *Table))
+    problems = file.problems
+    device = file.table("device", _DEVICE_KEYS)
+    tables = {table: _read_registers(file, table) for table in Table}
     problems.raise_any()
 
     order = word_order or device["word_order"].value
@@ -169,19 +158,14 @@ def _order(register: Register) -> tuple[int, int]:
     return list(Table).index(register.table), register.address
 
 
-def _read_registers(document: Document, table: Table, problems: Problems) -> dict[str, Settings]:
-    sections = read_named_sections(document, table, problems)
-    keys = _REGISTER_KEYS if table.holds_bits else _NUMBER_KEYS
-    return {
-        name: _read_register(f"{table}.{name}", table, given, keys, problems)
-        for name, given in sections.items()
-    }
+def _read_registers(file: Tables, table: Table) -> dict[str, Settings]:
+    registers = file.named(table, _REGISTER_KEYS if table.holds_bits else _NUMBER_KEYS)
+    for name, settings in registers.items():
+        _check_register(f"{table}.{name}", table, settings, file.problems)
+    return registers
 
 
-def _read_register(
-    place: str, table: Table, given: Mapping[str, Given], keys: tuple[Key, ...], problems: Problems
-) -> Settings:
-    settings = read_table(place, given, keys, problems)
+def _check_register(place: str, table: Table, settings: Settings, problems: Problems) -> None:
     access = settings.get("access")
     if access and access.value is not RegisterAccess.READ and not table.is_writable:
         wrong = f'"{access.value}" cannot be, for Modbus only reads {table}'
@@ -189,7 +173,6 @@ def _read_register(
     low, high = settings.get("low"), settings.get("high")
     if low and high and None not in {low.value, high.value} and low.value > high.value:
         problems.add(problems.place(place, "low"), f"{low.value:g} is above high; give less")
-    return settings
 
 
 def _build_register(name: str, table: Table, settings: Settings, order: WordOrder) -> Register:

@@ -20,7 +20,7 @@ from hil_bench.abilities.modbus.protocol.register_map import (
     WordOrder,
 )
 from hil_bench.canopen_device.nmt import UNCONFIGURED
-from hil_bench.config.document import Document, give, read_named_sections, read_section
+from hil_bench.config.document import Document, Tables, read_section
 from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import (
     boolean,
@@ -98,19 +98,12 @@ class ModbusSection:
     ) -> None:
         self._nodes, self._base, self._problems = nodes, base, problems
         given = read_section(document, "modbus", problems)
-        units = given.pop("units", None)
+        units: object = {name: {} for name, node in nodes.items() if _is_sensor(node)}
+        if "units" in given:
+            units = given.pop("units").value
         self.server: Settings = read_table("modbus", given, MODBUS_KEYS, problems)
-        if units is None:
-            sensors = [name for name, node in nodes.items() if _is_sensor(node)]
-            sections = {
-                name: give(f"modbus.units.{name}", {}, Origin.DEFAULT, problems) for name in sensors
-            }
-        else:
-            sections = read_named_sections({"modbus.units": units.value}, "modbus.units", problems)
-        self.units: dict[str, Settings] = {
-            name: read_table(f"modbus.units.{name}", section, UNIT_KEYS, problems)
-            for name, section in sections.items()
-        }
+        file = Tables({"modbus.units": units}, problems)
+        self.units: dict[str, Settings] = file.named("modbus.units", UNIT_KEYS)
 
     def resolve(self) -> None:
         """Fill in what a unit takes from its node, and note what does not fit together."""

@@ -37,8 +37,8 @@ from hil_bench.abilities.scenario.schema import (
 )
 from hil_bench.abilities.scenario.spreadsheet import read_course
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.config.document import Document, check_tables, give
-from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.config.document import Document, Tables, check_tables
+from hil_bench.config.settings import Key, Problems, Settings, read_table
 from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
 from hil_bench.devices.faults.registry import find_fault_kind, kind_name
 from hil_bench.errors import ConfigError
@@ -54,21 +54,12 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
         document: the tables, as TOML has them.
         problems: to be noted.
     """
-    head = {name: value for name, value in document.items() if name not in _TABLES}
-    keys = tuple(key.name for key in HEAD_KEYS)
-    for name in [name for name in head if name not in keys]:
-        nearest = find_nearest(name, (*keys, *_TABLES))
-        problems.add(problems.place("", name), f"unknown; the nearest known is {nearest}")
-        del head[name]
-    settings = read_table("", give("", head, Origin.FILE, problems), HEAD_KEYS, problems)
+    file = Tables(document, problems)
+    settings = file.head(HEAD_KEYS, _TABLES)
     parameters = _read_parameters(document, problems)
     reader = StepReader(path.parent, parameters, problems)
-    steps = [
-        step
-        for number, table in enumerate(_tables(document, "step", problems), 1)
-        for step in reader.read(f"step[{number}]", table)
-    ]
-    expectations = _read_expectations(document, problems)
+    steps = [step for table, values in file.listed("step") for step in reader.read(table, values)]
+    expectations = _read_expectations(file, problems)
     controller = _read_controller(document, problems)
     if "duration_s" in settings:
         _check_times(steps, parameters, settings["duration_s"].value, reader.tables, problems)
@@ -95,10 +86,9 @@ def read_requirements(document: Document, problems: LocatedProblems) -> Requirem
     """
     check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
     parameters = _read_parameters(document, problems)
-    expectations = _read_expectations(document, problems)
+    expectations = _read_expectations(Tables(document, problems), problems)
     head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
-    keys = (DURATION_KEY,) if head else ()
-    settings = read_table("", give("", head, Origin.FILE, problems), keys, problems)
+    settings = read_table("", head, (DURATION_KEY,) if head else (), problems)
     problems.raise_any()
     duration = settings[DURATION_KEY.name].value if head else None
     values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
@@ -159,9 +149,7 @@ class StepReader:
 
     def _settings(self, table: str, values: Mapping[str, object], keys: Sequence[Key]) -> Settings:
         known = [key._replace(read=self._or_parameter(key)) for key in keys]
-        return read_table(
-            table, give(table, values, Origin.FILE, self._problems), known, self._problems
-        )
+        return read_table(table, values, known, self._problems)
 
     def _or_parameter(self, key: Key) -> Callable[[object], Value]:
         """Return a reader that also takes the name of a parameter whose values are right."""
@@ -270,14 +258,6 @@ def seconds(amount: Amount, parameters: Mapping[str, Parameter]) -> float:
     return amount
 
 
-def _tables(document: Document, name: str, problems: Problems) -> Sequence[Mapping[str, object]]:
-    tables = document.get(name, [])
-    if isinstance(tables, list) and all(isinstance(table, dict) for table in tables):
-        return tables
-    problems.add(problems.place(name), f"{describe(tables)} is no list; write it as [[{name}]]")
-    return []
-
-
 def _read_controller(document: Document, problems: Problems) -> Controller | None:
     if "controller" not in document:
         return None
@@ -285,10 +265,9 @@ def _read_controller(document: Document, problems: Problems) -> Controller | Non
     if not isinstance(values, dict):
         problems.add(problems.place("controller"), "is not a table; write it as [controller]")
         return None
-    given = give("controller", values, Origin.FILE, problems)
     if "kind" in values:
-        return Controller(table=values) if find_kind("controller", given, problems) else None
-    found = read_table("controller", given, CONTROLLER_KEYS, problems)
+        return Controller(table=values) if find_kind("controller", values, problems) else None
+    found = read_table("controller", values, CONTROLLER_KEYS, problems)
     chosen = [name for name in found if found[name].value]
     if len(found) == len(CONTROLLER_KEYS) and len(chosen) != 1:
         place = problems.place("controller")
@@ -307,7 +286,7 @@ def _read_parameters(document: Document, problems: Problems) -> dict[str, Parame
     for name, given in tables.items():
         table = f"parameters.{name}"
         values = given if isinstance(given, dict) else {"value": given}
-        found = read_table(table, _give_in(table, values, problems), PARAMETER_KEYS, problems)
+        found = read_table(table, values, PARAMETER_KEYS, problems)
         if len(found) < len(PARAMETER_KEYS):
             continue
         value, limits = found["value"].value, found["range"].value
@@ -318,21 +297,14 @@ def _read_parameters(document: Document, problems: Problems) -> dict[str, Parame
     return parameters
 
 
-def _give_in(table: str, values: Mapping[str, object], problems: Problems) -> dict[str, Given]:
-    return give(table, values, Origin.FILE, problems)
-
-
-def _read_expectations(document: Document, problems: LocatedProblems) -> tuple[Expectation, ...]:
+def _read_expectations(file: Tables, problems: LocatedProblems) -> tuple[Expectation, ...]:
     found: list[Expectation] = []
-    tables = _tables(document, "expect", problems)
+    tables = file.listed("expect")
     if not tables:
         right = 'give [[expect]] with id = "..." and that = "always axis1.P_A < 250 bar"'
         problems.add(problems.source, f"checks nothing; {right}")
-    for number, values in enumerate(tables, 1):
-        table = f"expect[{number}]"
-        settings = read_table(
-            table, give(table, values, Origin.FILE, problems), EXPECT_KEYS, problems
-        )
+    for table, values in tables:
+        settings = read_table(table, values, EXPECT_KEYS, problems)
         if len(settings) < len(EXPECT_KEYS):
             continue
         spot = problems.find(table, "that") or Spot(1, 1)

@@ -26,8 +26,7 @@ from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.faults import build_fault, check_amount, check_effect
 from hil_bench.bench.configuration.records import FaultConfig
-from hil_bench.config.document import give
-from hil_bench.config.settings import Origin, Problems, read_table
+from hil_bench.config.settings import Problems, read_table
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.errors import ConfigError
@@ -249,7 +248,7 @@ class _Resolver:
         problems = Problems(self._source)
         keys = (*COMMON_KEYS, *find_fault_kind(step.kind).keys)
         table = f"step {step.kind} {step.target}"
-        found = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+        found = read_table(table, given, keys, problems)
         problems.raise_any()
         if step.target in self._sensor_units:
             check_amount(found, self._sensor_units[step.target], problems)

@@ -35,8 +35,7 @@ from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
 from hil_bench.abilities.scenario.witness import bench_vocabulary
 from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
 from hil_bench.bench.fault_points import schedule_faults
-from hil_bench.config.document import give
-from hil_bench.config.settings import Origin, Problems
+from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
@@ -94,8 +93,7 @@ def _choose(
 
         example, settings = CONTROLLERS[controller.example], settings_of(parameters)
         return Chosen(PYTHON, {"call": lambda rig: example(rig, settings)})
-    given = give(ONLY, controller.table, Origin.FILE, problems)
-    return read_controller(ONLY, given, scenario.path.parent, problems)
+    return read_controller(ONLY, controller.table, scenario.path.parent, problems)
 
 
 class RunnerDriver:

@@ -12,9 +12,8 @@ from typing import NamedTuple
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import SINK_KEYS, SOURCE_KEYS
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, is_script
-from hil_bench.config.document import give
 from hil_bench.config.objects import parse_object
-from hil_bench.config.settings import Given, Origin, Problems, Settings, read_table
+from hil_bench.config.settings import Given, Origin, Problems, Settings, give, read_table
 from hil_bench.config.values import describe, find_nearest
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError

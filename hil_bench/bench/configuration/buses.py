@@ -1,7 +1,6 @@
 """The tables ``[bus]`` and ``[buses.NAME]``: the buses that the nodes are on."""
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from typing import Any, Protocol
 
 from hil_bench.ability import bus_tables
@@ -9,7 +8,7 @@ from hil_bench.bench.configuration.keys import BUS_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig, Carrier
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import describe
+from hil_bench.config.values import close_names, describe
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 
@@ -215,7 +214,8 @@ def _read(table: str, given: Mapping[str, Given], problems: Problems) -> Setting
         for name in given
         if name.isascii()
         and name.isidentifier()
-        and not get_close_matches(name, _KNOWN, cutoff=0.85)
+        and name not in _KNOWN
+        and not close_names(name, _KNOWN, cutoff=0.85)
     ]
     return read_table(table, given, (*BUS_KEYS, *options), problems)
 

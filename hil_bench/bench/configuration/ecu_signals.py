@@ -12,8 +12,14 @@ from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.bindings import find_quantity, find_unit
 from hil_bench.bench.configuration.dbc_signals import is_named, look_up
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, build_course
-from hil_bench.config.document import give
-from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.settings import (
+    Given,
+    Key,
+    Problems,
+    Settings,
+    convert,
+    read_table,
+)
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.j1939.signals import Signal
 from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
@@ -147,7 +153,7 @@ def _read_signal(
         return None
     word = words[0] if words else ""
     keys = (*(TAKEN_KEYS if word == "sink" else SENT_KEYS), *_keys_of(word))
-    settings = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+    settings = read_table(table, given, keys, problems)
     if len(settings) < len(keys):
         return None
     signal = GivenSignal(name, table, settings, word)

@@ -9,8 +9,8 @@ from hil_bench.bench.configuration.ecus import EcusSection
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
-from hil_bench.config.document import Document, give
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.document import Document
+from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
 from hil_bench.config.values import describe, quote
 from hil_bench.devices.faults.ecu_kinds import ECUS, SIGNALS
 from hil_bench.devices.faults.kind import UNITS

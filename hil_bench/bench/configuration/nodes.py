@@ -9,9 +9,9 @@ from hil_bench.bench.configuration.ecus import TABLE, OtherDrive, needs_no_axis
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
 from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED
-from hil_bench.config.document import Document, give, read_named_sections
+from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number, parse_object
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
 from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig

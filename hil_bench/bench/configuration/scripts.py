@@ -10,9 +10,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.document import give
 from hil_bench.config.objects import parse_object
-from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
+from hil_bench.config.settings import Key, Problems, Settings, read_table
 from hil_bench.config.values import boolean, describe, non_negative, nonzero, number, points, text
 from hil_bench.devices.scripted_objects import Course, Points, Sine
 from hil_bench.errors import ConfigError
@@ -114,7 +113,7 @@ def _read_script(
         problems.add(place, "belongs to the communication services; script one from 0x2000 up")
         return None
     keys = SCRIPT_KEYS[words[0]]
-    settings = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+    settings = read_table(table, given, keys, problems)
     if len(settings) < len(keys):
         return None
     try:

@@ -5,8 +5,8 @@ from typing import Any
 
 from hil_bench.bench.configuration.loop import LoopSection
 from hil_bench.bench.configuration.plausibility import check_possible
-from hil_bench.config.document import Document, read_named_sections
-from hil_bench.config.settings import Origin, Problems, Settings, convert, read_table
+from hil_bench.config.document import Document, Tables
+from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.config.values import quote
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.configuration import (
@@ -52,12 +52,11 @@ class SuppliesSection:
     def __init__(self, document: Document, loop: LoopSection, problems: Problems) -> None:
         self._loop, self._problems = loop, problems
         self._supplies: dict[str, Settings] = {}
-        for name, given in read_named_sections(document, TABLE, problems).items():
-            settings = read_table(f"{TABLE}.{name}", given, SHARED_KEYS, problems)
+        for name, settings in Tables(document, problems).named(TABLE, SHARED_KEYS).items():
             if len(settings) == len(SHARED_KEYS):
                 sheet = Sheet(settings, problems)
                 derived = [*sheet.take(derive_pump(sheet)), *sheet.take(_derive_viscosity(sheet))]
-                settings |= {each.key: fill(settings, each) for each in derived}
+                settings.update({each.key: fill(settings, each) for each in derived})
             self._supplies[name] = settings
         self._fed: dict[str, list[str]] = {name: [] for name in self._supplies}
         self._records: list[SupplyConfig] = []

@@ -1,6 +1,5 @@
 """Opens a bus by python-can's names for it, and says in one line why it could not be opened."""
 
-import difflib
 import errno
 import socket
 import sys
@@ -9,6 +8,7 @@ from typing import Any, cast
 
 import can
 
+from hil_bench.config.values import close_names
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.transports.can_interfaces import has_fd
@@ -117,7 +117,7 @@ def _unknown_interface(name: str) -> str:
             "can.conf name one"
         )
     known = sorted(can.VALID_INTERFACES)
-    near = difflib.get_close_matches(name, known) or known
+    near = close_names(name, known, most=3) or known
     return f"unknown CAN interface {name!r}; python-can has {', '.join(near)}"
 
 

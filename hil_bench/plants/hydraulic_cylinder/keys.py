@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from hil_bench.config.rows import group, with_words
 from hil_bench.config.values import Reader, choice, describe
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
@@ -74,7 +75,7 @@ _WORDS: Final[Mapping[str, Reader]] = {
     "solver": choice(Solver),
 }
 
-_ROWS: Final = ROWS.with_words(_WORDS)
+_ROWS: Final = group(with_words(ROWS.keys, _WORDS))
 AXIS_KEYS = tuple(key for key in _ROWS.keys if key.group not in {"shared", "tank"})
 _BY_NAME: Final = {key.name: key for key in AXIS_KEYS}
 

@@ -8,6 +8,8 @@ import re
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from hil_bench.abilities.controllers.elf.peripherals import clocks
+
 FLASH: Final = 0x0800_0000
 MIB: Final = 1 << 20
 KIB: Final = 1 << 10
@@ -61,7 +63,8 @@ class Family(NamedTuple):
         cpu_id: of CPUID.
         priority_bits: of an interrupt.
         interrupts: how many it has.
-        rcc: address of its clocks.
+        clocks: how its registers set them.
+        rcc: address of these.
         can: its CAN controllers, bxCAN or FDCAN.
         is_fd: whether they are FDCAN.
         message_ram: of FDCAN; 0 for none.
@@ -78,6 +81,7 @@ class Family(NamedTuple):
     cpu_id: int
     priority_bits: int
     interrupts: int
+    clocks: clocks.Tree
     rcc: int
     can: tuple[Can, ...]
     is_fd: bool
@@ -96,13 +100,13 @@ class Chip(NamedTuple):
 
     Attributes:
         name: as far as it matters here, such as STM32F407.
-        family: by the name in `peripherals.clocks.TREES`.
+        family: its kind.
         memory: beside flash.
         flash: its size [byte].
     """
 
     name: str
-    family: str
+    family: Family
     memory: tuple[Memory, ...]
     flash: int = 2 * MIB
 
@@ -152,234 +156,225 @@ _COMMON_NAMES = {
 }
 _BX_CAN = (19, 20, 21, 22)
 
-FAMILIES: Final[Mapping[str, Family]] = {
-    "F0": Family(
-        core="Cortex-M0",
-        cpu_id=0x410C_C200,
-        priority_bits=2,
-        interrupts=32,
-        rcc=0x4002_1000,
-        can=(Can(0x4000_6400, (30, 30, 30, 30)),),
-        is_fd=False,
-        message_ram=0,
-        uarts={
-            "USART1": (0x4001_3800, 27),
-            "USART2": (0x4000_4400, 28),
-            "USART3": (0x4000_4800, 29),
-            "USART4": (0x4000_4C00, 29),
-        },
-        is_new_uart=True,
-        timers=(
-            Timers(0x4000_0000, 15, 1, 32),
-            Timers(0x4000_0400, 16),
-            Timers(0x4000_1000, 17),
-            Timers(0x4000_1400, 18),
-            Timers(0x4000_2000, 19),
-            Timers(0x4001_2C00, 13),
-            Timers(0x4001_4000, 20),
-            Timers(0x4001_4400, 21),
-            Timers(0x4001_4800, 22),
-        ),
-        silent=(
-            Memory(0x4000_7000, KIB),
-            Memory(0x4001_0000, 2 * KIB),
-            Memory(0x4002_2000, KIB),
-            Memory(0x4800_0000, 8 * KIB),
-        ),
-        initial={},
-        has_bit_band=False,
-        names=_COMMON_NAMES,
+_F0 = Family(
+    core="Cortex-M0",
+    cpu_id=0x410C_C200,
+    priority_bits=2,
+    interrupts=32,
+    clocks=clocks.F0,
+    rcc=0x4002_1000,
+    can=(Can(0x4000_6400, (30, 30, 30, 30)),),
+    is_fd=False,
+    message_ram=0,
+    uarts={
+        "USART1": (0x4001_3800, 27),
+        "USART2": (0x4000_4400, 28),
+        "USART3": (0x4000_4800, 29),
+        "USART4": (0x4000_4C00, 29),
+    },
+    is_new_uart=True,
+    timers=(
+        Timers(0x4000_0000, 15, 1, 32),
+        Timers(0x4000_0400, 16),
+        Timers(0x4000_1000, 17),
+        Timers(0x4000_1400, 18),
+        Timers(0x4000_2000, 19),
+        Timers(0x4001_2C00, 13),
+        Timers(0x4001_4000, 20),
+        Timers(0x4001_4400, 21),
+        Timers(0x4001_4800, 22),
     ),
-    "F1": Family(
-        core="Cortex-M3",
-        cpu_id=0x412F_C231,
-        priority_bits=4,
-        interrupts=68,
-        rcc=0x4002_1000,
-        can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
-        is_fd=False,
-        message_ram=0,
-        uarts={
-            "USART1": (0x4001_3800, 37),
-            "USART2": (0x4000_4400, 38),
-            "USART3": (0x4000_4800, 39),
-        },
-        is_new_uart=False,
-        timers=(
-            Timers(0x4000_0000, 28),
-            Timers(0x4000_0400, 29),
-            Timers(0x4000_0800, 30),
-            Timers(0x4000_0C00, 50),
-            Timers(0x4000_1000, 54),
-            Timers(0x4000_1400, 55),
-            Timers(0x4001_2C00, 25, 2),
-        ),
-        silent=(
-            Memory(0x4000_6C00, 2 * KIB),
-            Memory(0x4001_0000, 9 * KIB),
-            Memory(0x4002_2000, KIB),
-        ),
-        initial={},
-        has_bit_band=True,
-        names=_COMMON_NAMES,
+    silent=(
+        Memory(0x4000_7000, KIB),
+        Memory(0x4001_0000, 2 * KIB),
+        Memory(0x4002_2000, KIB),
+        Memory(0x4800_0000, 8 * KIB),
     ),
-    "F4": Family(
-        core="Cortex-M4F",
-        cpu_id=0x410F_C241,
-        priority_bits=4,
-        interrupts=96,
-        rcc=0x4002_3800,
-        can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
-        is_fd=False,
-        message_ram=0,
-        uarts={
-            "USART1": (0x4001_1000, 37),
-            "USART2": (0x4000_4400, 38),
-            "USART3": (0x4000_4800, 39),
-            "UART4": (0x4000_4C00, 52),
-            "UART5": (0x4000_5000, 53),
-            "USART6": (0x4001_1400, 71),
-        },
-        is_new_uart=False,
-        timers=_F4_TIMERS,
-        silent=(
-            Memory(0x4000_7000, KIB),
-            Memory(0x4001_3800, 2 * KIB),
-            Memory(0x4002_0000, 12 * KIB),
-            Memory(0x4002_3C00, KIB),
-        ),
-        initial={0x4000_7000: 0xC000, 0x4000_7004: 0x4000},
-        has_bit_band=True,
-        names={
-            **{at: name for at, name in _COMMON_NAMES.items() if at < 0x4002_0000},
-            0x4001_2000: "ADC1",
-            0x4001_2C00: "SDIO",
-            0x4002_3000: "CRC",
-            0x4002_6000: "DMA1",
-            0x4002_6400: "DMA2",
-            0x4000_7400: "DAC",
-            0x5000_0000: "USB OTG FS",
-        },
+    initial={},
+    has_bit_band=False,
+    names=_COMMON_NAMES,
+)
+_F1 = Family(
+    core="Cortex-M3",
+    cpu_id=0x412F_C231,
+    priority_bits=4,
+    interrupts=68,
+    clocks=clocks.F1,
+    rcc=0x4002_1000,
+    can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
+    is_fd=False,
+    message_ram=0,
+    uarts={
+        "USART1": (0x4001_3800, 37),
+        "USART2": (0x4000_4400, 38),
+        "USART3": (0x4000_4800, 39),
+    },
+    is_new_uart=False,
+    timers=(
+        Timers(0x4000_0000, 28),
+        Timers(0x4000_0400, 29),
+        Timers(0x4000_0800, 30),
+        Timers(0x4000_0C00, 50),
+        Timers(0x4000_1000, 54),
+        Timers(0x4000_1400, 55),
+        Timers(0x4001_2C00, 25, 2),
     ),
-    "G0": Family(
-        core="Cortex-M0",
-        cpu_id=0x410C_C601,
-        priority_bits=2,
-        interrupts=32,
-        rcc=0x4002_1000,
-        can=(Can(0x4000_6400, (21, 22)), Can(0x4000_6800, (21, 22))),
-        is_fd=True,
-        message_ram=0x4000_B400,
-        uarts={
-            "USART1": (0x4001_3800, 27),
-            "USART2": (0x4000_4400, 28),
-            "USART3": (0x4000_4800, 29),
-            "USART4": (0x4000_4C00, 29),
-            "LPUART1": (0x4000_8000, 29),
-        },
-        is_new_uart=True,
-        timers=(
-            Timers(0x4000_0000, 15, 1, 32),
-            Timers(0x4000_0400, 16),
-            Timers(0x4000_0800, 16),
-            Timers(0x4000_1000, 17),
-            Timers(0x4000_1400, 18),
-            Timers(0x4000_2000, 19),
-            Timers(0x4001_2C00, 13),
-            Timers(0x4001_4000, 20),
-            Timers(0x4001_4400, 21),
-            Timers(0x4001_4800, 22),
-        ),
-        silent=(
-            Memory(0x4000_7000, KIB),
-            Memory(0x4001_0000, KIB),
-            Memory(0x4002_1800, KIB),
-            Memory(0x4002_2000, KIB),
-            Memory(0x5000_0000, 6 * KIB),
-        ),
-        initial={},
-        has_bit_band=False,
-        names=_COMMON_NAMES,
+    silent=(
+        Memory(0x4000_6C00, 2 * KIB),
+        Memory(0x4001_0000, 9 * KIB),
+        Memory(0x4002_2000, KIB),
     ),
-    "G4": Family(
-        core="Cortex-M4F",
-        cpu_id=0x410F_C241,
-        priority_bits=4,
-        interrupts=102,
-        rcc=0x4002_1000,
-        can=(
-            Can(0x4000_6400, (21, 22)),
-            Can(0x4000_6800, (86, 87)),
-            Can(0x4000_6C00, (88, 89)),
-        ),
-        is_fd=True,
-        message_ram=0x4000_A400,
-        uarts={
-            "USART1": (0x4001_3800, 37),
-            "USART2": (0x4000_4400, 38),
-            "USART3": (0x4000_4800, 39),
-            "UART4": (0x4000_4C00, 52),
-            "LPUART1": (0x4000_8000, 91),
-        },
-        is_new_uart=True,
-        timers=_L4_TIMERS,
-        silent=(
-            Memory(0x4000_7000, KIB),
-            Memory(0x4001_0000, 2 * KIB),
-            Memory(0x4002_2000, KIB),
-            Memory(0x4800_0000, 8 * KIB),
-        ),
-        initial={0x4000_7000: 0x200},
-        has_bit_band=True,
-        names=_COMMON_NAMES,
+    initial={},
+    has_bit_band=True,
+    names=_COMMON_NAMES,
+)
+_F4 = Family(
+    core="Cortex-M4F",
+    cpu_id=0x410F_C241,
+    priority_bits=4,
+    interrupts=96,
+    clocks=clocks.F4,
+    rcc=0x4002_3800,
+    can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
+    is_fd=False,
+    message_ram=0,
+    uarts={
+        "USART1": (0x4001_1000, 37),
+        "USART2": (0x4000_4400, 38),
+        "USART3": (0x4000_4800, 39),
+        "UART4": (0x4000_4C00, 52),
+        "UART5": (0x4000_5000, 53),
+        "USART6": (0x4001_1400, 71),
+    },
+    is_new_uart=False,
+    timers=_F4_TIMERS,
+    silent=(
+        Memory(0x4000_7000, KIB),
+        Memory(0x4001_3800, 2 * KIB),
+        Memory(0x4002_0000, 12 * KIB),
+        Memory(0x4002_3C00, KIB),
     ),
-    "L4": Family(
-        core="Cortex-M4F",
-        cpu_id=0x410F_C241,
-        priority_bits=4,
-        interrupts=82,
-        rcc=0x4002_1000,
-        can=(Can(0x4000_6400, _BX_CAN),),
-        is_fd=False,
-        message_ram=0,
-        uarts={
-            "USART1": (0x4001_3800, 37),
-            "USART2": (0x4000_4400, 38),
-            "USART3": (0x4000_4800, 39),
-            "LPUART1": (0x4000_8000, 70),
-        },
-        is_new_uart=True,
-        timers=_L4_TIMERS,
-        silent=(
-            Memory(0x4000_7000, KIB),
-            Memory(0x4001_0000, 2 * KIB),
-            Memory(0x4002_2000, KIB),
-            Memory(0x4800_0000, 8 * KIB),
-        ),
-        initial={0x4000_7000: 0x200},
-        has_bit_band=True,
-        names=_COMMON_NAMES,
+    initial={0x4000_7000: 0xC000, 0x4000_7004: 0x4000},
+    has_bit_band=True,
+    names={
+        **{at: name for at, name in _COMMON_NAMES.items() if at < 0x4002_0000},
+        0x4001_2000: "ADC1",
+        0x4001_2C00: "SDIO",
+        0x4002_3000: "CRC",
+        0x4002_6000: "DMA1",
+        0x4002_6400: "DMA2",
+        0x4000_7400: "DAC",
+        0x5000_0000: "USB OTG FS",
+    },
+)
+_G0 = Family(
+    core="Cortex-M0",
+    cpu_id=0x410C_C601,
+    priority_bits=2,
+    interrupts=32,
+    clocks=clocks.G0,
+    rcc=0x4002_1000,
+    can=(Can(0x4000_6400, (21, 22)), Can(0x4000_6800, (21, 22))),
+    is_fd=True,
+    message_ram=0x4000_B400,
+    uarts={
+        "USART1": (0x4001_3800, 27),
+        "USART2": (0x4000_4400, 28),
+        "USART3": (0x4000_4800, 29),
+        "USART4": (0x4000_4C00, 29),
+        "LPUART1": (0x4000_8000, 29),
+    },
+    is_new_uart=True,
+    timers=(
+        Timers(0x4000_0000, 15, 1, 32),
+        Timers(0x4000_0400, 16),
+        Timers(0x4000_0800, 16),
+        Timers(0x4000_1000, 17),
+        Timers(0x4000_1400, 18),
+        Timers(0x4000_2000, 19),
+        Timers(0x4001_2C00, 13),
+        Timers(0x4001_4000, 20),
+        Timers(0x4001_4400, 21),
+        Timers(0x4001_4800, 22),
     ),
-}
+    silent=(
+        Memory(0x4000_7000, KIB),
+        Memory(0x4001_0000, KIB),
+        Memory(0x4002_1800, KIB),
+        Memory(0x4002_2000, KIB),
+        Memory(0x5000_0000, 6 * KIB),
+    ),
+    initial={},
+    has_bit_band=False,
+    names=_COMMON_NAMES,
+)
+_G4 = Family(
+    core="Cortex-M4F",
+    cpu_id=0x410F_C241,
+    priority_bits=4,
+    interrupts=102,
+    clocks=clocks.G4,
+    rcc=0x4002_1000,
+    can=(
+        Can(0x4000_6400, (21, 22)),
+        Can(0x4000_6800, (86, 87)),
+        Can(0x4000_6C00, (88, 89)),
+    ),
+    is_fd=True,
+    message_ram=0x4000_A400,
+    uarts={
+        "USART1": (0x4001_3800, 37),
+        "USART2": (0x4000_4400, 38),
+        "USART3": (0x4000_4800, 39),
+        "UART4": (0x4000_4C00, 52),
+        "LPUART1": (0x4000_8000, 91),
+    },
+    is_new_uart=True,
+    timers=_L4_TIMERS,
+    silent=(
+        Memory(0x4000_7000, KIB),
+        Memory(0x4001_0000, 2 * KIB),
+        Memory(0x4002_2000, KIB),
+        Memory(0x4800_0000, 8 * KIB),
+    ),
+    initial={0x4000_7000: 0x200},
+    has_bit_band=True,
+    names=_COMMON_NAMES,
+)
+_L4 = _G4._replace(
+    interrupts=82,
+    clocks=clocks.L4,
+    can=(Can(0x4000_6400, _BX_CAN),),
+    is_fd=False,
+    message_ram=0,
+    uarts={
+        "USART1": (0x4001_3800, 37),
+        "USART2": (0x4000_4400, 38),
+        "USART3": (0x4000_4800, 39),
+        "LPUART1": (0x4000_8000, 70),
+    },
+)
+FAMILIES: Final = (_F0, _F1, _F4, _G0, _G4, _L4)
+"""All of them."""
 
 _RAM = 0x2000_0000
 _CHIPS = (
-    Chip("STM32F042", "F0", (Memory(_RAM, 6 * KIB),)),
-    Chip("STM32F072", "F0", (Memory(_RAM, 16 * KIB),)),
-    Chip("STM32F091", "F0", (Memory(_RAM, 32 * KIB),)),
-    Chip("STM32F103", "F1", (Memory(_RAM, 20 * KIB),)),
-    Chip("STM32F105", "F1", (Memory(_RAM, 64 * KIB),)),
-    Chip("STM32F107", "F1", (Memory(_RAM, 64 * KIB),)),
-    Chip("STM32F405", "F4", (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 64 * KIB))),
-    Chip("STM32F407", "F4", (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 64 * KIB))),
-    Chip("STM32F427", "F4", (Memory(_RAM, 192 * KIB), Memory(0x1000_0000, 64 * KIB))),
-    Chip("STM32F429", "F4", (Memory(_RAM, 192 * KIB), Memory(0x1000_0000, 64 * KIB))),
-    Chip("STM32F446", "F4", (Memory(_RAM, 128 * KIB),)),
-    Chip("STM32G0B1", "G0", (Memory(_RAM, 144 * KIB),)),
-    Chip("STM32G0C1", "G0", (Memory(_RAM, 144 * KIB),)),
-    Chip("STM32G431", "G4", (Memory(_RAM, 32 * KIB), Memory(0x1000_0000, 10 * KIB))),
-    Chip("STM32G474", "G4", (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 32 * KIB))),
-    Chip("STM32L476", "L4", (Memory(_RAM, 96 * KIB), Memory(0x1000_0000, 32 * KIB))),
+    Chip("STM32F042", _F0, (Memory(_RAM, 6 * KIB),)),
+    Chip("STM32F072", _F0, (Memory(_RAM, 16 * KIB),)),
+    Chip("STM32F091", _F0, (Memory(_RAM, 32 * KIB),)),
+    Chip("STM32F103", _F1, (Memory(_RAM, 20 * KIB),)),
+    Chip("STM32F105", _F1, (Memory(_RAM, 64 * KIB),)),
+    Chip("STM32F107", _F1, (Memory(_RAM, 64 * KIB),)),
+    Chip("STM32F405", _F4, (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 64 * KIB))),
+    Chip("STM32F407", _F4, (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 64 * KIB))),
+    Chip("STM32F427", _F4, (Memory(_RAM, 192 * KIB), Memory(0x1000_0000, 64 * KIB))),
+    Chip("STM32F429", _F4, (Memory(_RAM, 192 * KIB), Memory(0x1000_0000, 64 * KIB))),
+    Chip("STM32F446", _F4, (Memory(_RAM, 128 * KIB),)),
+    Chip("STM32G0B1", _G0, (Memory(_RAM, 144 * KIB),)),
+    Chip("STM32G0C1", _G0, (Memory(_RAM, 144 * KIB),)),
+    Chip("STM32G431", _G4, (Memory(_RAM, 32 * KIB), Memory(0x1000_0000, 10 * KIB))),
+    Chip("STM32G474", _G4, (Memory(_RAM, 128 * KIB), Memory(0x1000_0000, 32 * KIB))),
+    Chip("STM32L476", _L4, (Memory(_RAM, 96 * KIB), Memory(0x1000_0000, 32 * KIB))),
 )
 CHIPS: Final = {chip.name: chip for chip in _CHIPS}
 """The chips by their names."""

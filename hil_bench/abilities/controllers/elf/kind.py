@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
+from hil_bench.abilities.controllers.elf.chips import CHIPS, find_chip
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
 from hil_bench.config.settings import Key
@@ -54,7 +54,7 @@ class ElfKind(ControllerKind):
         if chip is None:
             known = ", ".join(CHIPS)
             return [f"chip: {quote(settings['chip'])} is not known; known are {known}"]
-        count = len(FAMILIES[chip.family].can)
+        count = len(chip.family.can)
         if any(each > count for each in settings["can"]):
             return [f"can: {chip.name} has CAN controllers 1 to {count}"]
         return ()
@@ -78,7 +78,7 @@ class ElfKind(ControllerKind):
         path = surroundings.folder / surroundings.filled(settings["program"])
         read_program(path)
         can = settings["can"] or tuple(range(1, len(surroundings.buses) + 1))
-        count = len(FAMILIES[chip.family].can)
+        count = len(chip.family.can)
         if len(can) != len(surroundings.buses) or max(can) > count:
             wrong = f"{len(surroundings.buses)} buses for {len(can)} of {count} CAN controllers"
             right = "name its buses, and one controller for each in can"

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import unicorn
 
-from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, FLASH, KIB, MIB, Family
+from hil_bench.abilities.controllers.elf.chips import CHIPS, FLASH, KIB, MIB, Family
 from hil_bench.abilities.controllers.elf.cpu import Cpu, CpuFault
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.engine import READ_EXECUTE, Engine
@@ -15,7 +15,7 @@ from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.nvic import Exceptions
 from hil_bench.abilities.controllers.elf.peripherals import watchdog
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
-from hil_bench.abilities.controllers.elf.peripherals.clocks import TREES, Clocks
+from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
 from hil_bench.abilities.controllers.elf.peripherals.fdcan import RAM_BYTES, Fdcan
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
@@ -59,7 +59,7 @@ class Machine:
 
     def __init__(self, job: Job) -> None:
         self._chip = CHIPS[job.chip]
-        family = FAMILIES[self._chip.family]
+        family = self._chip.family
         self._program = read_program(job.path)
         self._path = job.path
         self._cpu = Cpu(
@@ -171,7 +171,7 @@ class Machine:
 
     def _map_peripherals(self, family: Family, job: Job) -> list[Wire]:
         cpu = self._cpu
-        self._clocks = clocks = Clocks(TREES[self._chip.family], job.crystal_hz)
+        self._clocks = clocks = Clocks(family.clocks, job.crystal_hz)
         self._put(family.rcc, clocks)
         self._put(watchdog.ADDRESS, Watchdog(cpu, clocks.watchdog_hz, self._bite))
         self._put(_SYSTEM, SystemControl(cpu, family.cpu_id, clocks.core), 4 * KIB)

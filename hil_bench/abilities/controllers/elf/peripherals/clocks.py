@@ -165,92 +165,61 @@ def _ready(register: int, *pairs: tuple[int, int]) -> tuple[Follow, ...]:
     return tuple(Follow(register, 1, enable, register, ready) for enable, ready in pairs)
 
 
-TREES: Final[Mapping[str, Tree]] = {
-    "F0": Tree(
-        (
-            *_ready(_CR, (0, 1), (16, 17), (24, 25)),
-            Follow(_CFGR, 3, 0, _CFGR, 2),
-            *_ready(0x20, (0, 1)),
-            *_ready(0x24, (0, 1)),
-            *_ready(0x34, (0, 1), (16, 17)),
-        ),
-        {_CR: 0x83},
-        _f0,
-        _CFGR,
-        (4, 8, 8),
-        0x24,
-        watchdog_hz=40_000,
+_OLD = (
+    *_ready(_CR, (0, 1), (16, 17), (24, 25)),
+    Follow(_CFGR, 3, 0, _CFGR, 2),
+    *_ready(0x20, (0, 1)),
+    *_ready(0x24, (0, 1)),
+)
+_NEW = (
+    Follow(0x08, 3, 0, 0x08, 2),
+    *_ready(0x90, (0, 1)),
+    *_ready(0x94, (0, 1)),
+    *_ready(0x98, (0, 1)),
+)
+# RM0091, RM0008, RM0090, RM0444, RM0440, RM0351.
+F1: Final = Tree(_OLD, {_CR: 0x83}, _f1, _CFGR, (4, 8, 11), 0x24, watchdog_hz=40_000)
+F0: Final = F1._replace(
+    follows=(*_OLD, *_ready(0x34, (0, 1), (16, 17))), system=_f0, prescalers=(4, 8, 8)
+)
+F4: Final = Tree(
+    (
+        *_ready(_CR, (0, 1), (16, 17), (24, 25), (26, 27), (28, 29)),
+        Follow(0x08, 3, 0, 0x08, 2),
+        *_ready(0x70, (0, 1)),
+        *_ready(0x74, (0, 1)),
     ),
-    "F1": Tree(
-        (
-            *_ready(_CR, (0, 1), (16, 17), (24, 25)),
-            Follow(_CFGR, 3, 0, _CFGR, 2),
-            *_ready(0x20, (0, 1)),
-            *_ready(0x24, (0, 1)),
-        ),
-        {_CR: 0x83},
-        _f1,
-        _CFGR,
-        (4, 8, 11),
-        0x24,
-        watchdog_hz=40_000,
+    {_CR: 0x83, 0x04: 0x2400_3010, 0x74: 0x0E00_0000},
+    _f4,
+    0x08,
+    (4, 10, 13),
+    0x74,
+)
+G0: Final = Tree(
+    (
+        *_ready(_CR, (8, 10), (16, 17), (24, 25), (22, 23)),
+        Follow(0x08, 7, 0, 0x08, 3),
+        *_ready(0x5C, (0, 1)),
+        *_ready(0x60, (0, 1)),
     ),
-    "F4": Tree(
-        (
-            *_ready(_CR, (0, 1), (16, 17), (24, 25), (26, 27), (28, 29)),
-            Follow(0x08, 3, 0, 0x08, 2),
-            *_ready(0x70, (0, 1)),
-            *_ready(0x74, (0, 1)),
-        ),
-        {_CR: 0x83, 0x04: 0x2400_3010, 0x74: 0x0E00_0000},
-        _f4,
-        0x08,
-        (4, 10, 13),
-        0x74,
-    ),
-    "G0": Tree(
-        (
-            *_ready(_CR, (8, 10), (16, 17), (24, 25), (22, 23)),
-            Follow(0x08, 7, 0, 0x08, 3),
-            *_ready(0x5C, (0, 1)),
-            *_ready(0x60, (0, 1)),
-        ),
-        {_CR: 0x500, 0x0C: 0x1000},
-        _g0,
-        0x08,
-        (8, 12, 12),
-        0x60,
-        23,
-    ),
-    "G4": Tree(
-        (
-            *_ready(_CR, (8, 10), (16, 17), (24, 25)),
-            Follow(0x08, 3, 0, 0x08, 2),
-            *_ready(0x90, (0, 1)),
-            *_ready(0x94, (0, 1)),
-            *_ready(0x98, (0, 1)),
-        ),
-        {_CR: 0x500, 0x08: 0x5, 0x0C: 0x1000},
-        _g4,
-        0x08,
-        (4, 8, 11),
-        0x94,
-        23,
-    ),
-    "L4": Tree(
-        (
-            *_ready(_CR, (0, 1), (8, 10), (16, 17), (24, 25), (26, 27), (28, 29)),
-            Follow(0x08, 3, 0, 0x08, 2),
-            *_ready(0x90, (0, 1)),
-            *_ready(0x94, (0, 1)),
-            *_ready(0x98, (0, 1)),
-        ),
-        {_CR: 0x63, 0x0C: 0x1000},
-        _l4,
-        0x08,
-        (4, 8, 11),
-        0x94,
-        23,
-    ),
-}
-"""The clocks of each family (RM0091, RM0008, RM0090, RM0444, RM0440, RM0351)."""
+    {_CR: 0x500, 0x0C: 0x1000},
+    _g0,
+    0x08,
+    (8, 12, 12),
+    0x60,
+    23,
+)
+G4: Final = Tree(
+    (*_ready(_CR, (8, 10), (16, 17), (24, 25)), *_NEW),
+    {_CR: 0x500, 0x08: 0x5, 0x0C: 0x1000},
+    _g4,
+    0x08,
+    (4, 8, 11),
+    0x94,
+    23,
+)
+L4: Final = G4._replace(
+    follows=(*_ready(_CR, (0, 1), (8, 10), (16, 17), (24, 25), (26, 27), (28, 29)), *_NEW),
+    initial={_CR: 0x63, 0x0C: 0x1000},
+    system=_l4,
+)

@@ -152,6 +152,23 @@ def test_no_module_declares_a_key_of_a_table() -> None:
     assert second == []
 
 
+def test_one_module_reads_files_of_toml() -> None:
+    others = {
+        "cli/arguments.py",  # a single value of the command line
+        "abilities/campaign/shrink.py",  # its own text, read again
+        "abilities/evidence/content.py",  # what the distribution itself carries
+    }
+    house = ROOT / "hil_bench"
+
+    found = {
+        path.relative_to(house).as_posix()
+        for path in house.rglob("*.py")
+        if "import tomllib" in path.read_text(encoding="utf-8")
+    }
+
+    assert found == {"config/document.py"} | others
+
+
 def test_the_sheet_of_a_key_is_the_one_that_determines_it(write) -> None:
     # Every datum of the four sheets: what they determine are the rows of these sheets.
     config = load_config(

@@ -205,6 +205,23 @@ def merged(frames: Frames, added: list[tuple[int, Frame]]) -> Frames:
     return sorted(both, key=lambda each: each.now)
 
 
+def faults() -> dict[str, Fault]:
+    """Return all faults by their names."""
+    for module in ("faults_nodes", "faults_messages", "faults_j1939", "faults_masters"):
+        import_module(f"corpus.{module}")
+    return FAULTS
+
+
+def broken_log(log: SoundLog, name: str) -> BrokenLog | None:
+    """Return the log with one fault; None where it has nothing that the fault could befall."""
+    each = faults()[name]
+    found = each.make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311 - of tests
+    if found is None:
+        return None
+    frames, node = found
+    return BrokenLog(f"{log.name}:{name}", tuple(frames), log, each.cause, node)
+
+
 def broken_logs(log: SoundLog, most: int = PER_LOG) -> Iterator[BrokenLog]:
     """Yield the broken logs of a sound one.
 
@@ -212,16 +229,12 @@ def broken_logs(log: SoundLog, most: int = PER_LOG) -> Iterator[BrokenLog]:
         log: the sound one.
         most: how many at most.
     """
-    for module in ("faults_nodes", "faults_messages", "faults_j1939"):
-        import_module(f"corpus.{module}")
-    order = sorted(FAULTS)
+    order = sorted(faults())
     random.Random(log.name).shuffle(order)  # noqa: S311 - a draw of tests
     for name in order:
         if most == 0:
             return
-        each = FAULTS[name]
-        found = each.make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311
+        found = broken_log(log, name)
         if found is not None:
             most -= 1
-            frames, node = found
-            yield BrokenLog(f"{log.name}:{name}", tuple(frames), log, each.cause, node)
+            yield found

@@ -98,17 +98,16 @@ class Decoder:
         return self._j1939.expire(now) + [
             self._end(self._node(*key), transfer, now, self._last_frames[key])
             for key, channel in self._channels.items()
-            if (transfer := channel.expire(now)) is not None
+            for transfer in channel.expire(now)
         ]
 
     def finish(self) -> list[Sight]:
         """Return the transfers that the end has interrupted."""
         found = self._j1939.finish()
         for key, channel in self._channels.items():
-            transfer, channel.current = channel.current, None
-            if transfer is not None:
-                node, frame = self._node(*key), self._last_frames[key]
-                found.append(self._end(node, transfer, transfer.end, frame))
+            node, frame = self._node(*key), self._last_frames[key]
+            ended = channel.finish()
+            found += [self._end(node, transfer, transfer.end, frame) for transfer in ended]
         return found
 
     def accept_late(self, node: KnownNode, transfer: Transfer) -> None:

@@ -12,6 +12,7 @@ from hil_bench.devices.j1939.identifier import (
     ADDRESS_CLAIMED,
     GLOBAL,
     NULL,
+    REQUEST,
     TRANSPORT_CONNECTION,
     TRANSPORT_DATA,
     split,
@@ -21,6 +22,9 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MS: Final = 1e-6
 _PROOF: Final = 10
+_ASSIGNED: Final = range(0xFE00, 0xFF00)
+"""Parameter groups of eight bytes to all that SAE has assigned, with or without a name here."""
+_REQUEST_OF_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
 
 Place = tuple[int, int]
 """Bus and address."""
@@ -29,9 +33,9 @@ Place = tuple[int, int]
 class J1939Reader:
     """Follows who has which address, and which long messages are under way.
 
-    A bus speaks J1939 if known devices are on it, or an address claim or the announcement of a long
-    message was heard, or ten frames of parameter groups that the standard names; a lone 29-bit
-    frame proves nothing.
+    A bus speaks J1939 if known devices are on it, or an address claim, a request for claims or the
+    announcement of a long message was heard, or ten frames of parameter groups that the standard
+    names; a lone 29-bit frame proves nothing.
 
     Args:
         known: the devices that ought to be there.
@@ -66,6 +70,8 @@ class J1939Reader:
         elif group == ADDRESS_CLAIMED and len(frame.data) == NAME_BYTES:
             self._buses.add(bus)
             self._move(bus, source, frame.data)
+        elif group == REQUEST and frame.data == _REQUEST_OF_CLAIMS:
+            self._buses.add(bus)
         if is_part:
             self._buses.add(bus)
         if bus not in self._buses and not self._is_proof(frame, group):
@@ -81,7 +87,7 @@ class J1939Reader:
 
     def _is_proof(self, frame: Frame, group: int) -> bool:
         """Return True if enough frames of named parameter groups show that J1939 is spoken."""
-        if len(frame.data) == NAME_BYTES and group_name(group):
+        if len(frame.data) == NAME_BYTES and (group_name(group) or group in _ASSIGNED):
             self._named[frame.bus] = self._named.get(frame.bus, 0) + 1
         if self._named.get(frame.bus, 0) >= _PROOF:
             self._buses.add(frame.bus)

@@ -12,6 +12,9 @@ _SEGMENT: Final = 7
 PATIENCE: Final = 1_000_000_000
 """Time without a frame after which a transfer counts as given up [ns]."""
 
+AT_ONCE: Final = 100_000_000
+"""Time within which the request of another client may overtake one that is not answered [ns]."""
+
 LARGEST: Final = 1 << 20
 """Bytes of a transfer that are kept; what follows is counted."""
 
@@ -40,6 +43,7 @@ class Transfer:
         is_aborted_by_client: who aborted.
         is_done: whether it came to its good end.
         is_answered: whether the server has said anything.
+        is_overtaken: whether another request came before its answer.
         is_last: whether the last of its data has been seen.
         block: the segments of the block that is under way; None outside of one.
     """
@@ -56,6 +60,7 @@ class Transfer:
     is_aborted_by_client: bool = False
     is_done: bool = False
     is_answered: bool = False
+    is_overtaken: bool = False
     is_last: bool = False
     block: list[bytes] | None = None
 
@@ -80,10 +85,12 @@ class SdoChannel:
 
     Attributes:
         current: the transfer that is under way, None for none.
+        overtaken: one whose answer is still to come, though another was begun; None for none.
     """
 
     def __init__(self) -> None:
         self.current: Transfer | None = None
+        self.overtaken: Transfer | None = None
 
     def hear(self, data: bytes, now: int, *, is_request: bool) -> tuple[Transfer, ...]:
         """Take a frame and return the transfers that have ended with it, the older one first.
@@ -101,30 +108,63 @@ class SdoChannel:
         begun = _begin(data, now) if is_request else None
         if begun is not None:
             self.current = begun
-            return () if transfer is None else (transfer,)
+            return () if transfer is None else self._interrupt(transfer, begun)
+        waiting = self.overtaken
+        if waiting is not None and not is_request and _is_answer_to(waiting, transfer, data):
+            self.overtaken, transfer = None, waiting
+            _go_on(waiting, data, now, is_request=False)
+            return (waiting,)
         if transfer is None:
             return ()
-        transfer.frames, transfer.end = transfer.frames + 1, now
-        transfer.is_answered |= not is_request
-        if data[0] == _ABORT:
-            transfer.abort = int.from_bytes(data[4:8], "little")
-            transfer.is_aborted_by_client = is_request
-        elif is_request:
-            _hear_request(transfer, data)
-        else:
-            _hear_answer(transfer, data)
+        _go_on(transfer, data, now, is_request=is_request)
         if not transfer.has_ended:
             return ()
         self.current = None
         return (transfer,)
 
-    def expire(self, now: int) -> Transfer | None:
-        """Return the transfer that nobody has continued for `PATIENCE`, which ends it."""
-        transfer = self.current
-        if transfer is None or now - transfer.end < PATIENCE:
-            return None
-        self.current = None
-        return transfer
+    def expire(self, now: int) -> tuple[Transfer, ...]:
+        """Return the transfers that nobody has continued for `PATIENCE`, which ends them."""
+        found = self.overtaken, self.current
+        late = tuple(each for each in found if each is not None and now - each.end >= PATIENCE)
+        self.overtaken, self.current = (None if each in late else each for each in found)
+        return late
+
+    def finish(self) -> tuple[Transfer, ...]:
+        """Return the transfers that the end of the log interrupts."""
+        found = self.overtaken, self.current
+        self.overtaken = self.current = None
+        return tuple(each for each in found if each is not None)
+
+    def _interrupt(self, transfer: Transfer, begun: Transfer) -> tuple[Transfer, ...]:
+        """Return the transfers that end where another begins."""
+        is_early = not transfer.is_answered and begun.begin - transfer.begin < AT_ONCE
+        if not is_early or transfer.place == begun.place:
+            return (transfer,)
+        before, self.overtaken = self.overtaken, transfer
+        transfer.is_overtaken = True
+        return () if before is None else (before,)
+
+
+def _is_answer_to(waiting: Transfer, current: Transfer | None, data: bytes) -> bool:
+    """Return True if an answer names the object of an overtaken request, not of the present one."""
+    if data[0] != _ABORT and data[0] >> 5 not in {2, 3}:
+        return False
+    _, index, subindex = struct.unpack_from("<BHB", data)
+    is_current = current is not None and (current.index, current.subindex) == (index, subindex)
+    return (waiting.index, waiting.subindex) == (index, subindex) and not is_current
+
+
+def _go_on(transfer: Transfer, data: bytes, now: int, *, is_request: bool) -> None:
+    """Take a frame that continues a transfer."""
+    transfer.frames, transfer.end = transfer.frames + 1, now
+    transfer.is_answered |= not is_request
+    if data[0] == _ABORT:
+        transfer.abort = int.from_bytes(data[4:8], "little")
+        transfer.is_aborted_by_client = is_request
+    elif is_request:
+        _hear_request(transfer, data)
+    else:
+        _hear_answer(transfer, data)
 
 
 def _begin(data: bytes, now: int) -> Transfer | None:

@@ -57,6 +57,29 @@ def test_a_server_means_its_abort_whatever_the_bus_does(by_client, is_explained)
     assert (len(causes) == 1) is is_explained
 
 
+@pytest.mark.parametrize(
+    ("code", "node", "at", "is_explained"),
+    [
+        (0x8140, "node 2", 5 * S, True),  # recovered from bus-off, as the gap ends
+        (0x8120, "node 2", 2 * S, True),  # error passive, as it begins
+        (0x8140, "node 3", 5 * S, False),
+        (0x8140, "node 2", 9 * S, False),
+        (0x4200, "node 2", 5 * S, False),  # a temperature takes nobody off the bus
+    ],
+)
+def test_a_node_that_says_that_it_lost_the_bus_explains_its_gap(code, node, at, is_explained):
+    """Its heartbeat stays out from 2 s to 5 s."""
+    beats = [
+        Sight(now, Frame(0x702, b"\x05"), Service.HEARTBEAT, "", "node 2", 2)
+        for now in (2 * S, 5 * S)
+    ]
+    lost = Finding(Cause.HEARTBEAT_LOST, "node 2", 2 * S, "", tuple(beats))
+    data = code.to_bytes(2, "little") + bytes(6)
+    said = Sight(at, Frame(0x082, data), Service.EMCY, "", node, 2)
+    emcy = Finding(Cause.EMCY, node, at, "", (said,))
+    assert (told(lost, emcy) == [(Cause.EMCY, [Cause.HEARTBEAT_LOST])]) is is_explained
+
+
 def test_what_a_consequence_leads_to_is_told_with_the_cause():
     chain = (
         found(Cause.RESTART),

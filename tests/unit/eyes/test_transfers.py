@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.sdo_frames import MS, answer, heard, request
 
-from hil_bench.abilities.eyes.transfers import PATIENCE, SdoChannel, Way
+from hil_bench.abilities.eyes.transfers import AT_ONCE, PATIENCE, SdoChannel, Way
 
 TEXT = b"HIL bench valve"  # 15 bytes: segments of 7, 7 and 1
 
@@ -107,17 +107,57 @@ def test_less_than_announced_is_short():
     assert transfer.is_short
 
 
-def test_a_new_request_ends_one_that_was_not_answered():
-    channel, (transfer,) = hear([request(1, "40 00 10 00"), request(1, "40 01 10 00")])
-    assert (transfer.place, transfer.has_ended) == ("0x1000.00", False)
-    assert channel.current.place == "0x1001.00"
+def test_the_same_request_again_ends_one_that_was_not_answered():
+    channel, (transfer,) = hear([request(1, "40 00 10 00"), request(1, "40 00 10 00")])
+    assert (transfer.place, transfer.has_ended, transfer.is_overtaken) == (
+        "0x1000.00",
+        False,
+        False,
+    )
+    assert channel.current.place == "0x1000.00"
+
+
+def test_a_later_request_ends_one_that_was_not_answered():
+    channel = SdoChannel()
+    first, second = request(1, "40 00 10 00").data, request(1, "40 01 10 00").data
+    assert channel.hear(first, 0, is_request=True) == ()
+    (transfer,) = channel.hear(second, AT_ONCE, is_request=True)
+    assert (transfer.place, transfer.is_overtaken) == ("0x1000.00", False)
+
+
+@pytest.mark.parametrize("is_in_order", [True, False])
+def test_two_clients_at_once_each_get_their_answer(is_in_order):
+    """A read of 0x1000 and a write of 0x1017, both sent before an answer came."""
+    answers = [answer(1, "43 00 10 00 92 01 02 00"), answer(1, "60 17 10 00")]
+    asked = [request(1, "40 00 10 00"), request(1, "2B 17 10 00 64 00")]
+    channel, ended = hear([*asked, *(answers if is_in_order else reversed(answers))])
+    found = {each.place: each for each in ended}
+    assert set(found) == {"0x1000.00", "0x1017.00"}
+    assert all(each.is_done for each in ended)
+    assert bytes(found["0x1000.00"].data) == b"\x92\x01\x02\0"
+    assert found["0x1000.00"].is_overtaken
+    assert not found["0x1017.00"].is_overtaken
+    assert (channel.current, channel.overtaken) == (None, None)
+
+
+def test_a_third_request_ends_the_first():
+    channel, (first,) = hear([request(1, f"40 {sub:02X} 10 00") for sub in range(3)])
+    assert (first.place, first.has_ended) == ("0x1000.00", False)
+    assert [each.place for each in channel.finish()] == ["0x1001.00", "0x1002.00"]
 
 
 def test_a_silent_one_expires_after_its_patience():
     channel, _ = hear([request(1, "40 00 10 00")])
-    assert channel.expire(PATIENCE - 1) is None
-    assert channel.expire(PATIENCE).place == "0x1000.00"
+    assert channel.expire(PATIENCE - 1) == ()
+    (transfer,) = channel.expire(PATIENCE)
+    assert transfer.place == "0x1000.00"
     assert channel.current is None
+
+
+def test_an_overtaken_one_expires_after_its_own():
+    channel, _ = hear([request(1, "40 00 10 00"), request(1, "40 01 10 00")])
+    assert [each.place for each in channel.expire(PATIENCE)] == ["0x1000.00"]
+    assert [each.place for each in channel.expire(PATIENCE + MS)] == ["0x1001.00"]
 
 
 @given(st.lists(st.tuples(st.booleans(), st.binary(min_size=8, max_size=8)), max_size=30))

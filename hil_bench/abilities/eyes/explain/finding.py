@@ -101,6 +101,16 @@ class Cause(Enum):
         "CiA 301, 7.5.2.37",
         "set the inhibit time below the event timer",
     )
+    SYNC_TWICE = (
+        "two devices produce SYNC",
+        "CiA 301, 7.2.5.1 and 7.5.2.5",
+        "clear bit 30 of 0x1005 in one of them",
+    )
+    SYNC_COUNTER = (
+        "SYNC has a counter for some and not for others",
+        "CiA 301, 7.2.5.3.1 and 7.5.2.22",
+        "write one value to 0x1019 of the producer and of all that follow it",
+    )
     SYNC_PERIOD = (
         "SYNC has another period than 0x1006 says",
         "CiA 301, 7.2.5 and 7.5.2.6",
@@ -130,6 +140,11 @@ class Cause(Enum):
         "SDO answer comes too late",
         "CiA 301, 7.2.4.3.17",
         "lengthen the client's time-out, or ask less often",
+    )
+    SDO_SHARED = (
+        "SDO requests that do not wait for each other",
+        "CiA 301, 7.2.4.2",
+        "let one client ask at a time, or give the other a channel of its own (0x1201)",
     )
     SDO_ABORT = (
         "SDO transfer aborted",

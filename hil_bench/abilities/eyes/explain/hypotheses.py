@@ -16,6 +16,9 @@ _SLACK: Final = 1_500_000_000
 
 A node that dies has sent its last PDO before its last heartbeat, or the other way round."""
 
+_OFF_THE_BUS: Final = frozenset({0x8110, 0x8120, 0x8140})
+"""EMCY codes of a node that lost frames, went error passive, or came back from bus-off."""
+
 _Bond = Callable[[Finding, Finding], bool]
 
 
@@ -37,6 +40,14 @@ def _given_up(cause: Finding, effect: Finding) -> bool:
     del cause
     transfer = effect.sights[0].transfer if effect.sights else None
     return transfer is not None and transfer.is_aborted_by_client
+
+
+def _off_the_bus(cause: Finding, effect: Finding) -> bool:
+    """Return True if a node says that it lost the bus, and was missed just before or after that."""
+    if not _awaited(cause, effect) or _code(cause) not in _OFF_THE_BUS:
+        return False
+    until = effect.sights[-1].now if effect.sights else effect.begin
+    return effect.begin - _SLACK <= cause.begin <= until + _SLACK
 
 
 class _Lead(NamedTuple):
@@ -103,11 +114,13 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     ),
     Cause.MAPPING: (_Lead(frozenset({Cause.PDO_LENGTH, Cause.EMCY}), _same_node),),
     Cause.PDO_TIMERS: (_Lead(frozenset({Cause.PDO_MISSING}), _same_node, slack=None),),
+    Cause.SYNC_TWICE: (_Lead(_OF_SYNC | {Cause.SYNC_PERIOD}, _anywhere, slack=None),),
     Cause.SYNC_PERIOD: (_Lead(frozenset({Cause.EMCY, *_OF_SYNC}), _anywhere),),
     Cause.SDO_LATE: (
         _Lead(frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER}), _same_node, slack=None),
         _Lead(_OF_STATE, _same_node),
     ),
+    Cause.SDO_SHARED: (_Lead(_OF_SDO, _same_node, slack=None),),
     Cause.SDO_ABORT: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node, 0),),
     Cause.SDO_NO_ANSWER: (_Lead(_OF_STATE | _OF_PDO | _OF_SETTINGS, _same_node, 0),),
     Cause.NOT_STARTED: (_Lead(_OF_PDO, _awaited),),
@@ -120,6 +133,7 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     Cause.EMCY: (
         _Lead(_OF_STATE, _same_node, 0),
         _Lead(frozenset({Cause.PDO_MISSING}), _same_node),
+        _Lead(_OF_NODE - {Cause.EMCY}, _off_the_bus, slack=None),
     ),
     Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
     Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
@@ -130,6 +144,7 @@ _REPORTED: Final = {
     0x8130: frozenset({Cause.HEARTBEAT_LOST, Cause.NO_BOOT_UP, Cause.RESTART, Cause.BUS_SILENT}),
     0x8210: frozenset({Cause.PDO_LENGTH, Cause.MAPPING}),
     0x8220: frozenset({Cause.PDO_LENGTH, Cause.MAPPING}),
+    0x8240: frozenset({Cause.SYNC_COUNTER}),
     0x8250: frozenset({Cause.RPDO_TIMEOUT, Cause.HEARTBEAT_LOST, Cause.BUS_SILENT}),
 }
 """EMCY codes, and the findings that are their reason on whatever node."""

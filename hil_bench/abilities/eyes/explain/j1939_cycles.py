@@ -19,6 +19,14 @@ _LATE: Final = 3.0
 _FEWEST: Final = 6
 _REGULAR: Final = 0.3
 """How far intervals may be off their median for a period, of it."""
+_BEHIND: Final = 3
+"""Intervals of the period after which one before them, too long for it, counts as a gap."""
+_FEWEST_OF_SILENT: Final = 4
+_SHARE_OF_SILENT: Final = 0.6
+_LATE_OF_SILENT: Final = 5.0
+"""Less is asked of the messages of a device that sends nothing at all any more."""
+_OFF: Final = 8
+"""Of so many intervals one may be off."""
 _MOST: Final = 4096
 
 
@@ -32,6 +40,8 @@ class _Cycle:
         intervals: the last ones [ns].
         gap: the first time that it stayed out: the messages before and behind.
         gaps: how often it stayed out.
+        early: an interval before there was a period that is far above the one before it [ns], and
+            the messages around it.
         is_new: whether its sender has claimed its address since, and so may have paused.
     """
 
@@ -40,6 +50,7 @@ class _Cycle:
     intervals: deque[int] = field(default_factory=lambda: deque(maxlen=32))
     gap: tuple[Sight, Sight] | None = None
     gaps: int = 0
+    early: tuple[int, Sight, Sight] | None = None
     is_new: bool = False
 
     @property
@@ -48,8 +59,17 @@ class _Cycle:
         if len(self.intervals) < _FEWEST:
             return 0.0
         middle = median(self.intervals)
-        off = max(abs(each - middle) for each in self.intervals)
-        return middle if off <= _REGULAR * middle else 0.0
+        off = sum(abs(each - middle) > _REGULAR * middle for each in self.intervals)
+        return middle if off <= len(self.intervals) // _OFF else 0.0
+
+    @property
+    def rough_period(self) -> float:
+        """The interval that most have [ns], some others between; 0 where there is none."""
+        if len(self.intervals) < _FEWEST_OF_SILENT:
+            return 0.0
+        middle = median(self.intervals)
+        alike = sum(abs(each - middle) <= _REGULAR * middle for each in self.intervals)
+        return middle if alike >= _SHARE_OF_SILENT * len(self.intervals) else 0.0
 
 
 class Cycles(OfJ1939):
@@ -95,7 +115,7 @@ class Cycles(OfJ1939):
             cycle.gap = cycle.gap or (cycle.last, sight)
             cycle.gaps += 1
         elif message.group != DM1 or _has_codes(cycle.last.message):
-            cycle.intervals.append(interval)
+            _take_interval(cycle, interval, sight)
         cycle.last, cycle.due_from = sight, sight.now
 
     def findings(self, end: int) -> Iterator[Finding]:
@@ -109,15 +129,14 @@ class Cycles(OfJ1939):
         """
         silent = set()
         for who, cycles in self._by_sender().items():
-            periods = [period for each in cycles if (period := _period(each))]
+            periods = [(each.rough_period, _group_of(each)) for each in cycles]
+            period, group = min((each for each in periods if each[0]), default=(0.0, 0))
             last = self._heard[who]
-            if periods and end - last.now - self._paused.get(who, 0) > max(
-                _LATE * min(periods), _DM1_PERIOD
-            ):
+            silence = end - last.now - self._paused.get(who, 0)
+            if period and silence > max(_LATE_OF_SILENT * period, _DM1_PERIOD):
                 silent.add(who)
                 text = f"{last.node} sends nothing after {seconds(last.now)}"
-                text += f" ({group_title(_group_of(cycles[0]))} every "
-                text += f"{milliseconds(periods[0])} before)"
+                text += f" ({group_title(group)} every {milliseconds(period)} before)"
                 yield Finding(Cause.J1939_SILENT, last.node, last.now, text, (last,))
         for (bus, source, group), cycle in self._cycles.items():
             period = _period(cycle)
@@ -140,6 +159,28 @@ class Cycles(OfJ1939):
         for (bus, source, _), cycle in self._cycles.items():
             found.setdefault((bus, source), []).append(cycle)
         return found
+
+
+def _take_interval(cycle: _Cycle, interval: int, sight: Sight) -> None:
+    """Keep an interval; one that was too long before there was a period shows three later.
+
+    Those before and behind it have one period then.
+    """
+    intervals = cycle.intervals
+    if not cycle.period and intervals and interval > _LATE * intervals[-1]:
+        cycle.early = interval, cycle.last, sight
+    intervals.append(interval)
+    if cycle.early is None or len(intervals) <= _FEWEST:
+        return
+    long, before, after = cycle.early
+    if intervals[-1 - _BEHIND] != long:
+        return
+    intervals.remove(long)
+    if cycle.period and long > _LATE * cycle.period:
+        cycle.gap, cycle.gaps = cycle.gap or (before, after), cycle.gaps + 1
+    else:
+        intervals.append(long)
+    cycle.early = None
 
 
 def _period(cycle: _Cycle) -> float:

@@ -16,6 +16,8 @@ _RPDO_SLACK = 1.05
 _NS_PER_100_US = 100_000
 _SETTLED = 20
 """Intervals alike after which a PDO has a period that nobody has set ..."""
+_OUTLIER = 4
+"""Intervals alike that one takes back which is not."""
 _MANY = 10
 """... and such periods after which it has fallen silent."""
 _PATIENCE = 1_000_000_000
@@ -79,6 +81,8 @@ def settle(course: Course, interval: int) -> None:
     if 0.5 * course.usual <= interval <= 1.6 * course.usual:
         course.settled += 1
         course.usual += (interval - course.usual) // 8
+    elif course.settled > _OUTLIER:  # one that was late ends no period
+        course.settled -= _OUTLIER
     else:
         course.settled, course.usual = 0, interval
 

@@ -57,6 +57,7 @@ class _Life:
     is_broadcast: bool = False  # the command
     refusals: Evidence = field(default_factory=Evidence)
     is_started: bool = False
+    has_run: bool = False  # in OPERATIONAL, at any time
     state: int | None = None  # of the last heartbeat
     last_beat: int | None = None
     beats: int = 0
@@ -113,7 +114,7 @@ class Presence:
         elif sight.service is Service.SDO:
             self._hear_answer(life, sight)
         elif sight.service is Service.PDO:
-            life.is_started = True
+            life.is_started = life.has_run = True
 
     def pause(self, length: int) -> None:
         """Give all the more time to follow a command."""
@@ -189,6 +190,7 @@ class Presence:
             return
         state = sight.frame.data[0] & 0x7F
         life.is_started |= state == NmtState.OPERATIONAL
+        life.has_run |= state == NmtState.OPERATIONAL
         if life.commanded is not None:
             wanted, when = life.commanded
             if state != wanted and sight.now - when > _PATIENCE:
@@ -294,7 +296,7 @@ class Presence:
         """Return True if a node was left out while others were started or commanded."""
         if not (life.is_slave or self._is_known(life)):
             return False  # it may be the master itself
-        is_used = self._has_started or self._has_commands
+        is_used = self._has_started or self._has_commands or life.has_run
         last = life.boots.latest
         is_late = last is not None and end - last.now > _PATIENCE
         return is_used and is_late and not life.is_started and life.commanded is None

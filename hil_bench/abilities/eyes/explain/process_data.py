@@ -175,12 +175,18 @@ class ProcessData:
                 course.syncs += 1
 
     def _length_findings(self) -> Iterator[Finding]:
-        for (_, node), sights in self._lengths.items():
+        for (address, node), sights in self._lengths.items():
             owner = next(
                 owner
                 for owner in self._decoder.pdos.get(_address(sights[0]), [])
                 if owner.node.name == node
             )
+            is_heard = owner.pdo.direction is Direction.RPDO
+            if is_heard and any(
+                each.pdo.direction is Direction.TPDO and (address, each.node.name) in self._lengths
+                for each in self._decoder.pdos[address]
+            ):
+                continue  # its sender has another length than its own mapping
             reported = self._reported(node, _LENGTH_EMCYS)
             text = f"{node} {owner.pdo.name}: {owner.pdo.problem(sights[0].frame.data)}"
             text += f", {sights.total} times" if sights.total > 1 else ""

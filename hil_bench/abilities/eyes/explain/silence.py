@@ -11,7 +11,8 @@ _SHORTEST: Final = 250_000_000
 """Time without a frame from which on the senders that are due are counted [ns]."""
 
 _REGULAR: Final = 5
-"""Intervals alike after which a sender has a period."""
+_REGULAR_BEATS: Final = 3
+"""Intervals alike after which a sender has a period, and after which a heartbeat has its."""
 
 _DUE: Final = 2.2
 """Periods after which one is late."""
@@ -116,7 +117,7 @@ class Silence:
         late = [
             each
             for each in self._rhythms.values()
-            if each.alike >= _REGULAR
+            if each.alike >= (_REGULAR_BEATS if each.is_heartbeat else _REGULAR)
             and begin - each.last < _ALIVE * each.period
             and now - each.last > _DUE * each.period
         ]

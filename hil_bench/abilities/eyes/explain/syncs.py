@@ -1,4 +1,4 @@
-"""SYNC: its period, its gaps, its jitter, and what 0x1006 says of it."""
+"""SYNC: its period, its gaps, its jitter, its producers, and what 0x1006 and 0x1019 say of it."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -13,6 +13,8 @@ from hil_bench.abilities.eyes.explain.finding import (
     milliseconds,
     seconds,
 )
+from hil_bench.abilities.eyes.explain.sync_producers import SyncProducers
+from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.nmt import NmtCommand, NmtRequest
 
@@ -22,13 +24,16 @@ _SURE = 20
 
 _OFF = 0.15
 _NS_PER_US = 1000
-_MISSED = 1.5
+_MISSED = 1.7
 _LOST = 5.0
 """Periods after which SYNC has stopped, where the rest of the bus goes on ..."""
 _SHUTDOWN = 1_000_000_000
 """... for longer than this: before, its producer may be ending in whatever order [ns].
 
 Whoever takes all nodes out of OPERATIONAL needs no SYNC."""
+
+_WRONG_LENGTH = 0x8240
+"""EMCY code of a SYNC with a counter that is not expected, or without the one that is."""
 
 _JITTER = 0.2
 _JITTERY_SHARE = 0.05
@@ -41,7 +46,7 @@ class Syncs:
         decoder: that gives the sights.
     """
 
-    hears = frozenset({Service.NMT, Service.SYNC})
+    hears = frozenset({Service.NMT, Service.SYNC, Service.EMCY})
 
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
@@ -57,6 +62,8 @@ class Syncs:
         self._worst: tuple[float, Sight] | None = None
         self._count = 0
         self._is_over = False
+        self._producers = SyncProducers()
+        self._disputed = Evidence()
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -64,8 +71,11 @@ class Syncs:
             request = NmtRequest.parse(sight.frame.data)
             if request is not None and request.node_id == 0:
                 self._is_over = request.command is not NmtCommand.START
+        if sight.emcy_code == _WRONG_LENGTH:
+            self._disputed.append(sight)
         if sight.service is not Service.SYNC or sight.frame.is_remote:
             return
+        self._producers.hear(sight, (own for _, own in self._given(sight.frame.bus)))
         self._is_over = False
         self._count += 1
         self._hear_counter(sight)
@@ -86,6 +96,7 @@ class Syncs:
         Yields:
             The findings.
         """
+        yield from self._setting_findings()
         period = self._period()
         silence = 0 if self._last is None or self._is_over else end - self._due_from
         if self._last is not None and period and silence > max(_LOST * period, _SHUTDOWN):
@@ -111,18 +122,37 @@ class Syncs:
             yield Finding(Cause.SYNC_JITTER, "", first.now, text, (sight,))
         yield from self._period_findings(period)
 
+    def _setting_findings(self) -> Iterator[Finding]:
+        """Yield that two devices produce SYNC, and that nodes reject its length."""
+        if self._producers.found is not None:
+            first, period = self._producers.found
+            text = f"two devices send SYNC, each every {milliseconds(period)}, from "
+            text += f"{seconds(first.now)} on"
+            yield Finding(Cause.SYNC_TWICE, "", first.now, text, (first,))
+        if self._disputed and self._last is not None:
+            names = ", ".join(dict.fromkeys(sight.node for sight in self._disputed))
+            has = "a counter" if self._last.frame.data else "no counter"
+            text = f"SYNC has {has}, and {names} expect{'s' * (',' not in names)} another length "
+            text += "(0x1019)"
+            yield finding(Cause.SYNC_COUNTER, "", self._disputed, text)
+
+    def _given(self, bus: int) -> Iterator[tuple[KnownNode, float]]:
+        """Yield the nodes that were given a period by 0x1006, and the period [ns]."""
+        for node in self._decoder.nodes.values():
+            written = node.objects.find(0x1006)
+            own = node.number(0x1006) * _NS_PER_US
+            if node.bus != bus or written is None or not own:
+                continue
+            if not node.has_eds or written.value != written.default or node.produces_sync:
+                yield node, own
+
     def _period_findings(self, period: float) -> Iterator[Finding]:
         """Yield the nodes that were given another period (0x1006) than SYNC has."""
         last = self._last
         if last is None or len(self._recent) < _SURE:
             return
-        for node in self._decoder.nodes.values():
-            written = node.objects.find(0x1006)
-            own = node.number(0x1006) * _NS_PER_US
-            if node.bus != last.frame.bus or written is None or not own:
-                continue
-            is_set = not node.has_eds or written.value != written.default or node.produces_sync
-            if is_set and abs(period - own) > _OFF * own:
+        for node, own in self._given(last.frame.bus):
+            if abs(period - own) > _OFF * own:
                 text = f"SYNC comes every {milliseconds(period)}, and 0x1006 of {node.name} says "
                 text += milliseconds(own)
                 yield Finding(Cause.SYNC_PERIOD, "", last.now, text, (last,))

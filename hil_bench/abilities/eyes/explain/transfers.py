@@ -35,6 +35,7 @@ class Transfers:
         self._decoder = decoder
         self._aborted: dict[_Group, Evidence] = {}
         self._silent: dict[str, Evidence] = {}
+        self._shared: dict[str, Evidence] = {}
         self._differing: dict[tuple[str, int, int], tuple[Sight, str]] = {}
 
     def hear(self, sight: Sight) -> None:
@@ -42,6 +43,8 @@ class Transfers:
         transfer = sight.transfer
         if transfer is None:
             return
+        if transfer.is_overtaken and transfer.is_answered:
+            self._shared.setdefault(sight.node, Evidence()).append(sight)
         if transfer.abort is not None:
             if self._is_look(sight, transfer):
                 return
@@ -69,6 +72,11 @@ class Transfers:
         for (node, *_), (sight, difference) in self._differing.items():
             text = f"{node}: {difference}"
             yield Finding(Cause.OTHER_DEVICE, node, sight.now, text, (sight,))
+        for node, sights in self._shared.items():
+            text = f"{node}: another request came before the answer to {sights[0].words}, "
+            text += f"at {seconds(sights[0].now)}"
+            text += f", and {sights.total - 1} times more" if sights.total > 1 else ""
+            yield finding(Cause.SDO_SHARED, node, sights, text + ": two clients, or one in haste")
         for (node, *_), sights in self._aborted.items():
             first = sights[0]
             again = f", {sights.total} times" if sights.total > 1 else ""

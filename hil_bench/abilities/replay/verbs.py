@@ -106,7 +106,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     """Put the frames on the bus.
 
     Raises:
-        ConfigError: there are none.
+        ConfigError: there are none, or the bus cannot carry them.
         BusError: the bus was lost.
     """
     direction = FrameDirection(args.frames)
@@ -123,6 +123,10 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
         which = "" if direction is FrameDirection.ALL else f"{direction.value} "
         raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
+    count = 0 if config.bus.fd else sum(logged.frame.fd != 0 for logged in frames)
+    if count:
+        right = "give --fd, and a bus that carries it"
+        raise ConfigError(f"{args.recording}: has {count} frames of CAN FD; {right}")
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
         bus, what = open_can_bus(*config.bus.address)

@@ -44,6 +44,24 @@ def test_frames_of_the_other_direction_are_none(run_mf4, capsys):
     )
 
 
+def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
+    path = tmp_path / "f.log"
+    path.write_text("(0.0) can0 123##1000102030405060708090A0B\n(0.1) can0 123#01\n")
+    with can.Bus(interface="virtual", channel="test_replay") as listener:
+        bus = ["-i", "virtual", "-c", "test_replay"]
+        assert main(["replay", str(path), *bus]) == 2
+        assert capsys.readouterr().err == (
+            f"hil-bench: error: {path}: has 1 frames of CAN FD; give --fd, and a bus that carries "
+            "it\n"
+        )
+        assert listener.recv(0.0) is None
+        assert main(["replay", str(path), *bus, "--fd"]) == 0
+        message = listener.recv(1.0)
+    assert (message.is_fd, message.bitrate_switch) == (True, True)
+    assert bytes(message.data) == bytes(range(12))
+
+
 def test_a_candump_log_does_not_say_who_sent_a_frame(run_mf4, capsys):
     path = run_mf4.with_name("run.log")
     with VirtualBench(record=path) as bench:

@@ -54,6 +54,7 @@ def measure_traffic(
     cycle: int,
     bitrate: int,
     duration: int,
+    others: Sequence[tuple[Frame, int]] = (),
 ) -> MeasuredTraffic:
     """Run a bench whose controller starts all nodes and sends the same frames in each cycle.
 
@@ -67,6 +68,7 @@ def measure_traffic(
         cycle: of the controller [ns].
         bitrate: of the bus [bit/s].
         duration: how long [ns].
+        others: frames of others and their periods [ns]; the controller's station sends them, too.
 
     Raises:
         ConfigError: no node is on the bus.
@@ -83,12 +85,17 @@ def measure_traffic(
         session.tick((), now)
     start = Frame(NMT_COB_ID, bytes((NmtCommand.START, 0)), bus=number)
     due, cycles = boot, 0
+    sent = [0] * len(others)
     for now in range(boot, boot + duration, config.tick_ns):
         frames = [start] if now == boot else []
         if now >= due:
             cycles += 1
             due += cycle if cycles % _DRIFT else cycle + config.tick_ns
             frames += commands
+        for place, (frame, period) in enumerate(others):
+            if now - boot >= sent[place] * period:
+                sent[place] += 1
+                frames.append(frame._replace(bus=number))
         session.tick(frames, now)
         found.take([passage for passage in copper.passages if passage.frame.bus == number])
     found.waiting = sum(station.waiting for station in copper.wiring.buses[number].wire.stations)

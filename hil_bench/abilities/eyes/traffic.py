@@ -1,13 +1,20 @@
-"""The cyclic messages of nodes: their PDOs, SYNC and heartbeats, as their objects set them."""
+"""The cyclic messages of a bus: PDOs, SYNC and heartbeats of nodes, and the messages of a DBC."""
 
 from collections.abc import Iterable, Iterator
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
+from hil_bench.abilities.copper.wire.station import priority
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.abilities.eyes.response_times import Message
+from hil_bench.canopen_device.frame import BRS, FDF, Frame
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.outside.bits import worst_bits
+from hil_bench.errors import ConfigError
+from hil_bench.frame import FD_LENGTHS
+from hil_bench.outside.bits import worst_bits, worst_fd_bits
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message as DbcMessage
 
 _NS_PER_S: Final = 1_000_000_000
 _NS_PER_MS: Final = 1_000_000
@@ -27,11 +34,13 @@ class Assumptions(NamedTuple):
         bitrate: of the bus [bit/s].
         cycle: of the controller: between two SYNCs, and two RPDOs [ns].
         jitter: how late a frame may be queued [ns].
+        data_bitrate: of the data phase of CAN FD [bit/s]; 0 for a classical bus.
     """
 
     bitrate: int
     cycle: int
     jitter: int = 0
+    data_bitrate: int = 0
 
 
 class Stream(NamedTuple):
@@ -39,14 +48,12 @@ class Stream(NamedTuple):
 
     Attributes:
         message: for the analysis.
-        can_id: its identifier.
-        length: data bytes.
+        frame: one with zeros, which have the most stuff bits.
         why: where its period comes from.
     """
 
     message: Message
-    can_id: int
-    length: int
+    frame: Frame
     why: str
 
 
@@ -58,12 +65,45 @@ def find_streams(nodes: Iterable[KnownNode], given: Assumptions) -> list[Stream]
     found: dict[int, Stream] = {}
     for node in nodes:
         for stream in (*_pdo_streams(node, given), *_heartbeat(node, given)):
-            known = found.get(stream.can_id)
+            known = found.get(stream.frame.can_id)
             if known is None or stream.message.period < known.message.period:
-                found[stream.can_id] = stream
+                found[stream.frame.can_id] = stream
     if any("SYNC" in stream.why for stream in found.values()):
         found[_SYNC_ID] = _stream("SYNC", _SYNC_ID, 0, (given.cycle, "cycle"), given)
     return [found[can_id] for can_id in sorted(found)]
+
+
+def dbc_streams(messages: Iterable["DbcMessage"], given: Assumptions) -> Iterator[Stream]:
+    """Yield the messages of a DBC that have a cycle time.
+
+    Raises:
+        ConfigError: one is of CAN FD, and the bus is not.
+    """
+    for each in messages:
+        if not each.cycle_time:
+            continue
+        if each.is_fd and not given.data_bitrate:
+            wrong = f"{each.name} is of CAN FD, and the bus is classical"
+            raise ConfigError(f"--dbc: {wrong}; give fd = true in [bus], or --fd")
+        lengths = FD_LENGTHS if each.is_fd else range(9)
+        length = next((n for n in lengths if n >= each.length), None)
+        if length is None:
+            wrong = f"{each.name} has {each.length} bytes, at most {lengths[-1]} are right"
+            raise ConfigError(f"--dbc: {wrong}; correct the file")
+        fd = (FDF | BRS) if each.is_fd else 0
+        frame = Frame(each.frame_id, bytes(length), is_extended=each.is_extended_frame, fd=fd)
+        period = round(each.cycle_time * _NS_PER_MS)
+        yield _stream_of(each.name, frame, (period, "DBC"), given)
+
+
+def longest_foreign(given: Assumptions) -> int:
+    """Return the longest time of a frame that is not analysed and may be on the bus already [ns].
+
+    It is of SDO, and on a bus of CAN FD one of 64 bytes with BRS.
+    """
+    frame = Frame(0, bytes(64), is_extended=True, fd=FDF | BRS)
+    longest = SDO_BLOCKING * (_NS_PER_S // given.bitrate)
+    return max(longest, _longest(frame, given)) if given.data_bitrate else longest
 
 
 def _pdo_streams(node: KnownNode, given: Assumptions) -> Iterator[Stream]:
@@ -96,6 +136,18 @@ def _heartbeat(node: KnownNode, given: Assumptions) -> Iterator[Stream]:
 def _stream(
     name: str, can_id: int, length: int, period: tuple[int, str], given: Assumptions
 ) -> Stream:
-    transmission = worst_bits(length) * _NS_PER_S // given.bitrate
-    message = Message(name, can_id, period[0], transmission, given.jitter)
-    return Stream(message, can_id, length, period[1])
+    return _stream_of(name, Frame(can_id, bytes(length)), period, given)
+
+
+def _stream_of(name: str, frame: Frame, period: tuple[int, str], given: Assumptions) -> Stream:
+    message = Message(name, priority(frame), period[0], _longest(frame, given), given.jitter)
+    return Stream(message, frame, period[1])
+
+
+def _longest(frame: Frame, given: Assumptions) -> int:
+    """Return the longest time of a frame with so many bytes [ns]."""
+    length, is_extended = len(frame.data), frame.is_extended
+    if not frame.fd:
+        return worst_bits(length, is_extended=is_extended) * _NS_PER_S // given.bitrate
+    slow, fast = worst_fd_bits(length, is_extended=is_extended)
+    return -(-slow * _NS_PER_S // given.bitrate) - (-fast * _NS_PER_S // given.data_bitrate)

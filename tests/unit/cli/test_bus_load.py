@@ -89,3 +89,55 @@ def test_beyond_a_limit_the_exit_code_is_1(bench, capsys, options, word):
 def test_a_wrong_number_is_one_line(bench, capsys, options, message):
     assert main(["bus-load", bench, *options]) == 2
     assert message in capsys.readouterr().err
+
+
+FD_DBC = """\
+VERSION ""
+BU_: pump
+BO_ 291 State: 62 pump
+ SG_ pressure : 480|16@1+ (0.1,0) [0|6553.5] "bar" pump
+BO_ 385 Ours: 8 pump
+BO_ 801 Motor: 3 pump
+BO_ 802 Once: 3 pump
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG","StandardCAN_FD";
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 3600000;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "VFrameFormat" BO_ 291 4;
+BA_ "GenMsgCycleTime" BO_ 291 5;
+BA_ "GenMsgCycleTime" BO_ 385 5;
+BA_ "GenMsgCycleTime" BO_ 801 20;
+"""
+
+
+def test_messages_of_can_fd_have_both_bit_rates(tmp_path, capsys):
+    """At 500 kbit/s and 2 Mbit/s a frame of 64 bytes takes 32 + 679 bits at most, one with a 29-bit
+    identifier 56 + 679, behind which it may have to wait; see test_fd_bits.py."""
+    path = tmp_path / "v.dbc"
+    path.write_text(FD_DBC)
+    words = ["bus-load", "--dbc", str(path), "-b", "500000", "--simulate", "5", "--json"]
+    assert main([*words, "--fd", "--data-bitrate", "2000000"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row for row in content["messages"]}
+    state = rows["State"]
+    assert (state["can_id"], state["length"], state["is_fd"], state["why"]) == (
+        291,
+        64,
+        True,
+        "DBC",
+    )
+    assert state["response"] == pytest.approx((32 + 56) * 2e-6 + 2 * 679 * 0.5e-6)
+    assert 0 < state["simulated"] <= state["response"]
+    assert state["frames"] == pytest.approx(1000, abs=1)
+    assert "Motor" in rows
+    assert "Ours" not in rows  # the identifier is that of a TPDO of the bench
+    assert "Once" not in rows  # it has no cycle
+    (bus,) = content["buses"]
+    assert (bus["bitrate"], bus["data_bitrate"]) == (500_000, 2_000_000)
+    assert main([*words[:-1], "--fd", "--data-bitrate", "2000000"]) == 0
+    assert "of 500 kbit/s, data at 2 Mbit/s, simulated" in capsys.readouterr().out
+    assert main(words) == 2
+    assert capsys.readouterr().err == (
+        "hil-bench: error: --dbc: State is of CAN FD, and the bus is classical; give fd = true in "
+        "[bus], or --fd\n"
+    )

@@ -81,9 +81,16 @@ def forward_euler_drifts_near_vacuum():
     assert place_of_rest_moves(DEFAULT) < 0.03e-3
 
 
-def the_bus_has_neither_bit_timing_nor_fd():
-    with VirtualBench() as bench, pytest.raises(can.CanOperationError, match="no classical CAN"):
-        bench.bus.send(can.Message(arbitration_id=0x201, data=bytes(64), is_fd=True))
+def the_bus_has_no_bit_timing_and_no_device_speaks_fd():
+    """A SDO upload of 0x1000 by CAN FD is not answered."""
+    with VirtualBench(load_config(tables={"bus": {"fd": True}})) as bench:
+        bench.run(0.01)
+        request = bytes.fromhex("4000100000000000")
+        bench.bus.send(
+            can.Message(arbitration_id=0x601, data=request, is_fd=True, is_extended_id=False)
+        )
+        bench.run(0.05)
+        assert all(logged.frame.can_id != 0x581 for logged in bench.frames)
     with pytest.raises(ConfigError, match="sample_point: unknown key"):
         load_config(tables={"bus": {"wire": {"sample_point": 0.875}}})
 
@@ -139,7 +146,7 @@ CHECKS = {
     "KD-1": the_error_is_not_bounded,
     "KD-2": the_plant_lacks_temperatures_and_a_tank_pressure,
     "KD-3": forward_euler_drifts_near_vacuum,
-    "KD-4": the_bus_has_neither_bit_timing_nor_fd,
+    "KD-4": the_bus_has_no_bit_timing_and_no_device_speaks_fd,
     "KD-5": the_valve_refuses_these_modes,
     "KD-6": a_late_tick_is_counted_and_not_prevented,
     "KD-7": a_pack_says_that_it_is_no_certificate,

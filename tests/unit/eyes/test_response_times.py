@@ -116,5 +116,5 @@ def test_the_shortest_period_of_a_pdo_is_that_of_its_objects(
     for subindex, value in ((2, transmission_type), (3, inhibit_100us), (5, event_ms)):
         objects.variable(0x1800, subindex).value = value
     streams = find_streams([KnownNode(2, "pressure", objects)], Assumptions(1_000_000, 7 * MS))
-    (pdo,) = [stream for stream in streams if stream.can_id == 0x182]
+    (pdo,) = [stream for stream in streams if stream.frame.can_id == 0x182]
     assert (pdo.message.period, pdo.why) == (period, why)

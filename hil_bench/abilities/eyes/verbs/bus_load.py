@@ -3,12 +3,21 @@
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from hil_bench.abilities.copper.measured_traffic import MeasuredTraffic, measure_traffic
 from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.abilities.eyes.response_times import response_times, utilisation
-from hil_bench.abilities.eyes.traffic import SDO_BLOCKING, Assumptions, Stream, find_streams
+from hil_bench.abilities.eyes.traffic import (
+    Assumptions,
+    Stream,
+    dbc_streams,
+    find_streams,
+    longest_foreign,
+)
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.dbc_signals import load_dbc
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -25,9 +34,11 @@ examples:
   hil-bench bus-load bench.toml
   hil-bench bus-load bench.toml -b 125000 --cycle-ms 10 --max-load 60
   hil-bench bus-load bench.toml --simulate 0 --json
+  hil-bench bus-load bench.toml --dbc vendor.dbc           beside messages of others
 
 Response times by Davis, Burns, Bril and Lukkien (2007), with the most stuff bits, and an SDO frame
-that may be on the bus already. Deadline of a frame is its next one.
+that may be on the bus already; on a bus of CAN FD one of 64 bytes with BRS. Deadline of a frame is
+its next one.
 
 exit code 1 where the load is above --max-load, or a frame may come later than its next one
 """
@@ -41,6 +52,7 @@ class _Row:
     name: str
     can_id: int
     length: int
+    is_fd: bool
     period: float
     why: str
     response: float | None
@@ -55,6 +67,7 @@ class _Bus:
 
     name: str
     bitrate: int
+    data_bitrate: int | None
     load: float
     simulated_load: float | None
     fits: bool
@@ -90,6 +103,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=80.0,
         metavar="%",
         help="highest load allowed, in percent (default: 80)",
+    )
+    parser.add_argument(
+        "--dbc",
+        type=Path,
+        metavar="FILE.dbc",
+        help="further messages of the first bus: those of a DBC file with a cycle time, also of "
+        "CAN FD (pip install 'hil-bench[dbc]')",
     )
     parser.add_argument(
         "--simulate",
@@ -142,48 +162,72 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     Raises:
         ConfigError: nothing cyclic is on it.
     """
-    bitrate = config.buses[name].bitrate or USUAL_BITRATE
+    bus = config.buses[name]
+    bitrate = bus.bitrate or USUAL_BITRATE
     given = Assumptions(
-        bitrate, round(args.cycle_ms * _NS_PER_MS), round(args.jitter_us * _NS_PER_US)
+        bitrate,
+        round(args.cycle_ms * _NS_PER_MS),
+        round(args.jitter_us * _NS_PER_US),
+        (bus.data_bitrate or bitrate) if bus.fd else 0,
     )
     streams = find_streams(nodes_of(config.seen_from(name)), given)
+    others = _others(args, streams, given) if name == FIRST_BUS else []
+    streams = sorted([*streams, *others], key=lambda stream: stream.message.priority)
     if not streams:
         raise ConfigError(f"{config.path or 'bench'}: no node of {name} has a PDO or a heartbeat")
     messages = [stream.message for stream in streams]
     bit_time = _NS_PER_S // bitrate
-    bounds = response_times(messages, bit_time=bit_time, blocking=SDO_BLOCKING * bit_time)
+    bounds = response_times(messages, bit_time=bit_time, blocking=longest_foreign(given))
     load = utilisation(messages)
     found, simulated = None, None
     if args.simulate:
         duration = round(args.simulate * _NS_PER_S)
         commands = list(_commands(streams))
         found = measure_traffic(
-            config, name, commands, cycle=given.cycle, bitrate=bitrate, duration=duration
+            config,
+            name,
+            commands,
+            cycle=given.cycle,
+            bitrate=bitrate,
+            duration=duration,
+            others=[(stream.frame, stream.message.period) for stream in others],
         )
         simulated = found.busy / duration
     rows = [_row(name, stream, bounds[stream.message.name], found) for stream in streams]
-    return _Bus(name, bitrate, load, simulated, load <= args.max_load / 100.0), rows
+    fits = load <= args.max_load / 100.0
+    return _Bus(name, bitrate, given.data_bitrate or None, load, simulated, fits), rows
+
+
+def _others(
+    args: argparse.Namespace, streams: Sequence[Stream], given: Assumptions
+) -> list[Stream]:
+    """Return the messages of a DBC that are of no node of the bench."""
+    if args.dbc is None:
+        return []
+    known = {stream.frame.can_id for stream in streams}
+    found = dbc_streams(load_dbc(args.dbc).messages, given)
+    return [each for each in found if each.frame.is_extended or each.frame.can_id not in known]
 
 
 def _commands(streams: Sequence[Stream]) -> Iterator[Frame]:
-    """Yield what the controller sends in each cycle: zeros, which have the most stuff bits."""
-    for stream in streams:
-        if stream.why == "cycle":
-            yield Frame(stream.can_id, bytes(stream.length))
+    """Yield what the controller sends in each cycle."""
+    return (stream.frame for stream in streams if stream.why == "cycle")
 
 
 def _row(bus: str, stream: Stream, bound: int | None, found: MeasuredTraffic | None) -> _Row:
-    worst = None if found is None else found.worst.get(stream.can_id)
+    frame = stream.frame
+    worst = None if found is None else found.worst.get(frame.can_id)
     return _Row(
         bus,
         stream.message.name,
-        stream.can_id,
-        stream.length,
+        frame.can_id,
+        len(frame.data),
+        frame.fd != 0,
         stream.message.period / _NS_PER_S,
         stream.why,
         None if bound is None else bound / _NS_PER_S,
         None if worst is None else worst / _NS_PER_S,
-        0 if found is None else found.counts.get(stream.can_id, 0),
+        0 if found is None else found.counts.get(frame.can_id, 0),
         bound is not None and bound <= stream.message.period,
     )
 
@@ -193,7 +237,10 @@ def _lines(buses: Sequence[_Bus], rows: Sequence[_Row]) -> Iterator[str]:
         name = f"{bus.name}: " if len(buses) > 1 else ""
         simulated = "" if bus.simulated_load is None else f", simulated {bus.simulated_load:.1%}"
         verdict = "" if bus.fits else "  TOO MUCH"
-        yield f"{name}load {bus.load:.1%} of {bitrate_text(bus.bitrate)}{simulated}{verdict}"
+        rate = bitrate_text(bus.bitrate)
+        if bus.data_bitrate:
+            rate += f", data at {bitrate_text(bus.data_bitrate)}"
+        yield f"{name}load {bus.load:.1%} of {rate}{simulated}{verdict}"
         yield ""
         yield (
             f"{'id':5}  {'message':24} {'bytes':>5} {'period':>10}  {'by':12} "

@@ -1,6 +1,6 @@
 """FDCAN of STM32G0 and G4, with classical frames (reference manual RM0440, chapter 44).
 
-Its message RAM has a fixed layout; frames of CAN FD are not on the bench's buses.
+Its message RAM has a fixed layout; it neither sends nor hears frames of CAN FD.
 """
 
 from collections.abc import Sequence

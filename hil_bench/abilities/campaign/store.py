@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 #
 # No digest knows where a file lies, so that the same run has the same key on every machine.
 
-_SOURCES = {".py", ".lark", ".eds", ".toml"}
+_SOURCES = {".py", ".lark", ".eds", ".toml", ".tsv"}
 _LENGTH = 32  # hexadecimal digits of a digest: 128 bits
 _LEFT_OUT = {"path", "settings", "realtime", "sensor_units"}
 """Of a bench: they change nothing in virtual time."""

@@ -287,6 +287,20 @@ def test_sources_decide_the_identity_of_the_program():
     assert store.program_identity().startswith(f"{hil_bench.__version__}+")
 
 
+def test_the_identity_of_the_program_has_its_tables_of_parameters(monkeypatch):
+    read = []
+
+    def read_bytes(path, original=Path.read_bytes):
+        read.append(path.name)
+        return original(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    store.program_identity.cache_clear()
+    store.program_identity()
+
+    assert {"parameters.tsv", "chain.tsv", "parameters.py"} <= set(read)
+
+
 @pytest.mark.long
 def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys):
     close = REST.replace(

@@ -63,7 +63,7 @@ def test_not_a_number_reads_back(tmp_path: Path) -> None:
 
 
 def test_names_with_separators_and_quotes_read_back(tmp_path: Path) -> None:
-    channels = (Channel("time", "s"), Channel('a,"b"', "l/(min bar)"))
+    channels = (Channel("time", "s"), Channel('a,"b"', 'chain, "Gunter"'))
     path = tmp_path / "run.csv"
     write(path, np.zeros(1, dtype=recording_dtype(channels)))
 

@@ -28,8 +28,7 @@ from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.session.feed import Feed, Health
-from hil_bench.session.live_recording import LiveRecording
-from hil_bench.session.recording import RecordingWish, open_sink
+from hil_bench.session.recording import LiveRecording, RecordingWish, open_sink
 from hil_bench.session.session import Session
 from hil_bench.session.work_feed import WorkFeed, WorkState
 

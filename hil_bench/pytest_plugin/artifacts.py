@@ -7,8 +7,7 @@ from pathlib import Path
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.plot import has_axis, plot_result
-from hil_bench.session.fault_spans import fault_spans
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench, fault_spans
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 

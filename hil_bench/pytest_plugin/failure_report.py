@@ -13,8 +13,7 @@ from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus
-from hil_bench.session.frame_reader import FrameReader
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""

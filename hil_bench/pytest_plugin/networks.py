@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from hil_drivers import Network
+from hil_drivers.network import Network
 
 
 class Networks:

@@ -36,6 +36,7 @@ from hil_bench.outside.feed.process import FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
+    ACTIONS,
     BeginFault,
     ClearFault,
     Command,
@@ -46,8 +47,7 @@ from hil_bench.session.commands import (
     SetPlant,
     Stop,
 )
-from hil_bench.session.journal import ACTIONS
-from hil_bench.session.live_recording import LiveRecording
+from hil_bench.session.recording import LiveRecording
 from hil_bench.session.session import Session
 from hil_bench.session.work_feed import WorkState
 

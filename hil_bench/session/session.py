@@ -13,8 +13,7 @@ from hil_bench.bench.ecus import EcuTable
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.commands import Controls, Device
-from hil_bench.session.door import Door
+from hil_bench.session.commands import Controls, Device, Door
 from hil_bench.session.telemetry import bench_channels, sample
 
 RowObserver = Callable[[Sequence[float]], None]

@@ -23,7 +23,7 @@ from hil_bench.outside.feed.messages import (
 )
 from hil_bench.outside.feed.process import FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
-from hil_bench.session.journal import Journal
+from hil_bench.session.commands import Journal
 
 MOST_ITEMS = 200
 """Most items of a state: those that are worth it come first."""

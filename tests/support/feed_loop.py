@@ -14,8 +14,7 @@ from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS
 from hil_bench.outside.feed.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.session.feed import LOOK, Feed
-from hil_bench.session.live_recording import LiveRecording
-from hil_bench.session.recording import RecordingWish, open_sink
+from hil_bench.session.recording import LiveRecording, RecordingWish, open_sink
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000

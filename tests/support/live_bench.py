@@ -16,8 +16,7 @@ from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.session.feed import Feed
-from hil_bench.session.live_recording import LiveRecording
-from hil_bench.session.recording import RecordingWish, open_sink
+from hil_bench.session.recording import LiveRecording, RecordingWish, open_sink
 from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else

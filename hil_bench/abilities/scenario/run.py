@@ -40,11 +40,9 @@ from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scratch import scratch_folder
-from hil_bench.session.fault_spans import fault_spans
-from hil_bench.session.frame_reader import FrameReader
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import FrameReader, VirtualBench, fault_spans
 
 # Controllers of a run, and its time, which the runner lets pass.
 

@@ -5,7 +5,7 @@ from support.feed_loop import FeedLoop
 
 from hil_bench.errors import ConfigError
 from hil_bench.session import attached
-from hil_bench.session.journal import MOST_BYTES, MOST_ENTRY, Journal
+from hil_bench.session.commands import MOST_BYTES, MOST_ENTRY, Journal
 from hil_bench.session.live_faults import fault_fields, fault_table
 
 HELLO = {"channels": [["pressure_a.measured", "Pa"], ["position.measured", "m"]]}

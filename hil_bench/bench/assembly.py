@@ -18,10 +18,10 @@ from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.agenda import Agenda
-from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.periods import find_short_periods, limit_periods
+from hil_bench.canopen_device.storage import FileStorage
 from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Axis, Fitting, Measurement

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from hil_bench.canopen_device.eds_document import Document, EdsFinding, parse_document
-from hil_bench.canopen_device.eds_objects import add_mandatory, read_objects
-from hil_bench.canopen_device.eds_pdos import settle_pdos
+from hil_bench.canopen_device.eds_objects import add_mandatory, read_objects, settle_pdos
 from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary

@@ -8,17 +8,17 @@ EMCY is allowed.
 
 import struct
 from collections import deque
+from enum import Enum, auto
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import INHIBIT_UNIT, NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.service import Service
+from hil_bench.canopen_device.service import NodeCounters, Service
 
 GENERIC: Final = 0x01
 """Error register bit 0: set while there is any error."""
@@ -201,3 +201,55 @@ def _check_history_count(count: int) -> None:
     """
     if count:
         raise SdoAbort(*abort_codes.VALUE)
+
+
+# Events of a CAN controller and the reaction of its CANopen device (CiA 301, EMCY).
+
+OVERRUN: Final = 0x8110
+"""CAN overrun: objects lost."""
+
+PASSIVE: Final = 0x8120
+"""CAN in error passive mode."""
+
+RECOVERED: Final = 0x8140
+"""Recovered from bus-off."""
+
+
+class CanEvent(Enum):
+    """An event of a device's CAN controller."""
+
+    PASSIVE = auto()
+    """One of its error counters has come to 128."""
+    ACTIVE = auto()
+    """Both are below 128 again."""
+    BUS_OFF = auto()
+    """Its transmit error counter has come to 256: it neither sends nor hears."""
+    RECOVERED = auto()
+    """It takes part again, its counters at 0."""
+    OVERRUN = auto()
+    """A frame found the transmission buffer full, and is lost."""
+    SENT_ALL = auto()
+    """After an overrun, the buffer is empty."""
+
+
+class CanErrors:
+    """Turns what the CAN controller tells into emergencies."""
+
+    def __init__(self, emcy: EmcyProducer) -> None:
+        self._emcy = emcy
+
+    def take(self, event: CanEvent) -> None:
+        """Raise or clear the error of an event."""
+        emcy = self._emcy
+        if event is CanEvent.PASSIVE:
+            emcy.raise_error(PASSIVE, COMMUNICATION)
+        elif event is CanEvent.ACTIVE:
+            emcy.clear_error(PASSIVE)
+        elif event is CanEvent.OVERRUN:
+            emcy.raise_error(OVERRUN, COMMUNICATION)
+        elif event is CanEvent.SENT_ALL:
+            emcy.clear_error(OVERRUN)
+        elif event is CanEvent.RECOVERED:
+            emcy.raise_error(RECOVERED, COMMUNICATION)
+            emcy.clear_error(RECOVERED)
+            emcy.clear_error(PASSIVE)

@@ -12,17 +12,20 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 """
 
 from collections.abc import Collection
+from typing import Final
 
+from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
-from hil_bench.canopen_device.can_errors import CanErrors, CanEvent
-from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.emcy import EmcyProducer
-from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR, ErrorBehaviour
-from hil_bench.canopen_device.error_control import ErrorControl
-from hil_bench.canopen_device.errors import ConfigError
+from hil_bench.canopen_device.emcy import CanErrors, CanEvent, EmcyProducer
+from hil_bench.canopen_device.error_control import (
+    COMMUNICATION_ERROR,
+    ERROR_CONTROL,
+    ErrorBehaviour,
+    ErrorControl,
+)
+from hil_bench.canopen_device.errors import ConfigError, SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Routes
-from hil_bench.canopen_device.heartbeat import ERROR_CONTROL
 from hil_bench.canopen_device.lss import LSS_REQUEST, LssSlave
 from hil_bench.canopen_device.nmt import (
     ENTERED,
@@ -33,17 +36,78 @@ from hil_bench.canopen_device.nmt import (
     NmtRequest,
     NmtState,
 )
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary
 from hil_bench.canopen_device.parameter_store import ParameterStore
-from hil_bench.canopen_device.pdo_protection import MOST_BYTES, limit_mapping, mapped_bytes
+from hil_bench.canopen_device.pdo_parameters import MOST_BYTES, limit_mapping, mapped_bytes
 from hil_bench.canopen_device.process_data import ProcessData
-from hil_bench.canopen_device.routing import RouteTable, names_identifier
 from hil_bench.canopen_device.sdo_channels import SdoChannels
+from hil_bench.canopen_device.service import NodeCounters, RouteTable, names_identifier
 from hil_bench.canopen_device.srdo import Srdos
-from hil_bench.canopen_device.startup import Startup
 from hil_bench.canopen_device.storage import MemoryStorage, Storage
 from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
-from hil_bench.canopen_device.verify_configuration import watch_configuration
+
+# NMT startup 0x1F80 (CiA 302-2), as far as it concerns a device that is no NMT master.
+
+_NMT_STARTUP: Final = 0x1F80
+_NO_SELF_START: Final = 1 << 2
+"""The device stays in PRE-OPERATIONAL after boot-up until the NMT master starts it."""
+_NO_START_OF_OTHERS: Final = 1 << 3
+"""Says what an NMT master does not do, so it is true of every other device."""
+
+
+class Startup:
+    """Knows whether the device enters OPERATIONAL by itself; without 0x1F80 it does not."""
+
+    def __init__(self, object_dictionary: ObjectDictionary) -> None:
+        self._startup = object_dictionary.find(_NMT_STARTUP)
+        if self._startup is not None:
+            self._startup.add_check(_check)
+
+    @property
+    def is_automatic(self) -> bool:
+        """True if OPERATIONAL follows the boot-up at once."""
+        return self._startup is not None and not self._startup.value & _NO_SELF_START
+
+
+def _check(startup: int) -> None:
+    """Refuse what would make this device an NMT master.
+
+    Raises:
+        SdoAbort: 0609 0030.
+    """
+    if startup & ~(_NO_SELF_START | _NO_START_OF_OTHERS):
+        raise SdoAbort(*abort_codes.VALUE)
+
+
+# Verify configuration 0x1020 (CiA 301): does the device have what a master has written last?
+#
+# A master writes date and time of its configuration into sub-index 1 and 2, and reads them at the
+# next boot-up (CiA 302-2). Any later change of the configuration sets both to 0; a master that
+# finds another date writes everything again.
+
+_VERIFY_CONFIGURATION: Final = 0x1020
+_DATE_AND_TIME: Final = (1, 2)
+_NO_CONFIGURATION: Final = frozenset({0x1003, 0x1010, 0x1011, 0x1013, _VERIFY_CONFIGURATION})
+_WRITABLE: Final = frozenset({Access.RW, Access.RWR})
+
+
+def watch_configuration(object_dictionary: ObjectDictionary) -> None:
+    """Let each change of the configuration of a device clear its 0x1020, where it has one.
+
+    What an RPDO may write is no configuration.
+    """
+    found = [object_dictionary.find(_VERIFY_CONFIGURATION, subindex) for subindex in _DATE_AND_TIME]
+    stamps = [variable for variable in found if variable is not None]
+    if not stamps:
+        return
+
+    def clear(_value: object) -> None:
+        for stamp in stamps:
+            stamp.value = 0
+
+    for variable in object_dictionary:
+        if variable.access in _WRITABLE and variable.index not in _NO_CONFIGURATION:
+            variable.add_hook(clear)
 
 
 class Node:

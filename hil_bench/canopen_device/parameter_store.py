@@ -26,8 +26,7 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
 from hil_bench.canopen_device.service import Service
-from hil_bench.canopen_device.storage import Storage
-from hil_bench.canopen_device.stored_parameters import Identity, StoredParameters
+from hil_bench.canopen_device.storage import Identity, Storage, StoredParameters
 
 STORAGE: Final = 0x5530
 """EMCY code: the stored parameters cannot be used (non-volatile data memory)."""

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from hil_bench.canopen_device.agenda import Agenda
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.events import NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
@@ -12,7 +11,7 @@ from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, PdoParameters
 from hil_bench.canopen_device.rpdo import Rpdo
-from hil_bench.canopen_device.service import Service
+from hil_bench.canopen_device.service import NodeCounters, Service
 from hil_bench.canopen_device.sync import SyncConsumer, SynchronousWindow, SyncProducer
 from hil_bench.canopen_device.tpdo import TpdoProducer
 

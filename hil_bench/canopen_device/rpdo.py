@@ -1,7 +1,6 @@
 """Receive PDOs (CiA 301, process data objects): from the bus to the object dictionary."""
 
 from hil_bench.canopen_device.agenda import NEVER, Agenda
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import (
     COMMUNICATION,
     PDO_TOO_LONG,
@@ -13,6 +12,7 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.pdo_mapping import PdoMapping
 from hil_bench.canopen_device.pdo_parameters import SYNCHRONOUS, PdoParameters
+from hil_bench.canopen_device.service import NodeCounters
 from hil_bench.canopen_device.sync import SynchronousWindow
 
 

@@ -17,7 +17,6 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
@@ -29,6 +28,7 @@ from hil_bench.canopen_device.sdo_transfer import (
     Transfer,
     check_bound,
 )
+from hil_bench.canopen_device.service import NodeCounters
 
 BUFFER_SIZE: Final = 65536
 """Longest string or domain that a client may download [byte], unless the object says otherwise."""

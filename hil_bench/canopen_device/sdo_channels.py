@@ -7,13 +7,12 @@ from typing import Any, Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo import SdoServer
-from hil_bench.canopen_device.service import Service
+from hil_bench.canopen_device.service import NodeCounters, Service
 
 REQUEST: Final = 0x600
 """Identifier of the default channel, client to server, plus the node-ID."""

@@ -9,11 +9,11 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_identifier
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import COMMUNICATION, SYNC_LENGTH, EmcyProducer
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.service import NodeCounters
 
 _COB_ID: Final = 0x1005
 _PERIOD: Final = 0x1006

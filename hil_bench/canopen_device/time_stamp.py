@@ -7,12 +7,11 @@ from typing import Final, NamedTuple
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND
 from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_identifier
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.service import Service
+from hil_bench.canopen_device.service import NodeCounters, Service
 
 _COB_ID: Final = 0x1012
 _CONSUMES: Final = DISABLED

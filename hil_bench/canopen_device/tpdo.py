@@ -4,7 +4,6 @@ from functools import partial
 from typing import Any
 
 from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction, PdoMapping
@@ -16,8 +15,9 @@ from hil_bench.canopen_device.pdo_parameters import (
     SYNCHRONOUS_ACYCLIC,
     SYNCHRONOUS_REMOTE,
     PdoParameters,
+    Seal,
 )
-from hil_bench.canopen_device.pdo_protection import Seal
+from hil_bench.canopen_device.service import NodeCounters
 from hil_bench.canopen_device.sync import SynchronousWindow
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hil_bench.canopen_device.identifiers import function_of
+from hil_bench.canopen_device.words import function_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results

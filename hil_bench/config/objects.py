@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from hil_bench.canopen_device.eds_checks import find_faults
-from hil_bench.canopen_device.eds_values import parse_value
+from hil_bench.canopen_device.eds_document import parse_value
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.config.values import describe, quote
 from hil_bench.errors import ConfigError, SdoAbort

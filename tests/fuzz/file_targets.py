@@ -13,7 +13,7 @@ from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.stored_parameters import StoredParameters
+from hil_bench.canopen_device.storage import StoredParameters
 from hil_bench.errors import HilBenchError
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import can
 
 from hil_bench.abilities.eyes.frame_words import meaning_of
-from hil_bench.canopen_device.identifiers import function_of
+from hil_bench.canopen_device.words import function_of
 from hil_bench.errors import ConfigError
 from hil_bench.frame import bits_of
 from hil_bench.outside.messages import frame_of

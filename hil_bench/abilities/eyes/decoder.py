@@ -29,9 +29,9 @@ from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import SdoChannel, Transfer, Way
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtRequest, NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.words import function_of
 from hil_bench.frame import BUS_SHIFT, ERROR_FLAG, address_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 

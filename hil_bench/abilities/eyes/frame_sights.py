@@ -13,8 +13,7 @@ from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
-from hil_bench.canopen_device.identifiers import function_of
-from hil_bench.canopen_device.words import abort_text, nmt_text
+from hil_bench.canopen_device.words import abort_text, function_of, nmt_text
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 LENGTH_OF_SDO: Final = 8

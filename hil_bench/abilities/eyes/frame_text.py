@@ -12,7 +12,7 @@ from hil_bench.abilities.eyes.values import Reading
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.identifiers import function_of
+from hil_bench.canopen_device.words import function_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 CYCLIC = 5

@@ -2,10 +2,10 @@
 
 import struct
 
-from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.canopen_device.words import (
     abort_text,
     emergency_text,
+    function_of,
     lss_text,
     nmt_text,
     state_text,

@@ -10,8 +10,7 @@ from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import BITS_OF_A_BYTE, Direction, MappingEntry
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
-from hil_bench.canopen_device.pdo_protection import SEAL_BYTES, checksum
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SEAL_BYTES, checksum
 
 _TO_MAPPING = 0x200
 _LARGEST_DUMMY = 7

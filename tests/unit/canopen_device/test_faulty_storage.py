@@ -7,9 +7,9 @@ from support.faulty_disk import Fault, FaultyDisk
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.errors import StorageError
-from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.storage import FileStorage
 
 pytestmark = pytest.mark.parametrize("fault", Fault)
 OLD, NEW = b'{"old": 1}\n', b'{"new": 2, "longer": "than the old ones"}\n'

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.canopen_device.errors import StorageError
-from hil_bench.canopen_device.file_storage import FileStorage
+from hil_bench.canopen_device.storage import FileStorage
 
 DATA = b'{"identity": [0, 1, 65536]}\n'
 

@@ -6,7 +6,7 @@ the initial value inverted, 0x00.
 
 import pytest
 
-from hil_bench.canopen_device.pdo_protection import Seal, crc8
+from hil_bench.canopen_device.pdo_parameters import Seal, crc8
 
 DIGITS = b"123456789"
 

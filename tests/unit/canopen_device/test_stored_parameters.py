@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.errors import ConfigError, StorageError
 from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.storage import MemoryStorage
-from hil_bench.canopen_device.stored_parameters import StoredParameters
+from hil_bench.canopen_device.storage import MemoryStorage, StoredParameters
 
 IDENTITY = (0, 1, 0x10000)  # vendor-ID, product code and revision of device.eds
 

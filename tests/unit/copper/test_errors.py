@@ -13,7 +13,7 @@ from hil_bench.abilities.copper.wire.broken import (
 )
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
-from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.bits import exact_bits, stuffed_bits
 

@@ -6,7 +6,7 @@ import pytest
 
 from hil_bench.abilities.copper.wire.station import Order, Station, priority
 from hil_bench.abilities.copper.wire.wire import Wire
-from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.bits import exact_bits
 

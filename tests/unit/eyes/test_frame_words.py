@@ -3,7 +3,7 @@
 import pytest
 
 from hil_bench.abilities.eyes.frame_words import meaning_of
-from hil_bench.canopen_device.identifiers import Function, function_of
+from hil_bench.canopen_device.words import Function, function_of
 
 
 @pytest.mark.parametrize(

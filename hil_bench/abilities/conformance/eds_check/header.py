@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section
-from hil_bench.canopen_device.eds_values import parse_integer
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, parse_integer
 
 _TIME: Final = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
 _DATE: Final = re.compile(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}")

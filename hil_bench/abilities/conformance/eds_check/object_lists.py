@@ -3,8 +3,13 @@
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, Severity
-from hil_bench.canopen_device.eds_values import parse_integer
+from hil_bench.canopen_device.eds_document import (
+    Document,
+    EdsFinding,
+    Section,
+    Severity,
+    parse_integer,
+)
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER: Final = range(0x2000, 0x6000)

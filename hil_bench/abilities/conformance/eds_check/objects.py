@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section
-from hil_bench.canopen_device.eds_values import parse_integer
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, parse_integer
 
 _STRUCTURES: Final = (0x8, 0x9)
 _VALUES: Final = ("LowLimit", "HighLimit", "DefaultValue", "ParameterValue")

@@ -8,7 +8,7 @@ from typing import Final
 from hil_bench.abilities.copper.wire.broken import ErrorKind
 from hil_bench.abilities.copper.wire.station import Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame
-from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
 

@@ -15,7 +15,7 @@ from hil_bench.abilities.copper.wire.broken import AFTER_FLAGS, FLAG, Broken, Er
 from hil_bench.abilities.copper.wire.recovery import Absence, dominant_errors
 from hil_bench.abilities.copper.wire.station import BUS_OFF_FROM, Station
 from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 
 _NS_PER_S: Final = 1_000_000_000

@@ -7,7 +7,7 @@ from typing import Final
 from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.canopen_device.pdo_protection import SEAL_BYTES
+from hil_bench.canopen_device.pdo_parameters import SEAL_BYTES
 
 _MODULUS: Final = 256
 _BACK: Final = 128

@@ -28,7 +28,7 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.identifiers import function_of
+from hil_bench.canopen_device.words import function_of
 from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin

@@ -41,13 +41,13 @@ AREAS: Final = {
     "sdo": _files("hil_bench/canopen_device", "sdo sdo_block sdo_channels sdo_transfer"),
     "pdo": _files("hil_bench/canopen_device", "rpdo tpdo pdo_mapping pdo_parameters"),
     "sync": _files("hil_bench/canopen_device", "sync"),
-    "valve": [
-        *_files("hil_bench/devices", "valve_408 valve_state_machine demand_generator ramp"),
-        *_files("hil_bench/devices", "deviation_monitor compensation local_command"),
-    ],
+    "valve": _files(
+        "hil_bench/devices",
+        "valve_408 valve_state_machine demand_generator deviation_monitor motion_profiles",
+    ),
     "limits": [
         *_files("hil_bench/canopen_device", "object_dictionary"),
-        *_files("hil_bench/devices", "measuring_range saturation"),
+        *_files("hil_bench/devices", "encoder_406 profile_objects"),
         *_files("hil_bench/abilities/commissioning", "plan rig"),
         *_files("drivers/hil_drivers", "valve"),
     ],
@@ -122,8 +122,10 @@ TESTS: Final = {
         *_DIALOGUES,
         *_tests("canopen_device", "object_dictionary flags_and_ranges sdo eds"),
     ],
-    "hil_bench/devices/measuring_range.py": _tests("devices", "measuring_range unsigned_range"),
-    "hil_bench/devices/saturation.py": _tests(
+    "hil_bench/devices/encoder_406.py": _tests(
+        "devices", "measuring_range unsigned_range encoder_406"
+    ),
+    "hil_bench/devices/profile_objects.py": _tests(
         "devices", "valve_limits measuring_range encoder_406"
     ),
     "hil_bench/abilities/commissioning/plan.py": _tests("commissioning", "rig session"),

@@ -18,8 +18,7 @@ from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.devices.profile_objects import TpdoTrigger
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.profile_objects import TpdoTrigger, saturate
 
 _FULL: Final = 1.0
 _COMMANDS_LOST: Final = (NodeEventKind.RPDO_TIMEOUT, NodeEventKind.SRDO_FAILED)

@@ -14,22 +14,97 @@ of the ramp are those of a firmware made after DS 408 V1.5.2 (Lambda Sistemi): 1
 for speeding up and one for slowing down, 3 four times.
 """
 
-from typing import Final
+import math
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.compensation import (
-    CURVE_POINTS,
-    DeadBand,
-    DeadBandType,
-    apply_directional_gain,
-    follow_curve,
-)
-from hil_bench.devices.profile_objects import locate, optional
-from hil_bench.devices.ramp import Ramp, RampTimes
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.motion_profiles import Ramp, RampTimes
+from hil_bench.devices.profile_objects import locate, optional, saturate
 from hil_bench.errors import EdsError, SdoAbort
+
+# Compensation of cylinder and spool in the set-point of a CiA 408 valve.
+#
+# Source: Moog ACV CANopen manual B99224-DV018-D-211, sections 7.2.6 (directional gain), 7.2.7
+# (characteristic) and 7.2.8 (dead band). Which side is A is not in the part of it that was at
+# hand: here a positive set-point opens to A.
+
+CURVE_POINTS: Final = 257
+"""Points of a characteristic, from -16384 to 16384."""
+_CURVE_STEP: Final = 128
+_CURVE_START: Final = -16384
+
+
+class DeadBandType(IntEnum):
+    """Values of 0x6342."""
+
+    OFF = 0
+    JUMP = 1
+    CONTINUOUS = 2
+
+
+class DeadBand(NamedTuple):
+    """Dead band compensation: the smallest openings are made larger.
+
+    Attributes:
+        kind: what happens below the threshold: nothing comes out, or a part of the step.
+        side_a: step of a positive set-point [increments].
+        side_b: step of a negative set-point, as a positive number [increments].
+        threshold: set-point of the step [increments].
+        reference: set-point that goes through unchanged, 100 % [increments].
+    """
+
+    kind: DeadBandType
+    side_a: int
+    side_b: int
+    threshold: int
+    reference: int
+
+    def compensate(self, value: float) -> float:
+        """Return the set-point `value` with the step added."""
+        if value > 0.0:
+            return self._stretch(value, self.side_a)
+        return -self._stretch(-value, self.side_b) if value else 0.0
+
+    def _stretch(self, size: float, step: int) -> float:
+        if size >= self.reference:
+            return size
+        if size >= self.threshold:
+            slope = (self.reference - step) / (self.reference - self.threshold)
+            return step + (size - self.threshold) * slope
+        return 0.0 if self.kind is DeadBandType.JUMP else size * step / self.threshold
+
+
+def follow_curve(value: float, outputs: Sequence[int]) -> float:
+    """Return a set-point bent by a characteristic, straight between its points.
+
+    Args:
+        value: the set-point [increments].
+        outputs: what comes out at -16384, -16256, ..., 16384; the ends hold beyond them.
+    """
+    place = (value - _CURVE_START) / _CURVE_STEP
+    if place <= 0.0:
+        return outputs[0]
+    if place >= CURVE_POINTS - 1:
+        return outputs[-1]
+    below = int(place)
+    return outputs[below] + (place - below) * (outputs[below + 1] - outputs[below])
+
+
+def apply_directional_gain(value: float, factor: float) -> float:
+    """Return a set-point whose gain is reduced on one side.
+
+    Args:
+        value: the set-point [increments].
+        factor: gain of the positive side by that of the negative side; the larger gain is 1.
+    """
+    if factor < 1.0:
+        return value * factor if value > 0.0 else value
+    return value if value > 0.0 else value / factor
+
 
 _LOWEST: Final = -32768
 _HIGHEST: Final = 32767
@@ -247,3 +322,42 @@ def _check_factor(factor: int) -> None:
 def _check_size(size: int) -> None:
     if size < 0:
         raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
+
+
+# The dither of a CiA 408 valve: 0x6360 to 0x6362.
+#
+# While it is on (0x6360 = 1) and the valve is ACTIVE, a sine of the amplitude 0x6361.01
+# [increments] and the frequency 0x6362.01 [Hz] is added to what the spool is told; the demand
+# value 0x6310.01 stays without it. It is sampled once a tick, so a frequency above half of the
+# ticks a second shows as a lower one.
+#
+# Source: Moog ACV CANopen manual B99224-DV018-D-211 (objects and unit). Type and shape are this
+# device's own.
+
+_SECOND: Final = 1_000_000_000
+
+
+class Dither:
+    """The dither of one valve.
+
+    Attributes:
+        type: 0x6360, 0 where it is off.
+    """
+
+    def __init__(self, od: ObjectDictionary) -> None:
+        """Bind the profile's objects; EdsError where one is of a wrong kind."""
+        self.type = optional(od, 0x6360, 0, INTEGER8)
+        self.type.add_check(_check_type)
+        self._amplitude = optional(od, 0x6361, 1, UNSIGNED16)
+        self._frequency = optional(od, 0x6362, 1, UNSIGNED16)
+
+    def swing(self, now: int) -> float:
+        """Return the dither to add at `now` [ns], in increments."""
+        # Whole periods go first, in integers, so that a long run loses no phase.
+        phase = self._frequency.value * now % _SECOND / _SECOND
+        return float(self._amplitude.value) * math.sin(2.0 * math.pi * phase)
+
+
+def _check_type(kind: int) -> None:
+    if kind not in {0, 1}:
+        raise SdoAbort(*abort_codes.VALUE)

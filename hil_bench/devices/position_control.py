@@ -28,8 +28,7 @@ from hil_bench.canopen_device.datatypes import INTEGER32, UNSIGNED8, UNSIGNED16
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.deviation_monitor import DeviationMonitor
-from hil_bench.devices.profile_objects import optional
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.profile_objects import optional, saturate
 from hil_bench.errors import SdoAbort
 
 POSITION: Final = 9

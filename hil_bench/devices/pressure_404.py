@@ -36,10 +36,16 @@ from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.devices.analogue_input import LARGEST_REAL32, AnalogueInput, check_real32
-from hil_bench.devices.integer_sets import IntegerFaces, IntegerParameters, mapped_values
+from hil_bench.devices.analogue_input import (
+    LARGEST_REAL32,
+    AnalogueInput,
+    IntegerFaces,
+    IntegerParameters,
+    ValueInterrupts,
+    check_real32,
+    mapped_values,
+)
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
-from hil_bench.devices.value_interrupts import ValueInterrupts
 from hil_bench.errors import EdsError, ParameterError, SdoAbort
 
 UNITS: Final[Mapping[int, float]] = MappingProxyType(

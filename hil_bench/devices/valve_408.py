@@ -30,17 +30,15 @@ from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, RPDO_TIMEOUT
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.demand_generator import DemandGenerator
+from hil_bench.devices.demand_generator import DemandGenerator, Dither
 from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
-from hil_bench.devices.dither import Dither
-from hil_bench.devices.local_command import LocalCommand
 from hil_bench.devices.position_control import AXIS_DEVIATION_EMCY, POSITION, PositionControl
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW, PressureControl
-from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required, saturate
 from hil_bench.devices.valve_state_machine import (
     FAULT_STATES,
     STATUS_BITS,
+    LocalCommand,
     ValveState,
     ValveStateMachine,
 )

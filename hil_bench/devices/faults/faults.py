@@ -24,7 +24,7 @@ from hil_bench.devices.faults.points import NODES, PLANTS, FaultPoints, Places
 from hil_bench.devices.faults.registry import find_fault_kind, missing_defect
 from hil_bench.devices.faults.schedule import FaultSchedule
 from hil_bench.devices.faults.verbs import Verbs
-from hil_bench.devices.measurement.noise import random_stream
+from hil_bench.devices.measurement.low_pass import random_stream
 from hil_bench.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from hil_bench.devices.faults.kind import LARGEST, Site, amounts, fault_kind
 from hil_bench.devices.faults.points import SENSORS, VALVES
 from hil_bench.devices.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.devices.faults.words import BrokenReading
-from hil_bench.devices.measurement.noise import normal_numbers
+from hil_bench.devices.measurement.low_pass import normal_numbers
 from hil_bench.units import MILLISECOND
 
 _SHORTEST_LAG = 1e-6

@@ -4,8 +4,7 @@ import math
 from typing import Protocol
 
 from hil_bench.devices.faults.words import BrokenReading
-from hil_bench.devices.measurement.low_pass import FirstOrderLowPass
-from hil_bench.devices.measurement.noise import Draw
+from hil_bench.devices.measurement.low_pass import Draw, FirstOrderLowPass
 
 
 class SensorStage(Protocol):

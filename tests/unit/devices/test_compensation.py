@@ -1,11 +1,11 @@
 """Compensations by themselves, with 10000 for 100 % so that the numbers can be read.
 
-Moog ACV manual, 7.2.6 to 7.2.8: see `hil_bench.devices.compensation`.
+Moog ACV manual, 7.2.6 to 7.2.8: see `hil_bench.devices.demand_generator`.
 """
 
 import pytest
 
-from hil_bench.devices.compensation import (
+from hil_bench.devices.demand_generator import (
     CURVE_POINTS,
     DeadBand,
     DeadBandType,

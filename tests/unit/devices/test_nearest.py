@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.devices.saturation import nearest
+from hil_bench.devices.profile_objects import nearest
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.devices.ramp import Ramp, RampTimes, advance
+from hil_bench.devices.motion_profiles import Ramp, RampTimes, advance
 
 EACH = RampTimes(
     speed_up_positive=1.0, speed_up_negative=2.0, slow_down_positive=4.0, slow_down_negative=8.0

@@ -17,18 +17,17 @@ from support.valves import (
 )
 
 from device_profiles import VALVE_408
-from hil_bench.devices.compensation import (
+from hil_bench.devices.demand_generator import (
     CURVE_POINTS,
     DeadBand,
     DeadBandType,
     apply_directional_gain,
     follow_curve,
 )
-from hil_bench.devices.local_command import LocalCommand
-from hil_bench.devices.ramp import Ramp, RampTimes
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.motion_profiles import Ramp, RampTimes
+from hil_bench.devices.profile_objects import saturate
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.devices.valve_state_machine import ValveState, ValveStateMachine
+from hil_bench.devices.valve_state_machine import LocalCommand, ValveState, ValveStateMachine
 from hil_bench.errors import ParameterError, SdoAbort
 
 VALUE, TOO_LOW, TOO_HIGH = 0x06090030, 0x06090032, 0x06090031

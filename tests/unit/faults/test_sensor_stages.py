@@ -7,7 +7,7 @@ import pytest
 
 from hil_bench.devices.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.devices.faults.words import BrokenReading
-from hil_bench.devices.measurement.noise import normal_numbers, random_stream
+from hil_bench.devices.measurement.low_pass import normal_numbers, random_stream
 
 TICK = 1e-3
 

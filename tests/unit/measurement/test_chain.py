@@ -7,8 +7,7 @@ import pytest
 from scipy import signal
 
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.low_pass import natural_frequency
-from hil_bench.devices.measurement.noise import random_stream
+from hil_bench.devices.measurement.low_pass import natural_frequency, random_stream
 from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 
 MS = 1_000_000

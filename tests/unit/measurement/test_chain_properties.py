@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.noise import random_stream
+from hil_bench.devices.measurement.low_pass import random_stream
 from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 
 US = 1_000

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from hil_bench.devices.measurement.low_pass import natural_frequency
-from hil_bench.devices.measurement.noise import (
+from hil_bench.devices.measurement.low_pass import (
     FirstOrderNoise,
     SecondOrderNoise,
     WhiteNoise,
+    natural_frequency,
     normal_numbers,
     random_stream,
 )

@@ -40,11 +40,11 @@ from hil_bench.bench.configuration import (
     load_config,
 )
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.silent import SilentTransport
+from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import Session, open_session

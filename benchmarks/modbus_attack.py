@@ -35,7 +35,7 @@ from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimeP
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.silent import SilentTransport
+from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import open_session
 

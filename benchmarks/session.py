@@ -31,7 +31,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
 
 try:
-    from hil_bench.outside.transports.silent import SilentTransport
+    from hil_bench.outside.transports.transport import SilentTransport
     from hil_bench.session.virtual_bench import VirtualBench
 except ImportError:  # before packages were put into rooms
     from hil_bench.transports.silent import SilentTransport  # type: ignore[no-redef]

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from hil_bench.bench.configuration import FaultConfig
-from hil_bench.bench.segment import Segment
+from hil_bench.bench.ecus import Segment
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.canopen_device.node import Node

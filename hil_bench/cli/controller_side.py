@@ -14,8 +14,7 @@ from hil_bench.cli.arguments import seen_from_bus
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.formats import Heading
-from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.outside.recording.network_tap import NetworkTap
+from hil_bench.outside.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.transports.opening import open_can_bus, open_transport

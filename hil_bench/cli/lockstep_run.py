@@ -25,7 +25,7 @@ from hil_bench.cli.status_line import (
     format_lines,
 )
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import Transport

@@ -29,7 +29,7 @@ from hil_bench.cli.status_line import (
     format_lines,
 )
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import DurationSummary, TickStatistics, TickSummary

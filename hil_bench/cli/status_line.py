@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 
 from hil_bench.bench.bench import Bench
 from hil_bench.outside.processes.helper_process import HelperProcess
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import TransportCounters

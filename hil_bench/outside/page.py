@@ -1,9 +1,13 @@
-"""HTML pages that open offline, made from templates; whatever a value holds, it stays text."""
+"""Pages and Markdown: values are escaped."""
 
 import base64
+import re
 from collections.abc import Callable, Mapping
+from html import escape
 
 from hil_bench.errors import ConfigError
+
+# HTML pages that open offline, made from templates; whatever a value holds, it stays text.
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """The Content-Security-Policy of a report: it loads nothing and runs nothing."""
@@ -48,3 +52,19 @@ def render_page(
 
 def _data_uri(picture: bytes) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")
+
+
+# Texts from outside in Markdown: what a device says is no HTML, no code and no link.
+
+_MARKUP = re.compile(r"[\\`\[\]]")
+"""Characters by which text becomes code or a link, and the one that escapes them."""
+
+
+def plain(text: str) -> str:
+    """Return text as Markdown that shows it as it is, in one line."""
+    return _MARKUP.sub(r"\\\g<0>", escape(" ".join(text.split()), quote=False))
+
+
+def cell(text: str) -> str:
+    """Return the same for a cell of a table."""
+    return plain(text).replace("|", "\\|")

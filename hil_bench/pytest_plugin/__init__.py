@@ -38,9 +38,7 @@ if TYPE_CHECKING:
 
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
-    from hil_bench.pytest_plugin.devices import Devices
-    from hil_bench.pytest_plugin.networks import Networks
-    from hil_bench.pytest_plugin.physical import PhysicalBench
+    from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
     from hil_bench.session.firmware import Firmware, FirmwareBus
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
@@ -231,7 +229,7 @@ def bench(
     """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
     request.node.user_properties.extend(_properties(request.config, _bench_config))
     if option(request.config, "interface"):
-        from hil_bench.pytest_plugin.physical import PhysicalBench
+        from hil_bench.pytest_plugin.devices import PhysicalBench
 
         yield PhysicalBench(_bench_config)
         return
@@ -356,7 +354,7 @@ def _networks(
     from contextlib import ExitStack
 
     from hil_bench.outside.transports.opening import open_can_bus
-    from hil_bench.pytest_plugin.networks import Networks
+    from hil_bench.pytest_plugin.devices import Networks
     from hil_drivers import Network
 
     bench = request.getfixturevalue("bench")

@@ -1,17 +1,59 @@
 """The drivers of a bench's devices, each set up when a test first asks for it."""
 
 import sys
+import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from operator import methodcaller
 from pkgutil import resolve_name
+from typing import NoReturn
 
 import pytest
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.pytest_plugin.networks import Networks
+from hil_bench.errors import HilBenchError, WaitTimeoutError
 from hil_drivers import PositionSensor, PressureSensor, ProportionalValve
 from hil_drivers.errors import DriverError
 from hil_drivers.network import HEARTBEAT_PERIOD, Network
+
+# The drivers' networks of a bench with several buses, pumped together.
+
+
+class Networks:
+    """A network for each bus: that of the first is there, the others are made when asked for.
+
+    Args:
+        name: of the first bus.
+        first: its network.
+        make: makes the network of the bus of a name.
+        period: longest time in which one network waits while the others do not look [s].
+    """
+
+    def __init__(
+        self, name: str, first: Network, make: Callable[[str], Network], period: float
+    ) -> None:
+        self._networks = {name: first}
+        self._make = make
+        self._period = period
+
+    def on(self, bus: str) -> Network:
+        """Return the network of a bus."""
+        if bus not in self._networks:
+            self._networks[bus] = self._make(bus)
+        return self._networks[bus]
+
+    def pump(self, duration: float) -> None:
+        """Let time pass, and take what arrives on any bus [s]."""
+        first, *others = self._networks.values()
+        end = first.now() + duration
+        while others and end - first.now() > self._period:
+            first.pump(self._period)
+            for network in others:
+                network.pump(0.0)
+        first.pump_until(end)
+        for network in others:
+            network.pump(0.0)
+
 
 EVENT_TIMER = 0.005
 """Time after which each device sends its values again [s]."""
@@ -80,3 +122,53 @@ def _start(network: Network, driver: Driver, node_id: int) -> None:
     """Bring a device to OPERATIONAL and wait for its first values."""
     network.start_node(node_id)
     network.wait_until(lambda: driver.age < 1.0, 1.0, f"{driver.node}: first values")
+
+
+# The `bench` of a test on a physical bus: time passes, and nothing can be looked into.
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
+
+LOOK = 0.001
+"""Time between two looks at a condition [s]."""
+
+
+class PhysicalBench:
+    """The part of a `VirtualBench` that hardware has too: its time; anything else skips the test.
+
+    Args:
+        config: the bench's configuration.
+
+    Attributes:
+        config: as passed in.
+        pump: takes what arrives on the bus for some seconds; drivers put their network's here.
+    """
+
+    def __init__(self, config: BenchConfig) -> None:
+        self.config = config
+        self.pump: Callable[[float], None] = time.sleep
+        self._start = time.monotonic()
+
+    def now(self) -> float:
+        """Return the time since the test began [s]."""
+        return time.monotonic() - self._start
+
+    def run(self, duration: float) -> None:
+        """Let time pass [s]."""
+        self.pump(duration)
+
+    def run_until(self, condition: Callable[[], bool], *, timeout: float) -> float:
+        """Let time pass until a condition holds; see `VirtualBench.run_until`.
+
+        Raises:
+            WaitTimeoutError: it did not hold in time.
+        """
+        start = self.now()
+        while not condition():
+            if self.now() - start >= timeout:
+                raise WaitTimeoutError(f"condition not met within {timeout:g} s")
+            self.pump(LOOK)
+        return self.now() - start
+
+    def __getattr__(self, name: str) -> NoReturn:
+        pytest.skip(f"bench.{name} needs the virtual bench, which --hil-interface turns off")

@@ -1,6 +1,8 @@
 """The bench's sections in the report of a failed test."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
@@ -8,12 +10,44 @@ import pytest
 
 from hil_bench.ability import load, own_abilities
 from hil_bench.devices.faults.faults import Faults
+from hil_bench.outside.recording.files import RecordingFile
+from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
+from hil_bench.outside.recording.plot import has_axis, plot_result
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus
-from hil_bench.session.virtual_bench import FrameReader, VirtualBench
+from hil_bench.session.virtual_bench import FrameReader, VirtualBench, fault_spans
+
+# Artifacts of a failed test: its bus trace, its signals and their plot.
+
+_UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
+
+
+def file_stem(node_id: str) -> str:
+    """Return a file name for a test, such as ``test_axis.py-test_holds-50``."""
+    return _UNSAFE.sub("-", node_id).strip("-.")[-120:]
+
+
+def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str, Path]:
+    """Write what a bench recorded; return the files by what they are.
+
+    Args:
+        bench: the bench of the test.
+        directory: where to; it is made where it is not there yet.
+        stem: the files' name without suffix.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    files = {"trace": directory / f"{stem}.log", "signals": directory / f"{stem}.csv"}
+    with open_frame_file(files["trace"]) as trace:
+        trace.write_frames(tuple(bench.frames))
+    with RecordingFile(files["signals"]) as signals:
+        signals.write(bench.signals)
+    if find_spec("matplotlib") is not None and bench.signals.size and has_axis(bench.signals):
+        files["plot"] = directory / f"{stem}.png"
+        plot_result(bench.signals, files["plot"], title=stem, spans=fault_spans(bench))
+    return files
+
 
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.errors import RecordingError
-from hil_bench.outside.recording.network_tap import NetworkTap
+from hil_bench.outside.recording.inline_recorder import NetworkTap
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.recording.report import RecordingReport

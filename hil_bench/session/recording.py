@@ -49,7 +49,7 @@ def write_faults(report: RecordingReport, ranges: list[Span]) -> None:
     """Append faults to the MF4 files of a recording that has ended; a problem is a line."""
     if not ranges:
         return
-    from hil_bench.outside.recording.mdf_events import (  # noqa: PLC0415 - takes NumPy with it
+    from hil_bench.outside.recording.mdf_blocks import (  # noqa: PLC0415 - takes NumPy with it
         append_events,
     )
 

@@ -8,7 +8,7 @@ from hil_bench.abilities.conformance.check import Degree, Impact
 from hil_bench.abilities.conformance.disputes import DISPUTES
 from hil_bench.abilities.conformance.eds_check import EdsFinding
 from hil_bench.abilities.conformance.suite import Outcome, Result
-from hil_bench.outside.markdown import cell, plain
+from hil_bench.outside.page import cell, plain
 
 _MARKS = {
     Outcome.PASSED: "ok",

@@ -18,7 +18,7 @@ from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimeP
 from hil_bench.outside.realtime import linux
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.realtime.permissions import (
+from hil_bench.outside.realtime.scheduling import (
     CAP_SYS_NICE,
     GRANT_DEADLINE,
     GRANT_LATENCY,
@@ -29,7 +29,7 @@ from hil_bench.outside.realtime.permissions import (
     may_lock_memory,
 )
 from hil_bench.outside.realtime.statistics import TickSummary
-from hil_bench.outside.transports.silent import SilentTransport
+from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import Session
 

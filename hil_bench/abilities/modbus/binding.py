@@ -18,7 +18,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import parse_object
 from hil_bench.devices.quantities import RegisterValue, object_quantity
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.units import UNITS_OF
 
 _SAMPLE = "sample"

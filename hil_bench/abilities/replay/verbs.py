@@ -31,7 +31,7 @@ from hil_bench.outside.recording.column_units import check_quantities, find_doub
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.trigger import quantity
+from hil_bench.outside.recording.recorder import quantity
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.shown_units import display_unit

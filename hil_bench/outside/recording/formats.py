@@ -1,5 +1,7 @@
 """The file formats of recordings, by suffix."""
 
+import csv
+import io
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -7,8 +9,37 @@ from typing import NamedTuple
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile, opening
-from hil_bench.outside.recording.channels import TIME, Channel
-from hil_bench.outside.recording.signal_csv import SignalCsvFile
+from hil_bench.outside.recording.channels import TIME, Channel, Recording
+
+# Signals as CSV, written block by block: names in the first row, SI units in the second.
+
+
+class SignalCsvFile(BlockFile):
+    """A CSV file of signals, in the format of `RecordingFile`.
+
+    Args:
+        path: the file.
+        channels: the signals, `TIME` first.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, channels: Sequence[Channel]) -> None:
+        names = [channel.name for channel in channels]
+        units = [channel.unit for channel in channels]
+        super().__init__(path, _csv_text([names, units]))
+
+    def write_rows(self, rows: Recording) -> None:
+        """Append rows of the channels."""
+        self._file.append(_csv_text(rows.tolist()))
+
+
+def _csv_text(rows: Sequence[Sequence[object]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue().encode()
+
 
 SIGNAL_SUFFIXES = (".csv", ".mf4")
 """Formats with a place for signals."""

@@ -1,13 +1,18 @@
-"""A recording written by the one whose ticks it records: for virtual time, which can wait."""
+"""Recorders inside the process: of a bench, and of a network."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
+import can
+
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
 from hil_bench.outside.recording.report import RecordingReport
+
+# A recording written by the one whose ticks it records: for virtual time, which can wait.
 
 
 class RowSink(Protocol):
@@ -74,3 +79,34 @@ class InlineRecorder:
         if time >= self._block_end:
             self._block_end = time + BLOCK_PERIOD
             self._recorder.write_block()
+
+
+# Records what passes a bus as a controller sees it.
+
+
+class NetworkTap:
+    """An observer of the drivers' `Network` that records its frames.
+
+    Args:
+        recording: what takes the frames; its time 0 is now.
+        clock: the network's time [s].
+
+    Attributes:
+        origin: time 0 of the recording on that clock [s].
+    """
+
+    def __init__(self, recording: RecordingSink, clock: Callable[[], float]) -> None:
+        self._recording = recording
+        self._clock = clock
+        self.origin = clock()
+
+    def now(self) -> float:
+        """Return the time on the recording's time base [s]."""
+        return self._clock() - self.origin
+
+    def observe(self, message: can.Message) -> None:
+        """Record a frame that the network received or sent."""
+        frame = frame_of(message)
+        if frame is None:
+            return
+        self._recording.append_frames([frame], round(self.now() * 1e9), is_received=message.is_rx)

@@ -1,13 +1,9 @@
-"""A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
-
-The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, likewise
-``angle``, ``.P_A``, ``.P_B``, ``.P_S``, ``.spool_setpoint`` and ``.spool_position``; what a
-recording lacks is left out.
-Each panel is in the display unit that belongs to its channels' SI unit.
-"""
+"""Plots of recordings: of signals, and of frames below them."""
 
 from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError, whole_file
-from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE
-from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE
+from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.spans import Span
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
@@ -25,6 +22,14 @@ from hil_bench.units import Unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+# A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
+#
+# The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, likewise
+# ``angle``, ``.P_A``, ``.P_B``, ``.P_S``, ``.spool_setpoint`` and ``.spool_position``; what a
+# recording lacks is left out. Each panel is in the display unit that belongs to its channels' SI
+# unit.
 
 _SAME = 0.01  # of a panel's range: a sensor that errs by less is not drawn beside the actual value
 
@@ -286,3 +291,157 @@ def _axis_names(recording: Recording) -> list[str]:
     quantities = {curve.quantity for panel in _PANELS for curve in panel.curves}
     parts = [name.rpartition(".") for name in recording.dtype.names or ()]
     return list(dict.fromkeys(axis for axis, _, quantity in parts if quantity in quantities))
+
+
+# Any signals of a recording as a figure: a panel a unit, one time axis.
+
+_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
+
+
+def choose_channels(recording: Recording, patterns: Sequence[str]) -> list[Channel]:
+    """Return the signals whose names fit a pattern such as ``axis1.P_*``; all without patterns.
+
+    Raises:
+        ConfigError: a pattern fits none.
+    """
+    channels = [channel for channel in recording_channels(recording) if channel != TIME]
+    for pattern in patterns:
+        if not any(fnmatchcase(channel.name, pattern) for channel in channels):
+            names = ", ".join(channel.name for channel in channels) or "none at all"
+            raise ConfigError(f"no signal fits {pattern}; the recording has {names}")
+    return [
+        channel
+        for channel in channels
+        if not patterns or any(fnmatchcase(channel.name, pattern) for pattern in patterns)
+    ]
+
+
+def plot_signals(
+    recording: Recording,
+    path: Path,
+    *,
+    patterns: Sequence[str] = (),
+    title: str = "",
+    spans: Sequence[Span] = (),
+) -> None:
+    """Write signals as a picture; the suffix of `path` is its format.
+
+    Raises:
+        ConfigError: there is nothing to draw.
+    """
+    if not choose_channels(recording, patterns) or not len(recording):
+        raise ConfigError(f"{path}: the recording has no signals to plot")
+    save_figure(lambda: signal_figure(recording, patterns=patterns, title=title, spans=spans), path)
+
+
+def signal_figure(
+    recording: Recording,
+    *,
+    patterns: Sequence[str] = (),
+    title: str = "",
+    spans: Sequence[Span] = (),
+) -> "Figure":
+    """Return signals as a figure; see `plot_signals`."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
+
+    channels = choose_channels(recording, patterns)
+    units = list(dict.fromkeys(channel.unit for channel in channels))
+    figure = Figure(figsize=(9.0, 1.0 + 2.2 * len(units)), layout="constrained")
+    places = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    for place, unit in zip(places, units, strict=True):
+        _draw_unit(place, recording, [c for c in channels if c.unit == unit], unit)
+        shade_spans(place, spans)
+    label_spans(places[0], spans)
+    places[-1].set_xlabel(f"Time [{TIME.unit}]")
+    figure.align_ylabels()
+    figure.suptitle(title)
+    return figure
+
+
+def _draw_unit(
+    place: "Axes", recording: Recording, channels: Sequence[Channel], symbol: str
+) -> None:
+    unit = display_unit(symbol)
+    for channel, colour in zip(channels, cycle(_COLOURS), strict=False):
+        values = recording[channel.name] / unit.factor
+        place.plot(recording[TIME.name], values, color=colour, label=channel.name, linewidth=1.2)
+    place.set_ylabel(f"[{unit.symbol}]")
+    place.margins(x=0.01)
+    place.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small")
+
+
+# Bus traffic as a figure: when each identifier was on the bus, and how many frames a second.
+
+_BINS = 200
+
+
+def plot_frames(
+    frames: Sequence[LoggedFrame],
+    path: Path,
+    *,
+    title: str = "",
+    name_of: Callable[[int], str] = "0x{:03X}".format,
+) -> None:
+    """Write traffic as a picture; the suffix of `path` is its format.
+
+    Args:
+        frames: the traffic.
+        path: the picture.
+        title: above it.
+        name_of: what an identifier is called.
+
+    Raises:
+        ConfigError: there are no frames.
+    """
+    if not frames:
+        raise ConfigError(f"{path}: the recording has no frames to plot")
+    save_figure(lambda: _draw(frames, title, name_of), path)
+
+
+def _draw(frames: Sequence[LoggedFrame], title: str, name_of: Callable[[int], str]) -> "Figure":
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
+
+    identifiers = sorted({logged.frame.can_id for logged in frames}, reverse=True)
+    height = max(1.5, 0.22 * len(identifiers))
+    figure = Figure(figsize=(9.0, 2.8 + height), layout="constrained")
+    raster, rate = figure.subplots(2, 1, sharex=True, height_ratios=[height, 1.6])
+    _draw_raster(raster, frames, identifiers)
+    raster.set_yticks(range(len(identifiers)), list(map(name_of, identifiers)))
+    _draw_rate(rate, frames)
+    figure.suptitle(title)
+    return figure
+
+
+def _draw_raster(place: "Axes", frames: Sequence[LoggedFrame], identifiers: list[int]) -> None:
+    rows = {can_id: row for row, can_id in enumerate(identifiers)}
+    for is_received, colour, label in (
+        (True, ORANGE, "received"),
+        (False, BLUE, "sent"),
+        (None, BLUE, "received or sent"),
+    ):
+        chosen = [logged for logged in frames if logged.is_received is is_received]
+        if not chosen:
+            continue
+        place.plot(
+            [logged.now * 1e-9 for logged in chosen],
+            [rows[logged.frame.can_id] for logged in chosen],
+            color=colour,
+            label=label,
+            linestyle="",
+            marker="|",
+            markersize=7,
+        )
+    place.set_ylabel("CAN identifier")
+    place.margins(x=0.01)
+    place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+
+
+def _draw_rate(place: "Axes", frames: Sequence[LoggedFrame]) -> None:
+    times = np.array([logged.now for logged in frames]) * 1e-9
+    counts, edges = np.histogram(times, bins=_BINS)
+    width = edges[1] - edges[0]
+    if width > 0.0:
+        place.stairs(counts / width, edges, color=BLUE)
+    place.set_ylabel("Frames [1/s]")
+    place.set_xlabel("Time [s]")
+    place.set_ylim(bottom=0.0)

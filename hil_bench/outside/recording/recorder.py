@@ -1,24 +1,98 @@
-"""Takes rows and frames, and writes them to the files of a recording in blocks.
-
-With a trigger nothing is written until it comes; what the time before it brought is held in a ring
-and written then. A file that can no longer be written is given up, and told; the others go on.
-"""
+"""The recorder of frames and signals, and its trigger."""
 
 import logging
+import re
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.report import Counted, Progress, RecordingReport
-from hil_bench.outside.recording.trigger import parse_trigger
+from hil_bench.units import UNITS_OF
 
 if TYPE_CHECKING:
     from hil_bench.outside.recording.block_file import BlockFile
+
+
+# The trigger of a recording: a signal that crosses a level.
+
+_CONDITION = re.compile(r"\s*(\S+?)\s*([<>])\s*([-+.\deE]+)\s*(\S*)\s*")
+
+
+class Trigger(NamedTuple):
+    """A signal beyond a level.
+
+    Attributes:
+        channel: name of the signal.
+        is_above: whether it must be above the level; below otherwise.
+        level: in the signal's SI unit.
+    """
+
+    channel: str
+    is_above: bool
+    level: float
+
+    def first(self, rows: Recording) -> int | None:
+        """Return the number of the first row that is beyond the level, None for none."""
+        import numpy as np  # noqa: PLC0415 - whose rows these are
+
+        values = rows[self.channel]
+        hits = np.flatnonzero(values > self.level if self.is_above else values < self.level)
+        return int(hits[0]) if hits.size else None
+
+
+def parse_trigger(text: str, channels: Sequence[Channel]) -> Trigger:
+    """Return the trigger that a text such as ``axis1.P_A > 80 bar`` describes.
+
+    Args:
+        text: channel, ``<`` or ``>``, level, and its unit where it is not the SI unit.
+        channels: the signals there are.
+
+    Raises:
+        ConfigError: it says what is wrong.
+    """
+    match = _CONDITION.fullmatch(text)
+    if match is None:
+        raise ConfigError(f'trigger "{text}": write it as in "axis1.P_A > 80 bar"')
+    name, relation, level, symbol = match.groups()
+    units = {channel.name: channel.unit for channel in (TIME, *channels)}
+    if name not in units:
+        raise ConfigError(f'trigger "{text}": no signal {name}; there are {", ".join(units)}')
+    return Trigger(name, relation == ">", quantity(text, level, symbol, units[name]))
+
+
+def quantity(text: str, level: str, symbol: str, unit: str) -> float:
+    """Return a number with the symbol of its unit in the SI unit of a channel.
+
+    Args:
+        text: what it is part of, for the message.
+        level: the number.
+        symbol: of its unit; empty for the SI unit.
+        unit: the SI unit.
+
+    Raises:
+        ConfigError: it is no number, or the unit is none of the quantity's.
+    """
+    units = {each.symbol: each.factor for each in UNITS_OF.get(unit, ())} or {unit: 1.0}
+    if symbol and symbol not in units:
+        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(units)}')
+    try:
+        value = float(level) * units.get(symbol, 1.0)
+    except ValueError:
+        raise ConfigError(f'"{text}": {level} is no number') from None
+    return value
+
+
+# Takes rows and frames, and writes them to the files of a recording in blocks.
+#
+# With a trigger nothing is written until it comes; what the time before it brought is held in a
+# ring and written then. A file that can no longer be written is given up, and told; the others go
+# on.
 
 logger = logging.getLogger(__name__)
 

@@ -10,8 +10,7 @@ from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.plot import has_axis, result_figure, styled
-from hil_bench.outside.recording.signal_plot import signal_figure
+from hil_bench.outside.recording.plot import has_axis, result_figure, signal_figure, styled
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]

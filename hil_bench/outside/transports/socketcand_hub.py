@@ -32,12 +32,12 @@ from hil_bench.outside.reception import (
     watch_over,
 )
 from hil_bench.outside.transports.bus_load import bitrate_text
-from hil_bench.outside.transports.rate_limit import RateLimit
 from hil_bench.outside.transports.socketcand_protocol import (
     CLASSICAL,
     JOIN_DELAY,
     MAX_COMMAND,
     MOST_BAD,
+    RateLimit,
     check_channel,
     format_frame,
     is_fd_command,

@@ -6,7 +6,7 @@ import can
 import numpy as np
 import pytest
 
-from hil_bench.abilities.demo.verbs.demo_tuning import demo_profile, tuned_parameters
+from hil_bench.abilities.demo.verbs.demo_session import demo_profile, tuned_parameters
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption

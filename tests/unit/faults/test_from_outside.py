@@ -17,7 +17,7 @@ from hil_bench.cli import ctl, main
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.mdf_events import read_events
+from hil_bench.outside.recording.mdf_blocks import read_events
 from hil_bench.session.recording import RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench
 

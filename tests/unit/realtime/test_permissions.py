@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.outside.realtime.permissions import CAP_SYS_NICE, format_cpus, has_capability
+from hil_bench.outside.realtime.scheduling import CAP_SYS_NICE, format_cpus, has_capability
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 from support import virtual_loop
 from support.virtual_loop import Pace, VirtualLoop
 
-from hil_bench.outside.transports.rate_limit import BURST, RateLimit
 from hil_bench.outside.transports.socketcand_hub import Hub, HubLimits
+from hil_bench.outside.transports.socketcand_protocol import BURST, RateLimit
 
 MBIT = 1e6
 TIME_OF_FRAME = 123.125e-6  # [s]

@@ -21,7 +21,7 @@ from hil_bench.abilities.modbus.server.connections import Complaints, Connection
 from hil_bench.abilities.modbus.server.register_server import RegisterServer, RowSource
 from hil_bench.abilities.modbus.server.session import serial_session
 from hil_bench.errors import BusError
-from hil_bench.outside.processes.child_process import ChildProcess
+from hil_bench.outside.processes.helper_process import ChildProcess
 from hil_bench.outside.reception import say_errors_in_a_line, serve_at
 
 # The Modbus server in a process of its own: nothing a client does can hold a tick up.

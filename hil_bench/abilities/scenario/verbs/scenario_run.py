@@ -35,7 +35,7 @@ from hil_bench.cli.recording_arguments import recording_code, recording_wish, re
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.session.session import Session
 from hil_bench.session.virtual_bench import VirtualBench

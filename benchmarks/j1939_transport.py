@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from j1939.j1939_21 import J1939_21
 
 import occasion
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.name import Name
-from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.name import Name
+from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.frame import Frame

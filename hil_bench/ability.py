@@ -26,6 +26,7 @@ OWN = (
     "eyes",
     "fmu",
     "identification",
+    "j1939",
     "modbus",
     "panel",
     "replay",

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
+from hil_bench.abilities.j1939.ecus import EcuTable, build_segments
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.configuration.records import Joining
-from hil_bench.bench.ecus import EcuTable, build_segments
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 
+from hil_bench.abilities.j1939.ecus import Segment
+from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.bench.configuration import FaultConfig
-from hil_bench.bench.ecus import Segment
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.ecu_kinds import ECUS, SIGNALS
 from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.points import (
@@ -24,7 +25,6 @@ from hil_bench.devices.faults.points import (
     NodePoint,
 )
 from hil_bench.devices.faults.wire_point import WirePoint
-from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import hil_bench
+from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import ecus_of
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import ecus_of
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.feed_side import ShownWork, open_feed

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.bench.ecus import EcuHandle, ecus_of
+from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError

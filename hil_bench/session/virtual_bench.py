@@ -14,9 +14,9 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self
 
+from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.bench.ecus import ecus_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import HilBenchError, WaitTimeoutError

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from support.live_bench import live_bench, panel
 
+from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.ecus import ecus_of
 from hil_bench.session.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect

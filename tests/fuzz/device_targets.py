@@ -6,13 +6,13 @@ from pathlib import Path
 from fuzz.script import Script
 from support.bus_side import BusSide
 
+from hil_bench.abilities.j1939.ecus import EcuTable
+from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, join
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.ecus import EcuTable
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.j1939.identifier import GLOBAL, join
 
 NODE_ID = 5
 EDS = Path(__file__).parents[1] / "unit/canopen_device/device.eds"

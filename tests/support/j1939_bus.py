@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable
 
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.identifier import split
+from hil_bench.abilities.j1939.protocol.name import Name
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.identifier import split
-from hil_bench.devices.j1939.name import Name
 
 MILLISECOND = 1_000_000
 

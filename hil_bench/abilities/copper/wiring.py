@@ -8,10 +8,10 @@ from typing import ClassVar, Final
 from hil_bench.abilities.copper.wire.error_frames import broken_frame, event_frame
 from hil_bench.abilities.copper.wire.station import Rule, Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame, Passage, Wire
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.j1939.ecu import Ecu
 
 _MOST_ERRORS: Final = 10_000
 

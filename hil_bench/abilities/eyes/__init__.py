@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "eyes",
-    needs=("copper",),
+    needs=("copper", "j1939"),
     verbs={
         "monitor": Verb(
             "bus",

@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.devices.j1939.auxiliary_valve import (
+from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     COMMAND,
     ESTIMATED_FLOW,
     FLOW,
     FLOW_COMMAND,
     ExitReason,
 )
-from hil_bench.devices.j1939.identifier import (
+from hil_bench.abilities.j1939.protocol.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
     COMPONENT,

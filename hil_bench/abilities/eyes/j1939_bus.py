@@ -7,8 +7,7 @@ from hil_bench.abilities.eyes.j1939 import content_of, group_name
 from hil_bench.abilities.eyes.j1939_transfers import LongMessage, LongMessages
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.j1939.identifier import (
+from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
     GLOBAL,
     NULL,
@@ -17,7 +16,8 @@ from hil_bench.devices.j1939.identifier import (
     TRANSPORT_DATA,
     split,
 )
-from hil_bench.devices.j1939.name import NAME_BYTES
+from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MS: Final = 1e-6

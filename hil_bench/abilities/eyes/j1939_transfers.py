@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from hil_bench.devices.j1939.identifier import GLOBAL, HIGHEST_GROUP
-from hil_bench.devices.j1939.transport_protocol import (
+from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, HIGHEST_GROUP
+from hil_bench.abilities.j1939.protocol.transport_protocol import (
     LEAST_BYTES,
     MOST_BYTES,
     PACKET_BYTES,

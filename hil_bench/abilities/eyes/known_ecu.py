@@ -4,13 +4,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import FLOW, SET_POINT, AuxiliaryValveConfig
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
+from hil_bench.abilities.j1939.kinds.signal_table import SignalTableConfig
+from hil_bench.abilities.j1939.protocol.auxiliary_valve import COMMAND, ESTIMATED_FLOW, command_in
+from hil_bench.abilities.j1939.protocol.auxiliary_valve import FLOW as FLOW_PLACE
+from hil_bench.abilities.j1939.protocol.signals import Signal
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.devices.j1939.auxiliary_valve import COMMAND, ESTIMATED_FLOW, command_in
-from hil_bench.devices.j1939.auxiliary_valve import FLOW as FLOW_PLACE
-from hil_bench.devices.j1939.signals import Signal
-from hil_bench.kinds.auxiliary_valve import FLOW, SET_POINT, AuxiliaryValveConfig
-from hil_bench.kinds.ecu import EcuConfig
-from hil_bench.kinds.signal_table import SignalTableConfig
 from hil_bench.units import ONE, si_unit
 
 

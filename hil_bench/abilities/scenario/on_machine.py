@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.scenario.nodes import channel_vocabulary
 from hil_bench.abilities.scenario.recorded import Trace
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
@@ -25,7 +26,6 @@ from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.units import ONE
 

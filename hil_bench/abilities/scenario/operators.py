@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench import units
+from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
 from hil_bench.abilities.scenario.dimensions import (
     NUMBER,
     REFERENCES,
@@ -54,7 +55,6 @@ from hil_bench.abilities.scenario.syntax import (
     quantity_of,
 )
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN
 
 # Arithmetic and comparisons of an expectation, with their units checked.
 

@@ -6,6 +6,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil_bench.abilities.controllers.power import ONLY
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
+from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
+    COMMAND,
+    PERIOD,
+    PRIORITY,
+    pack_command,
+)
+from hil_bench.abilities.j1939.protocol.identifier import join
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding, Trace, judge_trace
@@ -31,10 +39,7 @@ from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
-from hil_bench.devices.j1939.auxiliary_valve import COMMAND, PERIOD, PRIORITY, pack_command
-from hil_bench.devices.j1939.identifier import join
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.session.commands import BeginFault, Command, SetObject, SetPlant
 from hil_bench.session.lockstep import SYNC_COB_ID
 from hil_bench.session.session import Session

@@ -9,19 +9,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT, AuxiliaryValveConfig
 from hil_bench.abilities.modbus.binding import BoundUnit, ModbusBinding
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister
 from hil_bench.abilities.modbus.protocol.register_map import ModbusException, RegisterAccess
 from hil_bench.abilities.scenario.dimensions import dimension_of, show_dimension
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.bench.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.valve_408 import REFERENCE
 from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.kinds.auxiliary_valve import SET_POINT, AuxiliaryValveConfig
 from hil_bench.kinds.registry import VALVE
 from hil_bench.plants.quantity import Influence
 from hil_bench.session.commands import Controls

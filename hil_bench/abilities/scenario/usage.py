@@ -6,6 +6,7 @@ from dataclasses import fields
 from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
@@ -15,7 +16,6 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
 from hil_bench.devices.faults.points import SENSORS, VALVES, Group
 from hil_bench.devices.faults.registry import find_fault_kind
-from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.kinds.registry import VALVE
 
 _WORD = re.compile(r"\w+")

@@ -8,6 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
+from hil_bench.abilities.j1939.protocol.address_claim import ClaimState
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.scenario.nodes import DM1, EMCY, FRAME, Vocabulary
 from hil_bench.abilities.scenario.targets import (
@@ -19,14 +21,12 @@ from hil_bench.abilities.scenario.targets import (
 from hil_bench.abilities.scenario.values import Floats
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.ecus import EcuHandle, ecus_of
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
-from hil_bench.devices.j1939.address_claim import ClaimState
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.session.session import Session
 from hil_bench.units import si_unit

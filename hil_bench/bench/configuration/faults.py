@@ -3,21 +3,21 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from hil_bench.abilities.j1939.configuration.ecus import EcusSection
+from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import FLOW
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
-from hil_bench.bench.configuration.ecus import EcusSection
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
 from hil_bench.config.values import describe, quote
-from hil_bench.devices.faults.ecu_kinds import ECUS, SIGNALS
 from hil_bench.devices.faults.kind import UNITS
 from hil_bench.devices.faults.points import ENABLES, NODES, PLANTS, SENSORS, SUPPLIES, VALVES, WIRED
 from hil_bench.devices.faults.registry import COMMON_KEYS, KIND_KEY, find_fault_kind, missing_defect
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.auxiliary_valve import FLOW
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
 from hil_bench.units import ONE, PERCENT, Unit, si_unit

@@ -4,10 +4,10 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from hil_bench.abilities.j1939.configuration.ecus import EcusSection
 from hil_bench.ability import own_tables, table_sections
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
-from hil_bench.bench.configuration.ecus import EcusSection
 from hil_bench.bench.configuration.eds_findings import warn_of_nodes
 from hil_bench.bench.configuration.faults import FaultsSection
 from hil_bench.bench.configuration.keys import TABLES

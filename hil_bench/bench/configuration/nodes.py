@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.j1939.configuration.ecus import TABLE, OtherDrive, needs_no_axis
 from hil_bench.bench.configuration.axes import Axes
-from hil_bench.bench.configuration.ecus import TABLE, OtherDrive, needs_no_axis
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
 from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED

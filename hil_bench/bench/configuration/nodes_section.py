@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.j1939.configuration.ecus import TABLE, EcusSection
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
 from hil_bench.bench.configuration.buses import BusesSection
-from hil_bench.bench.configuration.ecus import TABLE, EcusSection
 from hil_bench.bench.configuration.nodes import (
     Bindings,
     build_node_config,

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
 from hil_bench.config.settings import Setting
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.abilities.j1939 import fault_kinds as ecu_kinds
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.faults import (
-    ecu_kinds,
     line_kinds,
     plant_kinds,
     sensor_kinds,

@@ -9,10 +9,10 @@ from j1939 import controller_application
 from support.can_j1939 import Clock, TheirEcu
 from support.j1939_bus import MILLISECOND, collect, make_ecu
 
+from hil_bench.abilities.j1939.protocol.diagnostics import Lamp
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.name import Name
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.j1939.diagnostics import Lamp
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.name import Name
 
 OURS, THEIRS = 100, 101
 PROPRIETARY_A, PROPRIETARY_B = 0xEF00, 0xFF20

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench import VirtualBench, load_config
-from hil_bench.devices.j1939.signals import Signal
+from hil_bench.abilities.j1939.protocol.signals import Signal
 from hil_bench.errors import ConfigError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -7,7 +7,7 @@ above the FMI in 03, and 0A.
 import pytest
 from support.j1939_bus import J1939Bus, make_ecu
 
-from hil_bench.devices.j1939.diagnostics import MOST_CODES, Lamp
+from hil_bench.abilities.j1939.protocol.diagnostics import MOST_CODES, Lamp
 
 NONE = "00 ff 00 00 00 00 ff ff"
 

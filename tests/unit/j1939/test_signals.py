@@ -8,8 +8,8 @@ import math
 
 import pytest
 
-from hil_bench.devices.j1939.signal_table import Indication, SentGroup, SentSignal, Show
-from hil_bench.devices.j1939.signals import Signal
+from hil_bench.abilities.j1939.protocol.signal_table import Indication, SentGroup, SentSignal, Show
+from hil_bench.abilities.j1939.protocol.signals import Signal
 
 
 @pytest.mark.parametrize(

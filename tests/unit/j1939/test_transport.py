@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.j1939_bus import MILLISECOND, J1939Bus, collect, make_ecu
 
+from hil_bench.abilities.j1939.protocol.identifier import split
+from hil_bench.abilities.j1939.protocol.reception import MOST_SESSIONS
+from hil_bench.abilities.j1939.protocol.transmission import MOST_WAITING
+from hil_bench.abilities.j1939.protocol.transport_protocol import AbortReason
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.j1939.identifier import split
-from hil_bench.devices.j1939.reception import MOST_SESSIONS
-from hil_bench.devices.j1939.transmission import MOST_WAITING
-from hil_bench.devices.j1939.transport_protocol import AbortReason
 
 COMPONENT = 0xFEEB
 MESSAGE = b"MAKE*MODEL*SERIAL*UNIT*"

@@ -13,7 +13,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.j1939 import group_name, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.devices.j1939.identifier import (
+from hil_bench.abilities.j1939.protocol.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
     DM1,
@@ -21,7 +21,7 @@ from hil_bench.devices.j1939.identifier import (
     NULL,
     REQUEST,
 )
-from hil_bench.devices.j1939.name import NAME_BYTES
+from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
 
 _MS: Final = 1_000_000
 _ANSWER: Final = 1250 * _MS

@@ -15,8 +15,8 @@ from hil_bench.abilities.eyes.traffic import (
     find_streams,
     longest_foreign,
 )
+from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.dbc_signals import load_dbc
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config

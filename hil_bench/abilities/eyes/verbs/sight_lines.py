@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator
 
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
+from hil_bench.abilities.j1939.protocol.identifier import DM1
 from hil_bench.canopen_device.frame import BRS, ESI
 from hil_bench.canopen_device.words import is_error_reset
-from hil_bench.devices.j1939.identifier import DM1
 
 _COLOURS = {
     Service.NMT: 36,

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.devices.j1939.identifier import GLOBAL
-from hil_bench.devices.j1939.transport_protocol import (
+from hil_bench.abilities.j1939.protocol.identifier import GLOBAL
+from hil_bench.abilities.j1939.protocol.transport_protocol import (
     MOST_AT_ONCE,
     MOST_BYTES,
     RETRANSMISSIONS,
@@ -21,6 +20,7 @@ from hil_bench.devices.j1939.transport_protocol import (
     Line,
     fits,
 )
+from hil_bench.canopen_device.agenda import NEVER
 
 MOST_SESSIONS: Final = 8
 """Sessions from others at once, to this device; and as many messages to all."""

@@ -8,9 +8,9 @@ import math
 from enum import IntEnum
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.signals import Signal
 from hil_bench.canopen_device.agenda import MILLISECOND
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.signals import Signal
 
 COMMAND: Final = 0xFE30
 ESTIMATED_FLOW: Final = 0xFE10

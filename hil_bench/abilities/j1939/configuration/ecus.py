@@ -4,24 +4,24 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from hil_bench.bench.configuration.axes import AxesSection
-from hil_bench.bench.configuration.ecu_signals import (
+from hil_bench.abilities.j1939.configuration.ecu_signals import (
     SIGNALS_TABLE,
     GivenSignal,
     build_signals,
     check_groups,
     read_signals,
 )
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
+from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
+from hil_bench.abilities.j1939.protocol.identifier import NULL
+from hil_bench.abilities.j1939.protocol.name import Name
+from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, integer, text
-from hil_bench.devices.j1939.identifier import NULL
-from hil_bench.devices.j1939.name import Name
-from hil_bench.kinds.auxiliary_valve import AUXILIARY_VALVE
-from hil_bench.kinds.ecu import EcuConfig, EcuKind
-from hil_bench.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
 
 TABLE: Final = "j1939"
 

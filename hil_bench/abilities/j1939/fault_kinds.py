@@ -2,6 +2,10 @@
 
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.identifier import NULL
+from hil_bench.abilities.j1939.protocol.signal_table import Indication, SentSignal
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, integer
 from hil_bench.devices.faults.checks import choose, count
@@ -9,10 +13,6 @@ from hil_bench.devices.faults.effects import Acts, listed
 from hil_bench.devices.faults.fault import Effect
 from hil_bench.devices.faults.kind import Site, fault_kind
 from hil_bench.devices.faults.points import Group
-from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.identifier import NULL
-from hil_bench.devices.j1939.signal_table import Indication, SentSignal
 from hil_bench.errors import ConfigError
 
 ECUS: Final[Group[Ecu]] = Group("ecus", "J1939 device")

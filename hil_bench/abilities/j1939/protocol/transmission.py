@@ -4,9 +4,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.devices.j1939.identifier import GLOBAL
-from hil_bench.devices.j1939.transport_protocol import (
+from hil_bench.abilities.j1939.protocol.identifier import GLOBAL
+from hil_bench.abilities.j1939.protocol.transport_protocol import (
     BAM_GAP,
     LEAST_BYTES,
     MOST_AT_ONCE,
@@ -20,6 +19,7 @@ from hil_bench.devices.j1939.transport_protocol import (
     Line,
     Put,
 )
+from hil_bench.canopen_device.agenda import NEVER
 
 MOST_WAITING: Final = 16
 """Messages that wait for an earlier one to the same device."""

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol.identifier import NULL
+from hil_bench.abilities.j1939.protocol.name import NAME_BYTES, Name
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER
-from hil_bench.devices.j1939.identifier import NULL
-from hil_bench.devices.j1939.name import NAME_BYTES, Name
 
 CONTENTION: Final = 250 * MILLISECOND
 """How long a device waits for others to contend before it uses an address [ns]."""

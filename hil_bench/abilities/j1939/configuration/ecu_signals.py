@@ -8,9 +8,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.j1939.configuration.dbc_signals import is_named, look_up
+from hil_bench.abilities.j1939.kinds.signal_table import (
+    SENT_KEYS,
+    TAKEN_KEYS,
+    SentConfig,
+    TakenConfig,
+)
+from hil_bench.abilities.j1939.protocol.signals import Signal
+from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.bindings import find_quantity, find_unit
-from hil_bench.bench.configuration.dbc_signals import is_named, look_up
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, build_course
 from hil_bench.config.settings import (
     Given,
@@ -21,11 +29,8 @@ from hil_bench.config.settings import (
     read_table,
 )
 from hil_bench.config.values import describe, number, text
-from hil_bench.devices.j1939.signals import Signal
-from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.signal_table import SENT_KEYS, TAKEN_KEYS, SentConfig, TakenConfig
 from hil_bench.plants.quantity import Quantity
 from hil_bench.units import Unit
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.signals import Signal
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.signals import Signal
 
 _LEAST_BYTES: Final = 8
 

@@ -4,19 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
-from hil_bench.config.values import integer, zero_or
-from hil_bench.devices.axis import Drive, Fitting, Measurement
-from hil_bench.devices.j1939.auxiliary_valve import (
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
+from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     COMMAND,
     ESTIMATED_FLOW,
     HIGHEST_NUMBER,
     PERIOD,
     AuxiliaryValve,
 )
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.values import EcuValue
-from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.values import EcuValue
+from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
+from hil_bench.config.values import integer, zero_or
+from hil_bench.devices.axis import Drive, Fitting, Measurement
 from hil_bench.kinds.spool_command import (
     FULL_OPENING,
     check_command,

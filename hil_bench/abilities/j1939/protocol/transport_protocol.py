@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol.identifier import HIGHEST_GROUP
 from hil_bench.canopen_device.agenda import MILLISECOND
-from hil_bench.devices.j1939.identifier import HIGHEST_GROUP
 
 LEAST_BYTES: Final = 9
 MOST_BYTES: Final = 1785

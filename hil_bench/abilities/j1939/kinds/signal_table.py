@@ -5,6 +5,21 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
+from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
+from hil_bench.abilities.j1939.protocol.ecu import USUAL_PRIORITY, Ecu
+from hil_bench.abilities.j1939.protocol.identifier import HIGHEST_GROUP
+from hil_bench.abilities.j1939.protocol.signal_table import (
+    CommandSignal,
+    Input,
+    SentGroup,
+    SentSignal,
+    Show,
+    SignalTable,
+)
+from hil_bench.abilities.j1939.protocol.signals import Signal
+from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.values import EcuValue
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key
 from hil_bench.config.values import (
     choice,
@@ -16,22 +31,7 @@ from hil_bench.config.values import (
     zero_or,
 )
 from hil_bench.devices.axis import Drive, Fitting, Measurement
-from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN
-from hil_bench.devices.j1939.ecu import USUAL_PRIORITY, Ecu
-from hil_bench.devices.j1939.identifier import HIGHEST_GROUP
-from hil_bench.devices.j1939.signal_table import (
-    CommandSignal,
-    Input,
-    SentGroup,
-    SentSignal,
-    Show,
-    SignalTable,
-)
-from hil_bench.devices.j1939.signals import Signal
-from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
-from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.devices.scripted_objects import Course
-from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.quantity import Quantity
 from hil_bench.units import si_unit

@@ -9,8 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from hil_bench.abilities.j1939.protocol.identifier import split
 from hil_bench.config.values import describe, find_nearest, quote
-from hil_bench.devices.j1939.identifier import split
 from hil_bench.errors import ConfigError, about_file
 
 if TYPE_CHECKING:

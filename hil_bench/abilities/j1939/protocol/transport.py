@@ -3,10 +3,15 @@
 What breaks the rules ends its session, with an abort where it has one partner.
 """
 
-from hil_bench.devices.j1939.identifier import GLOBAL, NULL
-from hil_bench.devices.j1939.reception import Deliver, Reception
-from hil_bench.devices.j1939.transmission import Transmission
-from hil_bench.devices.j1939.transport_protocol import Control, Line, Put, TransportCounters
+from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, NULL
+from hil_bench.abilities.j1939.protocol.reception import Deliver, Reception
+from hil_bench.abilities.j1939.protocol.transmission import Transmission
+from hil_bench.abilities.j1939.protocol.transport_protocol import (
+    Control,
+    Line,
+    Put,
+    TransportCounters,
+)
 
 
 class Transport:

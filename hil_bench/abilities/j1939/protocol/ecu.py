@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.canopen_device.frame import Emit, Frame
-from hil_bench.devices.j1939.address_claim import AddressClaim, ClaimState
-from hil_bench.devices.j1939.diagnostics import Diagnostics, Lamp, TroubleCode
-from hil_bench.devices.j1939.identifier import (
+from hil_bench.abilities.j1939.protocol.address_claim import AddressClaim, ClaimState
+from hil_bench.abilities.j1939.protocol.diagnostics import Diagnostics, Lamp, TroubleCode
+from hil_bench.abilities.j1939.protocol.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
     COMMANDED_ADDRESS,
@@ -33,9 +31,11 @@ from hil_bench.devices.j1939.identifier import (
     join,
     split,
 )
-from hil_bench.devices.j1939.name import Name
-from hil_bench.devices.j1939.transport import Transport
-from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.name import Name
+from hil_bench.abilities.j1939.protocol.transport import Transport
+from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
+from hil_bench.canopen_device.agenda import NEVER
+from hil_bench.canopen_device.frame import Emit, Frame
 
 USUAL_PRIORITY: Final = 6
 TRANSPORT_PRIORITY: Final = 7

@@ -7,17 +7,17 @@ from functools import partial
 from numbers import Real
 from typing import NoReturn, Protocol
 
+from hil_bench.abilities.j1939.protocol.diagnostics import TroubleCode
+from hil_bench.abilities.j1939.protocol.ecu import Ecu
+from hil_bench.abilities.j1939.protocol.identifier import COMPONENT
+from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
+from hil_bench.abilities.j1939.protocol.values import EcuValue
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.switchboard import Way
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.axis import Fitting
 from hil_bench.devices.faults.line import Line
-from hil_bench.devices.j1939.diagnostics import TroubleCode
-from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.identifier import COMPONENT
-from hil_bench.devices.j1939.signal_table import SentSignal
-from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.units import ONE

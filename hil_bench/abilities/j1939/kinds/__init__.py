@@ -1,0 +1,1 @@
+"""The kinds of J1939 devices."""

@@ -78,11 +78,15 @@ class Ability(NamedTuple):
         tables: of ``bench.toml``: ``module:class`` by name, of the `Section` that reads it. It is
             made with the document, the names of all buses, the folder of the file and the problems,
             and builds a `Part` by the table's name. One whose class says ``of_nodes = True`` is
-            made with the tables of the nodes, too, and stands behind them in ``check``.
+            made with the tables of the nodes, too, and stands behind them in ``check``. One of
+            devices beside the nodes says ``before_nodes = True``; it is made with the document, the
+            section of the axes, the folder and the problems, and is a
+            `hil_bench.bench.configuration.peers.PeerSection`.
         bus_tables: of a bus, as ``[bus.wire]``: ``module:function`` by name, that reads one as a
             `hil_bench.bench.configuration.buses.BusTable`.
         bench_methods: of `hil_bench.VirtualBench`: ``module:function`` by name, of a function that
             gets the bench first.
+        fault_kinds: a module with kinds of faults, each a `FaultKind` of it.
         fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
@@ -97,6 +101,7 @@ class Ability(NamedTuple):
     tables: Mapping[str, str] = _NOTHING
     bus_tables: Mapping[str, str] = _NOTHING
     bench_methods: Mapping[str, str] = _NOTHING
+    fault_kinds: str = ""
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
     exports: Mapping[str, str] = _NOTHING

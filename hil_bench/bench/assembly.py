@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
-from hil_bench.abilities.j1939.ecus import EcuTable, build_segments
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
-from hil_bench.bench.configuration.records import Joining
+from hil_bench.bench.configuration.records import Joining, Peopled
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
+from hil_bench.bench.peers import Peers
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.agenda import Agenda
@@ -68,13 +68,13 @@ def build_bench(config: BenchConfig) -> Bench:
         {axis.name: config.full_scale(axis) for axis in config.axes},
     )
     fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
-    segments, ecu_fittings = build_segments(config, surroundings)
-    parts = fittings | ecu_fittings
+    peopled = (part for part in config.parts if isinstance(part, Peopled))
+    peers: Peers = next((part.peers(config, surroundings) for part in peopled), Peers())
+    parts = {**fittings, **peers.fittings}
     supplies = build_supplies(config)
     plants = build_plants(config, supplies)
     axes = [build_axis(axis, plants[axis.name], list(parts.values())) for axis in config.axes]
     buses = number_buses(config)
-    ecus = {each.name: each.ecu for segment in segments for each in segment.stations}
     numbers = {node: buses[name] for name, node in nodes.items()}
     bench = Bench(
         axes,
@@ -84,16 +84,16 @@ def build_bench(config: BenchConfig) -> Bench:
         sensors=order_sensors(axes, parts, config),
     )
     bench.group([*find_fed(config, supplies), *group_plants(axes, config)])
-    devices = {**nodes, **ecus}
+    devices = {**nodes, **{name: peer.ecu for name, peer in peers.items()}}
     carrier = next((bus.wire for bus in config.buses.values() if bus.wire is not None), None)
     if carrier is not None:
         bench.extend(carrier.medium(config, devices))
     medium = bench.medium
     points = {name: medium.point(each) for name, each in devices.items()} if medium else {}
     wires = {name: point for name, point in points.items() if point is not None}
-    bench.extend(EcuTable(segments))
+    bench.extend(peers)
     faults = Faults(
-        find_fault_points(axes, nodes, parts, buses, wires, segments, supplies),
+        find_fault_points(axes, nodes, parts, buses, wires, peers, supplies),
         bench,
         tick_ns=config.tick_ns,
         seed=config.seed,

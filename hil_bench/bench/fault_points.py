@@ -3,10 +3,8 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from hil_bench.abilities.j1939.ecus import Segment
-from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
-from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.bench.configuration import FaultConfig
+from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
 from hil_bench.canopen_device.node import Node
@@ -37,15 +35,14 @@ def find_fault_points(
     fittings: Mapping[str, Fitting],
     buses: Mapping[str, int],
     wires: Mapping[str, WirePoint],
-    segments: Sequence[Segment] = (),
+    peers: Peers,
     supplies: Sequence[SupplyGroup] = (),
 ) -> FaultPoints:
     """Return the points by the names of nodes and axes.
 
     An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
-    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`. The
-    devices of `segments` have lines of their own.
-    `supplies` are those that axes share.
+    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`. `peers`
+    are the devices beside the nodes, `supplies` those that axes share.
     """
     points = FaultPoints()
     _add_signals(points, {axis.name: axis for axis in axes}, fittings)
@@ -62,14 +59,7 @@ def find_fault_points(
         reset = partial(node.receive, _RESET)
         points.of(NODES)[name] = NodePoint(node, reset, reset, buses[name])
     points.of(WIRED).update(wires)
-    for station in (station for segment in segments for station in segment.stations):
-        name, ecu = station.name, station.ecu
-        off = partial(_stop, ecu)
-        points.of(NODES)[name] = NodePoint(ecu, off, ecu.start, buses[name], station.line)
-        points.of(ECUS)[name] = ecu
-        points.of(SIGNALS).update(
-            {f"{name}.{each}": signal for each, signal in station.signals.items()}
-        )
+    peers.add_points(points, buses)
     return points
 
 
@@ -91,10 +81,6 @@ def _add_signals(
                 valves.setdefault(each, spool_point(axes[drive.axis]))
                 if drive.enable is not None:
                     enables.setdefault(each, drive.enable)
-
-
-def _stop(ecu: Ecu, _now: int) -> None:
-    ecu.stop()
 
 
 def sensor_point(sensor: Measurement) -> SensorPoint:

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import hil_bench
-from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import peers_of
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place
@@ -218,7 +218,7 @@ def _ecus(config: BenchConfig, session: Session) -> Iterator[tuple[str, dict[str
                 "axis": ecu.kind.axis_of(ecu),
                 "signals": {
                     name: {"unit": value.unit, "is_settable": value.takes is not None}
-                    for name, value in ecus_of(session.bench)[ecu.name].values.items()
+                    for name, value in peers_of(session.bench)[ecu.name].values.items()
                 },
                 "groups": [
                     {"pgn": each.group, "is_sent": each.is_sent, "signals": each.signals}

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import peers_of
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.feed_side import ShownWork, open_feed
@@ -134,7 +134,7 @@ def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
         if node.storage_problem is not None:
             lines.append(f"          {node.storage_problem}")
     return lines + [
-        f"J1939     {name}: {ecu_text(ecu.standing())}" for name, ecu in ecus_of(bench).items()
+        f"J1939     {name}: {ecu_text(ecu.standing())}" for name, ecu in peers_of(bench).items()
     ]
 
 

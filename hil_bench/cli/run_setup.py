@@ -10,10 +10,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
-from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
+from hil_bench.bench.peers import peers_of
 from hil_bench.cli.devices import device_table
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption
 from hil_bench.cli.helpers import Helper, Helpers
@@ -468,7 +468,7 @@ def _common(
                 **ecu.standing(),
                 "can": standing(ecu.ecu),
             }
-            for name, ecu in ecus_of(bench).items()
+            for name, ecu in peers_of(bench).items()
         ],
         "recording": _recorded(setup.recording),
         "helpers": helpers.lines(),

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
+from hil_bench.bench.peers import Peer, peers_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
@@ -205,7 +205,8 @@ class Feed:
         ]
         recording = None if self._recording is None else self._recording.state
         ecus = {
-            name: _ecu_state(ecu, standing(ecu.ecu)) for name, ecu in ecus_of(session.bench).items()
+            name: _ecu_state(ecu, standing(ecu.ecu))
+            for name, ecu in peers_of(session.bench).items()
         }
         state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
         return state if self._work is None else {**state, "work": self._work().content()}
@@ -280,7 +281,7 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
 }
 
 
-def _ecu_state(ecu: EcuHandle, can: Mapping[str, object] | None) -> dict[str, Any]:
+def _ecu_state(ecu: Peer, can: Mapping[str, object] | None) -> dict[str, Any]:
     return ecu.standing() if can is None else {**ecu.standing(), "can": can}
 
 

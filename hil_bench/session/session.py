@@ -6,11 +6,11 @@ passed and knows nothing of the runner. All times are bench time: nanoseconds si
 
 from collections.abc import Callable, Mapping, Sequence
 
-from hil_bench.abilities.j1939.ecus import EcuTable
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench, FrameObserver
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
+from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.commands import Controls, Device, Door
@@ -201,4 +201,4 @@ def open_session(
     """
     bench = build_bench(config)
     nodes = NodeTable(bench.nodes, config.nodes)
-    return Session(bench, nodes=nodes, devices=bench.find(EcuTable), stimuli=stimuli)
+    return Session(bench, nodes=nodes, devices=bench.find(Peers), stimuli=stimuli)

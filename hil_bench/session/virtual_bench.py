@@ -14,9 +14,9 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import HilBenchError, WaitTimeoutError
@@ -95,7 +95,7 @@ class VirtualBench:
         self.session = session or open_session(self.config, stimuli)
         self.bench = self.session.bench
         self.nodes = self.session.nodes
-        self.ecus = ecus_of(self.bench)
+        self.ecus = peers_of(self.bench)
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))

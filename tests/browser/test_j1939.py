@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from support.live_bench import live_bench, panel
 
-from hil_bench.abilities.j1939.ecus import ecus_of
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.peers import peers_of
 from hil_bench.session.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -42,7 +42,7 @@ def test_a_lever_is_moved_and_broken_from_the_page(page, bench):
     card.get_by_label("new value of joystick.x", exact=True).fill("-42")
     card.get_by_role("button", name="set joystick.x", exact=True).click()
     expect(card).to_contain_text("-42 %")
-    assert ecus_of(bench.session.bench)["joystick"]["x_left"] == 1.0
+    assert peers_of(bench.session.bench)["joystick"]["x_left"] == 1.0
 
     page.locator("#tab-faults").click()
     faults = page.locator("#view-faults")

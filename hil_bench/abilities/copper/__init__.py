@@ -2,4 +2,8 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("copper", bus_tables={"wire": "hil_bench.abilities.copper.section:read_wire"})
+ABILITY = Ability(
+    "copper",
+    bus_tables={"wire": "hil_bench.abilities.copper.section:read_wire"},
+    fault_kinds="hil_bench.abilities.copper.fault_kinds",
+)

@@ -55,7 +55,7 @@ class Copper:
 
     def point(self, device: object) -> Plug | None:
         """Return the plug of a device, where faults get at it; None where it is not on copper."""
-        return self.wiring.plugs.get(device)  # type: ignore[call-overload, no-any-return]
+        return self.wiring.plugs.get(device)
 
     def standing(self, device: object) -> dict[str, object] | None:
         """Return the status of the CAN controller of a device; None where it is not on copper."""

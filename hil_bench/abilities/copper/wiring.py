@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from hil_bench.abilities.copper.wire.error_frames import broken_frame, event_frame
 from hil_bench.abilities.copper.wire.station import Rule, Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame, Passage, Wire
-from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
 
 _MOST_ERRORS: Final = 10_000
 
-Device = Node | Ecu
+Device = Any
+"""A CANopen node, or another device of the bench."""
 
 
 @dataclass(slots=True)
@@ -145,7 +145,9 @@ class Wiring:
         self.is_direct = True
         self._wires = [bus.wire for bus in buses]
         self._outside = frozenset(bus.controller for bus in buses)
-        self._extended = frozenset(plug.station for plug in plugs if isinstance(plug.node, Ecu))
+        self._extended = frozenset(
+            plug.station for plug in plugs if not isinstance(plug.node, Node)
+        )
         self._deaf: dict[int, frozenset[Station]] = {}
         self._shaken: list[Plug] = []
         stations = {plug.station: plug for plug in plugs}

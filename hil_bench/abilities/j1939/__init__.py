@@ -2,4 +2,8 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("j1939")
+ABILITY = Ability(
+    "j1939",
+    tables={"j1939": "hil_bench.abilities.j1939.configuration.ecus:EcusSection"},
+    fault_kinds="hil_bench.abilities.j1939.fault_kinds",
+)

@@ -1,23 +1,26 @@
 """The J1939 devices of a bench: built from their configuration, and set and read by tests."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
-from typing import NoReturn, Protocol
+from typing import Protocol
 
+from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
 from hil_bench.abilities.j1939.protocol.diagnostics import TroubleCode
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.abilities.j1939.protocol.identifier import COMPONENT
 from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
 from hil_bench.abilities.j1939.protocol.values import EcuValue
 from hil_bench.bench.bench import Bench
-from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import Peers
 from hil_bench.bench.switchboard import Way
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.axis import Fitting
 from hil_bench.devices.faults.line import Line
+from hil_bench.devices.faults.points import NODES, FaultPoints, NodePoint
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.units import ONE
@@ -133,14 +136,20 @@ class Segment:
             self._board.emit(frame)
 
 
-def build_segments(
-    config: BenchConfig, surroundings: Surroundings
-) -> tuple[list[Segment], dict[str, Fitting]]:
-    """Return the J1939 devices of each bus that has some, and what each does by its name."""
+def build_ecus(
+    configs: Sequence[EcuConfig], buses: Iterable[str], surroundings: Surroundings
+) -> "EcuTable":
+    """Return the J1939 devices of a bench.
+
+    Args:
+        configs: of the devices.
+        buses: the names of the buses, in the order of their numbers.
+        surroundings: what the devices may know of the bench.
+    """
     stations: dict[int, list[EcuStation]] = {}
     fittings: dict[str, Fitting] = {}
-    numbers = {name: number for number, name in enumerate(config.buses)}
-    for each in config.ecus:
+    numbers = {name: number for number, name in enumerate(buses)}
+    for each in configs:
         ecu = Ecu(each.identity, each.address)
         if each.component:
             component = each.component.encode("latin-1", "replace")
@@ -151,7 +160,7 @@ def build_segments(
         )
         stations.setdefault(numbers[each.bus], []).append(station)
         fittings[each.name] = fitting
-    return [Segment(number, those) for number, those in stations.items()], fittings
+    return EcuTable([Segment(number, those) for number, those in stations.items()], fittings)
 
 
 class EcuHandle:
@@ -230,20 +239,23 @@ class EcuHandle:
         return known[name]
 
 
-class EcuTable(dict[str, EcuHandle]):
-    """The J1939 devices of a bench by their names; another name is a `ConfigError`.
+class EcuTable(Peers):
+    """The J1939 devices of a bench by their names, each an `EcuHandle`.
 
     Args:
         segments: the devices of each bus that has some.
+        fittings: what each does, by its name.
 
     Attributes:
         segments: as passed in.
     """
 
-    def __init__(self, segments: Sequence[Segment] = ()) -> None:
-        self.segments = tuple(segments)
-        stations = (station for segment in segments for station in segment.stations)
-        super().__init__((station.name, EcuHandle(station)) for station in stations)
+    def __init__(self, segments: Sequence[Segment], fittings: Mapping[str, Fitting]) -> None:
+        self.segments, self.fittings = tuple(segments), fittings
+        self._stations = {
+            station.name: station for segment in segments for station in segment.stations
+        }
+        super().__init__((name, EcuHandle(station)) for name, station in self._stations.items())
 
     def join(self, bench: Bench) -> None:
         """Plug the devices in."""
@@ -252,11 +264,16 @@ class EcuTable(dict[str, EcuHandle]):
             bench.starts.append(segment.start)
             bench.acts.append(segment.advance)
 
-    def __missing__(self, name: str) -> NoReturn:
-        known = f"give one of {', '.join(self)}" if self else "this bench has none"
-        raise ConfigError(f'j1939: there is no device "{name}"; {known}')
+    def add_points(self, points: FaultPoints, buses: Mapping[str, int]) -> None:
+        """Add the points at which faults act on them."""
+        for name, station in self._stations.items():
+            ecu, stop = station.ecu, partial(_stop, station.ecu)
+            points.of(NODES)[name] = NodePoint(ecu, stop, ecu.start, buses[name], station.line)
+            points.of(ECUS)[name] = ecu
+            points.of(SIGNALS).update(
+                {f"{name}.{each}": signal for each, signal in station.signals.items()}
+            )
 
 
-def ecus_of(bench: Bench) -> EcuTable:
-    """Return the J1939 devices of a bench."""
-    return bench.find(EcuTable) or EcuTable()
+def _stop(ecu: Ecu, _now: int) -> None:
+    ecu.stop()

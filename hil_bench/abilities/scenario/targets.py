@@ -9,13 +9,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
+from hil_bench.abilities.j1939.ecus import EcuHandle
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT, AuxiliaryValveConfig
 from hil_bench.abilities.modbus.binding import BoundUnit, ModbusBinding
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister
 from hil_bench.abilities.modbus.protocol.register_map import ModbusException, RegisterAccess
 from hil_bench.abilities.scenario.dimensions import dimension_of, show_dimension
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
@@ -240,7 +241,7 @@ class Targets:
         self._configs = {node.name: node for node in config.nodes}
         self._nodes = dict(zip(self._configs, session.bench.nodes, strict=True))
         self._registers = name_registers(session.bench.find(ModbusBinding))
-        self._ecus = ecus_of(session.bench)
+        self._ecus = peers_of(session.bench)
         self._ecu_configs = {ecu.name: ecu for ecu in config.ecus}
 
     def find(self, name: str) -> Target:

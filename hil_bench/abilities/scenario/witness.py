@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hil_bench.abilities.j1939.ecus import EcuHandle, ecus_of
+from hil_bench.abilities.j1939.ecus import EcuHandle
 from hil_bench.abilities.j1939.protocol.address_claim import ClaimState
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.scenario.nodes import DM1, EMCY, FRAME, Vocabulary
@@ -21,6 +21,7 @@ from hil_bench.abilities.scenario.targets import (
 from hil_bench.abilities.scenario.values import Floats
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
@@ -106,7 +107,7 @@ def bench_vocabulary(
         signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
         if fitting.state is not None:
             states[f"{name}.state"] = _VALVE_STATES
-    own_signals, own_states = ecu_names(ecus_of(session.bench))
+    own_signals, own_states = ecu_names(peers_of(session.bench))
     shared = name_shared(registers)
     return Vocabulary(
         signals | own_signals,
@@ -115,7 +116,7 @@ def bench_vocabulary(
         True,
         parameters,
         shared,
-        tuple(ecus_of(session.bench)),
+        tuple(peers_of(session.bench)),
     )
 
 
@@ -148,7 +149,7 @@ class Witness:
             for node, fitting in zip(config.nodes, session.bench.fittings, strict=True)
         }
         readers = [
-            ecu_reader(ecus_of(session.bench), name) or self._reader(name, places, states)
+            ecu_reader(peers_of(session.bench), name) or self._reader(name, places, states)
             for name in self._names
         ]
         self._read: Callable[[Sequence[float]], Sequence[float]]

@@ -78,20 +78,20 @@ class BusesSection:
         """The names of all buses, the first one first."""
         return (FIRST_BUS, *self._further)
 
-    def check_nodes(self, nodes: Mapping[str, Settings], ecus: Mapping[str, str]) -> None:
+    def check_nodes(self, nodes: Mapping[str, Settings], others: Mapping[str, str]) -> None:
         """Note devices on a bus that is not there, buses without any, and two that are one.
 
         Args:
             nodes: the CANopen nodes.
-            ecus: the bus of each J1939 device.
+            others: the bus of each other device by its place, as ``j1939.joystick``.
         """
         on = {f"nodes.{name}": node["bus"].value for name, node in nodes.items()}
-        on |= {f"j1939.{name}": bus for name, bus in ecus.items()}
+        on |= others
         _check_buses(self._first, self._further, on, self._problems)
         for bus, wire in self._wires.items():
             if wire is not None:
                 there = [name for name, node in nodes.items() if node["bus"].value == bus]
-                there += [name for name, its in ecus.items() if its == bus]
+                there += [place.partition(".")[2] for place, its in others.items() if its == bus]
                 wire.check(there, self._problems)
 
     @property

@@ -3,13 +3,11 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from hil_bench.abilities.j1939.configuration.ecus import EcusSection
-from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
-from hil_bench.abilities.j1939.kinds.auxiliary_valve import FLOW
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
+from hil_bench.bench.configuration.peers import PeerSections, places_of
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
@@ -20,7 +18,7 @@ from hil_bench.devices.faults.registry import COMMON_KEYS, KIND_KEY, find_fault_
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
-from hil_bench.units import ONE, PERCENT, Unit, si_unit
+from hil_bench.units import Unit
 
 Targets = dict[str, dict[str, Any]]
 """The names of the targets that may have faults, by group.
@@ -39,7 +37,7 @@ class FaultsSection:
         nodes: whose devices may have faults.
         axes: whose plants may, and the supplies that they share.
         buses: those that are of copper may.
-        ecus: J1939 devices, which may.
+        peers: the devices beside the nodes.
         problems: where problems are noted.
     """
 
@@ -50,10 +48,10 @@ class FaultsSection:
         nodes: NodesSection,
         axes: AxesSection,
         buses: BusesSection,
-        ecus: EcusSection,
+        peers: PeerSections,
         problems: Problems,
     ) -> None:
-        self._ecus = ecus
+        self._peers = peers
         self._faults = _read_faults(document, overrides, problems)
         self._nodes, self._axes, self._problems = nodes, axes, problems
         self._buses, self._supplies = buses, axes.supplies
@@ -62,15 +60,16 @@ class FaultsSection:
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
         targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
-        _add_ecus(targets, self._ecus)
+        for section in self._peers.values():
+            for group, found in section.fault_targets().items():
+                targets.setdefault(group, {}).update(found)
         lowest = self._supplies.lowest_bar
         targets[SUPPLIES.name] |= lowest
         targets[PLANTS.name] |= lowest
+        others = {place.partition(".")[2]: bus for place, bus in places_of(self._peers).items()}
         buses = {name: node["bus"].value for name, node in self._nodes.nodes.items()}
         targets[WIRED.name] = {
-            name: None
-            for name, bus in ({**self._ecus.buses, **buses}).items()
-            if bus in self._buses.wired
+            name: None for name, bus in ({**others, **buses}).items() if bus in self._buses.wired
         }
         self._sensors = targets[SENSORS.name]
         _check_faults(self._faults, targets, self._problems)
@@ -138,29 +137,6 @@ def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings)
         PLANTS.name: dict.fromkeys(axes),
         NODES.name: dict.fromkeys(nodes),
     }
-
-
-def _add_ecus(targets: Targets, ecus: EcusSection) -> None:
-    """Add the targets of J1939 devices."""
-    sensors, valves = targets[SENSORS.name], targets[VALVES.name]
-    signals: dict[str, None] = {}
-    for device, given in ecus.signals.items():
-        for signal in given:
-            name = f"{device}.{signal.name}"
-            if signal.is_sink:
-                valves[name] = None
-                continue
-            signals[name] = None
-            if signal.word != "follow":
-                own = si_unit(signal.settings["unit"].value or ONE.symbol)[0]
-                unit = signal.quantity.unit if signal.quantity is not None else own
-                sensors[name] = UNITS.get(unit)
-    for drive in ecus.drives():
-        if drive.device is not None:
-            valves[drive.device] = None
-            sensors[f"{drive.device}.{FLOW.name}"] = PERCENT
-    targets[ECUS.name], targets[SIGNALS.name] = dict.fromkeys(ecus.devices), signals
-    targets[NODES.name] |= targets[ECUS.name]
 
 
 def _check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:

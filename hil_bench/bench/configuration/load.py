@@ -4,7 +4,6 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_bench.abilities.j1939.configuration.ecus import EcusSection
 from hil_bench.ability import own_tables, table_sections
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
@@ -68,25 +67,27 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
     buses = BusesSection(document, on_bus | dict(bus_options or {}), problems)
     supplies = SuppliesSection(document, bench, problems)
-    axes = AxesSection(document, bench, supplies, base, problems, default=needs_axis(document))
-    ecus = EcusSection(document, axes, base, problems)
-    nodes = NodesSection(document, buses, axes, ecus, base, problems)
+    ahead = {name: make for name, make in special.items() if getattr(make, "before_nodes", False)}
+    default = needs_axis(document, [make.needs_axis(document) for make in ahead.values()])
+    axes = AxesSection(document, bench, supplies, base, problems, default=default)
+    peers = {name: make(document, axes, base, problems) for name, make in ahead.items()}
+    nodes = NodesSection(document, buses, axes, peers, base, problems)
     behind_nodes = {
         name: make(document, buses.names, base, problems, nodes.nodes)
         for name, make in special.items()
         if getattr(make, "of_nodes", False)
     }
-    failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)
+    failing = FaultsSection(document, faults, nodes, axes, buses, peers, problems)
     others = {
         name: make(document, buses.names, base, problems)
         for name, make in special.items()
-        if name not in behind_nodes
+        if name not in {*ahead, *behind_nodes}
     }
-    own = (bench, buses, supplies, axes, ecus, nodes)
+    own = (bench, buses, supplies, axes, *peers.values(), nodes)
     sections = (*own, *behind_nodes.values(), failing, *others.values())
     found = build_sections(sections, problems)
     warn_of_nodes(nodes.nodes)
-    built = tuple(found.pop(name) for name in (*behind_nodes, *others))
+    built = tuple(found.pop(name) for name in (*peers, *behind_nodes, *others))
     return BenchConfig(path=file, parts=built, **found)
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hil_bench.abilities.j1939.configuration.ecus import TABLE, OtherDrive, needs_no_axis
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
+from hil_bench.bench.configuration.peers import OtherDrive
 from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, read_named_sections
@@ -28,13 +28,13 @@ _NO_AXIS = "the bench has no plant: give it one as [plant.axis1], or the node an
 
 
 def read_nodes(
-    document: Document, axes: Axes, problems: Problems
+    document: Document, axes: Axes, problems: Problems, *, has_others: bool
 ) -> tuple[dict[str, Settings], dict[str, Settings]]:
     """Return the settings of each node, and of each sensor's measuring chain, by their names.
 
-    A file without nodes has those of its first plant, unless it has J1939 devices.
+    A file without nodes has those of its first plant, unless it has other devices.
     """
-    if "nodes" in document or TABLE in document:
+    if "nodes" in document or has_others:
         sections = read_named_sections(document, "nodes", problems)
     else:
         sections = {
@@ -69,19 +69,19 @@ def _axis_of(node: Settings, axes: Axes) -> AxisSettings | None:
     return axes.get(name)
 
 
-def needs_axis(document: Document) -> bool:
-    """Return True if the nodes of a file are connected to an axis.
+def needs_axis(document: Document, others: Sequence[bool]) -> bool:
+    """Return True if the devices of a file are connected to an axis.
 
     Devices made from their EDS files alone have nothing, unless an object is bound to the plant.
+
+    Args:
+        document: the file.
+        others: whether the devices of each table beside the nodes are.
     """
     nodes = document.get("nodes")
-    if TABLE in document and not nodes:
-        return not needs_no_axis(document)
-    if (
-        not isinstance(nodes, dict)
-        or not nodes
-        or (TABLE in document and not needs_no_axis(document))
-    ):
+    if others and not nodes:
+        return any(others)
+    if not isinstance(nodes, dict) or not nodes or any(others):
         return True
     return not all(isinstance(node, dict) and _is_alone(node) for node in nodes.values())
 

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from hil_bench.abilities.j1939.configuration.ecus import TABLE, EcusSection
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
 from hil_bench.bench.configuration.buses import BusesSection
@@ -15,6 +14,7 @@ from hil_bench.bench.configuration.nodes import (
     read_nodes,
     resolve_nodes,
 )
+from hil_bench.bench.configuration.peers import PeerSections, drives_of, places_of
 from hil_bench.bench.configuration.scripts import read_scripts
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
@@ -28,7 +28,7 @@ class NodesSection:
         document: the file.
         buses: that they are on.
         axes: that they belong to.
-        ecus: the J1939 devices beside them.
+        peers: the devices beside them.
         base: the folder that files are named from.
         problems: where problems are noted.
 
@@ -42,17 +42,17 @@ class NodesSection:
         document: Document,
         buses: BusesSection,
         axes: AxesSection,
-        ecus: EcusSection,
+        peers: PeerSections,
         base: Path,
         problems: Problems,
     ) -> None:
-        self.nodes, self._chains = read_nodes(document, axes.axes, problems)
+        self.nodes, self._chains = read_nodes(document, axes.axes, problems, has_others=bool(peers))
         self.bindings: Bindings = {}
         self._buses, self._axes, self._base, self._problems = buses, axes.axes, base, problems
         self._given = read_bindings(self.nodes, self._axes, problems)
         self._scripts = read_scripts(self.nodes, problems)
-        self._ecus = ecus
-        if not self.nodes and not ecus.is_given:
+        self._peers = peers
+        if not self.nodes and not any(each.is_given for each in peers.values()):
             problems.add(problems.place("nodes"), "the bench has none; give one as [nodes.NAME]")
 
     def resolve(self) -> None:
@@ -61,11 +61,12 @@ class NodesSection:
         resolve_nodes(nodes, axes, self._base, problems)
         self.bindings = build_bindings(self._given, nodes, axes, problems)
         check_chains(self._chains, problems)
-        self._buses.check_nodes(nodes, self._ecus.buses)
-        check_nodes(nodes, axes, self.bindings, list(self._ecus.drives()), problems)
-        for name in nodes.keys() & self._ecus.devices.keys():
-            right = f"[nodes.{name}] has that name; give each device its own"
-            problems.add(problems.place(f"{TABLE}.{name}"), right)
+        self._buses.check_nodes(nodes, places_of(self._peers))
+        check_nodes(nodes, axes, self.bindings, drives_of(self._peers), problems)
+        for table, section in self._peers.items():
+            for name in nodes.keys() & section.buses.keys():
+                right = f"[nodes.{name}] has that name; give each device its own"
+                problems.add(problems.place(f"{table}.{name}"), right)
 
     def build(self) -> dict[str, Any]:
         """Return the records of the nodes."""

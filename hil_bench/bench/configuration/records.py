@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
 from hil_bench.config.settings import Setting
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.kind import NodeConfig
@@ -103,6 +102,23 @@ class Joining(Protocol):
         """Return the extension that joins the bench; `ConfigError` where it does not fit."""
 
 
+@runtime_checkable
+class Peopled(Protocol):
+    """A `Part` with devices beside the CANopen nodes.
+
+    Attributes:
+        ecus: their configurations, each with a name, a bus and a kind.
+    """
+
+    ecus: tuple[Any, ...]
+
+    def peers(self, config: "BenchConfig", surroundings: Any) -> Any:  # noqa: ANN401 - of layers above
+        """Return the devices, built, as `hil_bench.bench.peers.Peers`."""
+
+    def seen_from(self, bus: str) -> "Part":
+        """Return the part reduced to the devices of one bus, which is then the first."""
+
+
 class Served(Protocol):
     """The open ends of a `Serving` part in a run.
 
@@ -153,7 +169,6 @@ class BenchConfig:
         further_buses: the other buses by their names, in the order of the file.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
-        ecus: the J1939 devices, in the order of the file.
         supplies: those that several axes share, in the order of the file.
         parts: what the tables of abilities say.
         sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
@@ -172,7 +187,6 @@ class BenchConfig:
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     faults: tuple[FaultConfig, ...] = ()
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
-    ecus: tuple[EcuConfig, ...] = ()
     supplies: tuple[SupplyConfig, ...] = ()
     sensor_units: Mapping[str, Unit | None] = field(default_factory=dict)
     parts: tuple["Part", ...] = ()
@@ -184,6 +198,11 @@ class BenchConfig:
             kind: its class.
         """
         return next((part for part in self.parts if isinstance(part, kind)), None)
+
+    @property
+    def ecus(self) -> tuple[Any, ...]:
+        """The devices beside the nodes, those on J1939, in the order of the file."""
+        return tuple(ecu for part in self.parts if isinstance(part, Peopled) for ecu in part.ecus)
 
     @property
     def buses(self) -> dict[str, BusConfig]:
@@ -205,8 +224,10 @@ class BenchConfig:
     def seen_from(self, bus: str) -> "BenchConfig":
         """Return the configuration reduced to one of the buses, as its first, and its nodes."""
         nodes = tuple(replace(node, bus=FIRST_BUS) for node in self.nodes if node.bus == bus)
-        ecus = tuple(replace(ecu, bus=FIRST_BUS) for ecu in self.ecus if ecu.bus == bus)
-        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, ecus=ecus)
+        parts = tuple(
+            part.seen_from(bus) if isinstance(part, Peopled) else part for part in self.parts
+        )
+        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, parts=parts)
 
     def full_scale(self, axis: AxisConfig) -> float:
         """Return the command that stands for 1 in a recording, of a spool the position [m]."""

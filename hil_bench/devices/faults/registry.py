@@ -1,24 +1,29 @@
 """All kinds of faults by name, those of other distributions too."""
 
 from collections.abc import Iterable, Iterator
+from importlib import import_module
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.abilities.j1939 import fault_kinds as ecu_kinds
+from hil_bench.ability import own_abilities
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.faults import (
     line_kinds,
     plant_kinds,
     sensor_kinds,
-    wire_kinds,
 )
 from hil_bench.devices.faults.kind import LARGEST, FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.registry import Registry, find_twice
 from hil_bench.units import SECOND
 
-_MODULES = (sensor_kinds, plant_kinds, line_kinds, wire_kinds, ecu_kinds)
+_MODULES = (
+    sensor_kinds,
+    plant_kinds,
+    line_kinds,
+    *(import_module(each.fault_kinds) for each in own_abilities() if each.fault_kinds),
+)
 _OWN = {
     name: kind
     for module in _MODULES

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final
 
 from hil_bench.abilities.j1939.configuration.ecu_signals import (
     SIGNALS_TABLE,
@@ -11,17 +11,23 @@ from hil_bench.abilities.j1939.configuration.ecu_signals import (
     check_groups,
     read_signals,
 )
-from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE
+from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
+from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE, FLOW
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
 from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
+from hil_bench.abilities.j1939.part import J1939Part
 from hil_bench.abilities.j1939.protocol.identifier import NULL
 from hil_bench.abilities.j1939.protocol.name import Name
 from hil_bench.bench.configuration.axes import AxesSection
+from hil_bench.bench.configuration.peers import OtherDrive
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, integer, text
+from hil_bench.devices.faults.kind import UNITS
+from hil_bench.devices.faults.points import NODES, SENSORS, VALVES
+from hil_bench.units import ONE, PERCENT, Unit, si_unit
 
 TABLE: Final = "j1939"
 
@@ -57,22 +63,6 @@ def _keys_of(kind: EcuKind[Any]) -> tuple[Key, ...]:
     return (*_COMMON_KEYS, *axis, *kind.keys)
 
 
-class OtherDrive(NamedTuple):
-    """A driver of an axis that is no CANopen node.
-
-    Attributes:
-        what: how messages call it.
-        place: of its axis.
-        axis: that it commands.
-        device: name of the device where all of it is the valve; None for a signal of one.
-    """
-
-    what: str
-    place: str
-    axis: str | None
-    device: str | None = None
-
-
 class EcusSection:
     """The J1939 devices of a bench.
 
@@ -86,7 +76,10 @@ class EcusSection:
         devices: the table of each by its name.
         signals: the signals of each.
         is_given: whether the file has such devices, right or wrong.
+        before_nodes: True: it is made before the nodes.
     """
+
+    before_nodes: ClassVar[bool] = True
 
     def __init__(
         self, document: Document, axes: AxesSection, base: Path, problems: Problems
@@ -105,17 +98,52 @@ class EcusSection:
         """The bus of each device by its name."""
         return {name: device["bus"].value for name, device in self.devices.items()}
 
+    @staticmethod
+    def needs_axis(document: Document) -> bool:
+        """Return True if a J1939 device of a file is connected to a plant."""
+        devices = document[TABLE]
+        return not isinstance(devices, dict) or any(map(_is_at_axis, devices.values()))
+
     def drives(self) -> Iterator[OtherDrive]:
         """Yield what commands axes."""
         for name, device in self.devices.items():
             table = f"{TABLE}.{name}"
             if _kind_of(device).has_axis:
                 place = self._problems.place(table, "axis")
-                yield OtherDrive(f"the valve {table}", place, device["axis"].value, name)
+                yield OtherDrive(f"the valve {table}", place, device["axis"].value)
             for signal in self.signals[name]:
                 if signal.is_sink:
                     place = self._problems.place(signal.table, "sink")
                     yield OtherDrive(f"the sink {signal.table}", place, signal.axis)
+
+    def fault_targets(self) -> dict[str, dict[str, Any]]:
+        """Return the targets of faults by group, sensors with the units of their amounts."""
+        devices: dict[str, Any] = dict.fromkeys(self.devices)
+        sensors: dict[str, Unit | None] = {}
+        valves: dict[str, Any] = {}
+        signals: dict[str, Any] = {}
+        for device, given in self.signals.items():
+            for signal in given:
+                name = f"{device}.{signal.name}"
+                if signal.is_sink:
+                    valves[name] = None
+                    continue
+                signals[name] = None
+                if signal.word != "follow":
+                    own = si_unit(signal.settings["unit"].value or ONE.symbol)[0]
+                    unit = signal.quantity.unit if signal.quantity is not None else own
+                    sensors[name] = UNITS.get(unit)
+        for name, device_table in self.devices.items():
+            if _kind_of(device_table).has_axis:
+                valves[name] = None
+                sensors[f"{name}.{FLOW.name}"] = PERCENT
+        return {
+            SENSORS.name: sensors,
+            VALVES.name: valves,
+            NODES.name: devices,
+            ECUS.name: devices,
+            SIGNALS.name: signals,
+        }
 
     def resolve(self) -> None:
         """Find the axes, and note addresses that clash."""
@@ -136,7 +164,7 @@ class EcusSection:
 
     def build(self) -> dict[str, Any]:
         """Return the records of the devices."""
-        return {"ecus": tuple(self._build(name) for name in self.devices)}
+        return {TABLE: J1939Part(tuple(self._build(name) for name in self.devices))}
 
     def tables(self) -> Iterable[Settings]:
         """Return the table of each device, then those of its signals."""
@@ -196,14 +224,6 @@ class EcusSection:
 
 def _kind_of(device: Settings) -> EcuKind[Any]:
     return ECU_KINDS[device[_KIND_KEY.name].value]
-
-
-def needs_no_axis(document: Document) -> bool:
-    """Return True if no J1939 device of a file is connected to a plant."""
-    devices = document.get(TABLE)
-    if not isinstance(devices, dict):
-        return False
-    return not any(_is_at_axis(device) for device in devices.values())
 
 
 def _is_at_axis(device: object) -> bool:

@@ -55,6 +55,7 @@ def control() -> tuple[float, np.ndarray, Recording]:
         Network(bench.bus, clock=bench.now) as network,
         ProportionalValve(network, node_id=1) as valve,
     ):
+        network.pump(0.001)  # the devices boot: what comes earlier is lost
         position = PositionSensor(network, node_id=4)
         pressures = (PressureSensor(network, node_id=2), PressureSensor(network, node_id=3))
         for node_id, device in enumerate((valve, *pressures, position), 1):

@@ -42,7 +42,9 @@ logger = logging.getLogger(__name__)
 def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
     """Return a bus, the first, with a powered-on bench at its other end, in the caller's thread.
 
-    Bench time advances only while the caller waits in `recv`.
+    A tick has passed, in which the devices have booted: their boot-up messages wait to be received,
+    and no request is too early. From then on bench time advances only while the caller waits in
+    `recv`.
 
     Args:
         config: the bench; without it the built-in one of one axis.
@@ -50,7 +52,9 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
     config = config or load_config()
     bench = build_bench(config)
     bench.start(0)
-    return EmbeddedBus(bench.tick, config.tick_ns, medium=bench.medium, fd=config.bus.fd)
+    bus = EmbeddedBus(bench.tick, config.tick_ns, medium=bench.medium, fd=config.bus.fd)
+    bus.advance(config.tick_ns * 1e-9)
+    return bus
 
 
 def build_bench(config: BenchConfig) -> Bench:

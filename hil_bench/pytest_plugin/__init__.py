@@ -327,7 +327,7 @@ def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Ite
 def network(
     request: pytest.FixtureRequest, can_bus: "can.BusABC", pytestconfig: pytest.Config
 ) -> "Iterator[Network]":
-    """The drivers' network on that bus, which sends a heartbeat."""
+    """The drivers' network on that bus, which sends a heartbeat; virtual devices have booted."""
     from hil_bench.pytest_plugin.devices import hide_drivers_from_tracebacks
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
     from hil_drivers import Network
@@ -342,6 +342,8 @@ def network(
         network = Network(can_bus, clock=bench.now)
     bench.pump = network.pump
     with network, record_frames(network, path):
+        if not option(pytestconfig, "interface") and bench.now() == 0.0:
+            network.pump(bench.config.tick_ns * 1e-9)  # the devices boot
         network.start_heartbeat()
         yield network
 

@@ -8,6 +8,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, EdsError
 from hil_bench.plants.hydraulic_cylinder.model import Solver
+from hil_drivers import Network
 
 OTHER_BENCH = """
 [bench]
@@ -52,6 +53,14 @@ def test_the_devices_are_the_configured_ones(config):
     assert [node.node_id for node in bench.nodes] == [9, 12]
     assert bench.axes[0].valve.full_opening == pytest.approx(2.6e-3)
     assert len(bench.axes[0].sensors) == 1
+
+
+def test_an_embedded_bus_begins_with_devices_that_answer():
+    """The first request is answered within two ticks; a lost one costs a time-out."""
+    with embedded_bus() as bus, Network(bus, clock=bus.now) as network:
+        begin = bus.now()
+        assert network.add_node(1).upload(0x1000)[:2] == (408).to_bytes(2, "little")
+        assert bus.now() - begin <= 2e-3
 
 
 def test_an_embedded_bus_ticks_at_the_configured_period(config):

@@ -112,7 +112,7 @@ class Plan:
         benches = dict(zip(campaign.benches, short_names(campaign.benches), strict=True))
         drawn = {k: each for k, each in campaign.parameters.items() if k not in campaign.given}
         for path, scenario in scenarios.items():
-            space = space_of(scenario, drawn)
+            space = space_of(scenario, drawn, campaign.path)
             if not space and not campaign.tolerances and not campaign.seeds:
                 raise ConfigError(no_range(scenario))
             for bench, controller in _variants(campaign, scenario):
@@ -186,18 +186,23 @@ def fix_parameters(scenario: Scenario, given: Mapping[str, float]) -> Scenario:
     return replace(scenario, parameters=parameters)
 
 
-def space_of(scenario: Scenario, given: Mapping[str, Distribution] | None = None) -> Space:
+def space_of(
+    scenario: Scenario,
+    given: Mapping[str, Distribution] | None = None,
+    source: Path | str = "",
+) -> Space:
     """Return the distributions of a scenario's parameters, of those that vary.
 
     Args:
         scenario: whose parameters; each with a `range` varies.
         given: distributions that take the place of ranges; a normal one ends at the range.
+        source: the file that gives them, for messages.
     """
     space: Space = {}
     for each in scenario.parameters:
         found = (given or {}).get(each.name)
         if found is not None:
-            space[each.name] = _within(found, each, scenario)
+            space[each.name] = _within(found, each, f"{source}: parameters.{each.name}", scenario)
         elif each.span is not None:
             space[each.name] = Uniform(*each.span)
     return space
@@ -230,7 +235,9 @@ def short_names(paths: "list[Path] | tuple[Path, ...] | Mapping[Path, object]") 
     ]
 
 
-def _within(found: Distribution, parameter: Parameter, scenario: Scenario) -> Distribution:
+def _within(
+    found: Distribution, parameter: Parameter, place: str, scenario: Scenario
+) -> Distribution:
     if parameter.span is None:
         return found
     low, high = parameter.span
@@ -238,8 +245,8 @@ def _within(found: Distribution, parameter: Parameter, scenario: Scenario) -> Di
         return replace(found, low=low, high=high)
     if found.bounds[0] < low or found.bounds[1] > high:
         wrong = f"{found.bounds[0]:g} to {found.bounds[1]:g} leaves the range {low:g} to {high:g}"
-        right = "stay in it, or widen the range of the scenario"
-        raise ConfigError(f"{scenario.path}: parameters.{parameter.name}: {wrong}; {right}")
+        right = "stay in it, or widen it there"
+        raise ConfigError(f"{place}: {wrong} of {scenario.path}; {right}")
     return found
 
 

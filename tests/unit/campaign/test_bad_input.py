@@ -37,7 +37,7 @@ PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0
         (
             'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit_bar = { range = [0, 2] }',
             REST,
-            "parameters.limit_bar: 0 to 2 leaves the range 1 to 301",
+            "campaign.toml: parameters.limit_bar: 0 to 2 leaves the range 1 to 301 of ",
         ),
         (
             'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit_bar = 3',

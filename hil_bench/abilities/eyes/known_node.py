@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
 from hil_bench.abilities.eyes.scaling import UNIT_OBJECTS, Scale, number_in, profile_of
 from hil_bench.abilities.eyes.values import Reader
@@ -197,4 +198,4 @@ def _standard(index: int, subindex: int) -> tuple[str, DataType] | None:
             return name, of_entry if subindex else of_count
     if any(index in indices for indices in _PARAMETERS) and subindex in _PARAMETER_TYPES:
         return "PDO communication parameter", _PARAMETER_TYPES[subindex]
-    return None
+    return object_of(index, subindex)

@@ -3,6 +3,12 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from hil_bench.abilities.eyes.manager_objects import (
+    CONCISE_DCF,
+    dcf_problem,
+    dcf_text,
+    manager_text,
+)
 from hil_bench.abilities.eyes.scaling import (
     CONTROL_WORD,
     STATUS_WORD,
@@ -79,21 +85,20 @@ class Reader:
 
     def read(self, raw: bytes) -> Reading:
         """Decode the raw bytes; show digits where they are no value of the data type."""
-        value = self._decode(raw)
-        if isinstance(value, bytes):
-            return self._reading(raw.hex().upper(), "", f"[{raw.hex(' ').upper()}]")
-        return self.tell(value)
+        return self.tell(self._decode(raw))
 
     def tell(self, value: Value) -> Reading:
         """Return a decoded value as a reading."""
         if isinstance(value, bytes):
-            return self._reading(value.hex().upper(), "", f"[{value.hex(' ').upper()}]")
+            digits = f"[{value.hex(' ').upper()}]"
+            text = dcf_text(value) if self._is_dcf() else digits
+            return self._reading(value.hex().upper(), "", text)
         if isinstance(value, str):
             shown = printable(value.rstrip("\0"))
             cut = shown if len(shown) <= _LONGEST_TEXT else f"{shown[:_LONGEST_TEXT]}..."
             return self._reading(shown, "", f'"{cut}"')
-        if self.index in _COMMUNICATION and self.data_type is UNSIGNED32:
-            return self._reading(value, "", _communication_text(self.index, int(value)))
+        if self.index in _COMMUNICATION and (words := self._words(value)):
+            return self._reading(value, "", words)
         if self.index in _WORDS:
             return self._reading(value, "", word_text(self._profile, self.index, int(value)))
         if self.scale is None:
@@ -109,11 +114,25 @@ class Reader:
         if self.data_type is None or not isinstance(self._decode(raw), bytes):
             return ""
         size = self.data_type.size
+        if self._is_dcf():
+            return dcf_problem(raw)
         if not size:
             return "" if self._is_bytes() else f"is no {self.data_type.name}"
         if len(raw) == size:
             return ""
         return f"has {len(raw)} bytes, and is {self.data_type.name} of {size} in the EDS"
+
+    def _words(self, value: float) -> str:
+        """Return the value of an object of the communication profile; empty for a plain number."""
+        if not isinstance(value, int):
+            return ""
+        words = manager_text(self.index, self.subindex, value)
+        if not words and self.data_type is UNSIGNED32:
+            return _communication_text(self.index, value)
+        return words
+
+    def _is_dcf(self) -> bool:
+        return self.index == CONCISE_DCF and bool(self.subindex) and self._is_bytes()
 
     def _is_bytes(self) -> bool:
         return self.data_type is not None and isinstance(self.data_type.zero, bytes)

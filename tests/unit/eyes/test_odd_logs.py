@@ -1,12 +1,19 @@
 """Logs that are odd themselves: clocks that jump, two logs in one, frames of others between."""
 
+import pytest
+from corpus.faults import sender
 from corpus.logs import sound_log
 
+from device_profiles import VALVE_408
 from hil_bench.abilities.eyes.explain.explain import explain
+from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 S = 1_000_000_000
+MS = 1_000_000
 
 
 def own():
@@ -52,6 +59,43 @@ def test_the_frames_of_a_second_log_between_are_left_out():
         f"{left_out} frames of an earlier time, as of a second log, are left out",
     )
     assert found.findings == ()
+
+
+@pytest.mark.parametrize("name", ["pycanopen_canopennode_event_pdo", "lely_lely_two", "own_event"])
+@pytest.mark.parametrize("distance", [40_000, 13_100_000, 37_000_000])
+def test_two_recordings_of_one_bus_in_one_log_are_one_finding(name, distance):
+    """Each frame comes again after a distance, the clocks being apart by it."""
+    log = sound_log(name)
+    again = [each._replace(now=each.now + distance) for each in log.frames]
+    frames = sorted([*log.frames, *again], key=lambda each: each.now)
+    (found,) = explain(frames, log.known(), log.bitrate).findings
+    assert found.cause is Cause.TWO_RECORDINGS
+
+
+def test_a_second_device_of_one_node_id_is_no_second_recording():
+    """Its frames come twice; those of the master and of the other node do not."""
+    log = sound_log("lely_lely_two")
+    again = [each._replace(now=each.now + 13 * MS) for each in log.frames if sender(each) == 2]
+    frames = sorted([*log.frames, *again], key=lambda each: each.now)
+    assert explain(frames, log.known(), log.bitrate).findings[0].cause is Cause.NODE_ID_CLASH
+
+
+def test_who_boots_after_a_leap_has_not_restarted_by_itself():
+    """Two days of one network in one log: the second begins with its boot-up messages."""
+    log = sound_log("pycanopen_canopennode_event_pdo")
+    again = [each._replace(now=each.now + 86_400 * S) for each in log.frames]
+    found = explain([*log.frames, *again], log.known(), log.bitrate)
+    assert found.findings == ()
+    assert len(found.notes) == 1
+
+
+def test_an_eds_of_another_device_is_one_finding():
+    log = sound_log("lely_lely_two")
+    known = [KnownNode(2, "", load_eds(VALVE_408, 2))]
+    (found,) = explain(log.frames, known, log.bitrate).findings
+    assert found.cause is Cause.OTHER_DEVICE
+    assert "0x1000.00" in found.text
+    assert "0x1018.02" in found.text
 
 
 def test_frames_that_are_written_out_of_order_are_no_matter():

@@ -19,6 +19,7 @@ from hil_bench.abilities.eyes.explain.j1939_cycles import Cycles
 from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
 from hil_bench.abilities.eyes.explain.presence import Presence
 from hil_bench.abilities.eyes.explain.process_data import ProcessData
+from hil_bench.abilities.eyes.explain.recordings import Recordings
 from hil_bench.abilities.eyes.explain.silence import Silence
 from hil_bench.abilities.eyes.explain.syncs import Syncs
 from hil_bench.abilities.eyes.explain.transfers import Transfers
@@ -77,6 +78,7 @@ class Explainer:
         self._bitrate = bitrate
         self._decoder = Decoder(nodes, ecus)
         self._load, self._silence, self._clock = Load(bitrate, speedup), Silence(), Clock()
+        self._recordings = Recordings()
         self._presence = Presence(self._decoder, nodes)
         self._watches: tuple[Watch, ...] = (
             self._presence,
@@ -111,8 +113,10 @@ class Explainer:
         frame = logged.frame
         self._now = now
         self._load.count(now, frame)
+        self._recordings.take(frame, now)
         if leap:
             self._silence.skip(leap)
+            self._presence.leap()
         silent = self._silence.take(frame, now) + leap
         if silent:
             for watch in self._watches:
@@ -146,6 +150,7 @@ class Explainer:
         now = self._now if end is None else max(end, self._now)
         found = [finding for watch in self._watches for finding in watch.findings(now)]
         found += [*self._load.findings(now), *self._silence.findings(now)]
+        found += self._recordings.findings()
         scanned = self._presence.scanned
         found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
         duration = now * 1e-9

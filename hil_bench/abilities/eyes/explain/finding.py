@@ -46,6 +46,11 @@ class Cause(Enum):
         "CiA 301, 7.2.8.3.3",
         "take the bench.toml or the EDS files of this bus",
     )
+    TWO_RECORDINGS = (
+        "two recordings are interleaved",
+        "docs/bus.md",
+        "explain each recording alone",
+    )
     BUS_SILENT = (
         "the whole bus falls silent",
         "ISO 11898-1",

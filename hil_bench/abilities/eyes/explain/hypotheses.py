@@ -81,6 +81,9 @@ _GIVEN_UP: Final = _Lead(frozenset({Cause.SDO_ABORT}), _given_up)
 
 _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, slack=None),),
+    Cause.TWO_RECORDINGS: (
+        _Lead(frozenset(Cause) - {Cause.OTHER_BUS, Cause.TWO_RECORDINGS}, _anywhere, slack=None),
+    ),
     Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere), _GIVEN_UP),
     Cause.ERROR_FRAMES: (
         _Lead(_OF_TRAFFIC | {Cause.BUS_SILENT, Cause.PDO_LOST, Cause.PDO_REPEATED}, _anywhere),

@@ -123,6 +123,11 @@ class Presence:
                 wanted, when = life.commanded
                 life.commanded = wanted, when + length
 
+    def leap(self) -> None:
+        """Take note that a time is missing: who boots next may have been told to in it."""
+        for life in self._lives.values():
+            life.is_reset = True
+
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield who is missing, double, or not in its state.
 

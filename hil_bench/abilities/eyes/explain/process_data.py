@@ -188,7 +188,8 @@ class ProcessData:
             ):
                 continue  # its sender has another length than its own mapping
             reported = self._reported(node, _LENGTH_EMCYS)
-            text = f"{node} {owner.pdo.name}: {owner.pdo.problem(sights[0].frame.data)}"
+            problem = sights[0].problem or owner.pdo.problem(sights[0].frame.data)
+            text = f"{node} {owner.pdo.name}: {problem}"
             text += f", {sights.total} times" if sights.total > 1 else ""
             text += f"; {node} reports it by EMCY" if reported else ""
             shown = (*sights[:2], *reported[:1])

@@ -3,7 +3,14 @@
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
+from hil_bench.abilities.eyes.explain.finding import (
+    EVIDENCE,
+    Cause,
+    Evidence,
+    Finding,
+    finding,
+    seconds,
+)
 from hil_bench.abilities.eyes.frame_sights import transfer_title
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
@@ -69,9 +76,14 @@ class Transfers:
         Yields:
             The findings.
         """
-        for (node, *_), (sight, difference) in self._differing.items():
-            text = f"{node}: {difference}"
-            yield Finding(Cause.OTHER_DEVICE, node, sight.now, text, (sight,))
+        differing: dict[str, list[tuple[Sight, str]]] = {}
+        for (node, *_), each in self._differing.items():
+            differing.setdefault(node, []).append(each)
+        for node, found in differing.items():
+            text = f"{node}: " + "; ".join(difference for _, difference in found[:EVIDENCE])
+            text += f"; so are {len(found) - EVIDENCE} more" if len(found) > EVIDENCE else ""
+            sights = Evidence(sight for sight, _ in found)
+            yield finding(Cause.OTHER_DEVICE, node, sights, text)
         for node, sights in self._shared.items():
             text = f"{node}: another request came before the answer to {sights[0].words}, "
             text += f"at {seconds(sights[0].now)}"

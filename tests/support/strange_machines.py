@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from support.built_in_nodes import NODES
 from support.strange_plant import Machine
 
 SIZES = ((40, 22), (50, 28), (63, 36), (63, 45), (80, 45))  # mm, bore and rod of ISO 6020-2
@@ -228,22 +229,4 @@ oil = "HLP 46"
 supply_pressure_bar = {sheet.supply:g}
 load_mass_kg = {sheet.mass:g}
 load_slope_deg = {sheet.slope:g}
-
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-"""
+{NODES}"""

@@ -7,7 +7,7 @@ from hil_bench.abilities.copper.build import build_wiring
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.copper.wire.config import WireConfig
 from hil_bench.abilities.copper.wiring import Device
-from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration import BenchConfig
 
 
 @dataclass(frozen=True, slots=True)

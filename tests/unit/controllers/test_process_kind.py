@@ -4,32 +4,22 @@ import json
 import sys
 
 import pytest
+from support.bus_programs import JOIN
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.virtual_bench import VirtualBench
 
-PROGRAM = """
-import os, socket, sys
-host, port = os.environ["HIL_BENCH_BUS"].split(":")
-bus = socket.create_connection((host, int(port)))
-def hear(end=b">"):
-    text = b""
-    while not text.endswith(end):
-        text += bus.recv(1)
-    return text.decode()
-def say(text):
-    bus.sendall(text.encode())
-hear(); say("< open can0 >"); hear(); say("< rawmode >"); hear()
+PROGRAM = (
+    JOIN
+    + """
 for number in range(int(sys.argv[1])):
     say(f"< send 321 1 {number:02X} >")
-    say("< send 080 0 >")
-    say("< send 604 8 40 00 10 00 00 00 00 00 >")
-    while "frame 584" not in hear():
-        pass
+    sync()
 say("< send 322 0 >")
 sys.exit(int(sys.argv[2]))
 """
+)
 LAMP = """
 import can
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
+from support.built_in_nodes import NODES
 from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.bench_file import write_bench
@@ -33,25 +34,6 @@ overlap_percent = 5.0
 oil = "HLP 46"
 supply_pressure_bar = 100.0
 moving_mass_kg = 60.0
-"""
-NODES = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
 """
 SCENARIO = """
 title = "Moves"

@@ -7,31 +7,11 @@ import signal
 import sys
 
 import pytest
+from support.bus_programs import JOIN
 
 from hil_bench.errors import ControllerError, WaitTimeoutError
 from hil_bench.session.firmware import HUB, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
-
-JOIN = """
-import os, signal, socket, sys
-host, port = os.environ["HIL_BENCH_BUS"].split(":")
-bus = socket.create_connection((host, int(port)))
-def hear(end=b">"):
-    text = b""
-    while not text.endswith(end):
-        text += bus.recv(1)
-    return text.decode()
-def say(text):
-    bus.sendall(text.encode())
-hear(); say("< open can0 >"); hear(); say("< rawmode >"); hear()
-def sync(count=1):
-    say("< send 000 2 1 0 >")
-    for _ in range(count):
-        say("< send 080 0 >")
-    say("< send 604 8 40 00 10 00 00 00 00 00 >")
-    while "frame 584" not in hear():
-        pass
-"""
 
 
 @pytest.fixture

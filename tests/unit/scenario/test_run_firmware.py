@@ -7,32 +7,22 @@ import json
 import sys
 
 import pytest
+from support.bus_programs import JOIN
 
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError, ControllerError
 
-PROGRAM = """
-import os, socket, sys
-host, port = os.environ["HIL_BENCH_BUS"].split(":")
-bus = socket.create_connection((host, int(port)))
-def hear(end=b">"):
-    text = b""
-    while not text.endswith(end):
-        text += bus.recv(1)
-    return text.decode()
-def say(text):
-    bus.sendall(text.encode())
-hear(); say("< open can0 >"); hear(); say("< rawmode >"); hear()
+PROGRAM = (
+    JOIN
+    + """
 say(f"< send {sys.argv[1]} 1 0 >")
 for _ in range(int(sys.argv[2])):
-    say("< send 080 0 >")
-    say("< send 604 8 40 00 10 00 00 00 00 00 >")
-    while "frame 584" not in hear():
-        pass
+    sync()
 sys.exit(int(sys.argv[3]))
 """
+)
 PASSED = RequirementOutcome.PASSED
 
 

@@ -19,6 +19,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 
 _ROWS, _STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]
+_EXACT = 1e-6  # share of the cost by which the last step of a search has lowered it
 _WORSE = 1.5  # times the residual before: less is no change
 _MOST = 0.5  # share of what differs that one cause must explain
 _NEAR = 0.85  # of the best: as likely
@@ -123,7 +124,7 @@ def compare(
         names = _names(second, cause.name)
         pairs = [begin_of(second, name, dict(held)) for name in names]
         begin = np.array([each for _, each in pairs])
-        found = search(second, [one for one, _ in pairs], begin, 10).values
+        found = search(second, [one for one, _ in pairs], begin, 20, _EXACT).values
         explains = (now - _misfit(second, found)) / max(now - base, 1e-300)
         value = float(np.mean([found[name] for name in names]))
         start = second.template.start(names[0])
@@ -162,7 +163,7 @@ def _adapt(bench: Bench, options: Options) -> dict[str, float]:
     bench = bench.rescaled({})
     pairs = [begin_of(bench, name, {}) for name in names]
     begin = np.array([each for _, each in pairs])
-    return search(bench, [one for one, _ in pairs], begin, 8).values
+    return search(bench, [one for one, _ in pairs], begin, 20, _EXACT).values
 
 
 def _names(bench: Bench, name: str) -> list[str]:

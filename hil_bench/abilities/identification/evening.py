@@ -18,6 +18,7 @@ _UNEVEN = 0.2  # of a row: as `record` counts gaps
 _BRIDGED = 5  # rows
 _LONGEST = 0.02  # [s]
 _FEW = 0.01  # of the steps
+_JITTER = 0.01  # of an interval, by which half the rows of a jittering logger are off
 _FULL = 0.8  # share of rows that must be whole
 _LIKE = 0.02  # of an interval
 _COARSE = 1.5  # steps of the clock by which a row may be off
@@ -48,13 +49,14 @@ def make_even(recording: Recording, quantities: list[str]) -> tuple[Recording, t
     is_lost = np.abs(steps - interval * np.round(steps / interval)) < _UNEVEN * interval
     is_near = is_off & ~is_long
     # A few steps of another length, such as where a program goes on, only part the record.
-    if interval <= 0.0 or (not (is_near & is_lost).any() and is_near.mean() < _FEW):
+    is_even = float(np.median(np.abs(steps - interval))) < _JITTER * interval
+    if interval <= 0.0 or (not (is_near & is_lost).any() and is_near.mean() < _FEW and is_even):
         if notes:
             recording = recording.copy()
             recording[TIME.name] = times
         return recording, tuple(notes)
-    share = is_near.mean()
-    interval = _round(float(np.mean(steps[~is_off | (steps < 1.5 * interval)])))
+    share = (np.abs(steps - interval) > _JITTER * interval).mean()
+    interval = _round(interval)
     notes.append(
         f"{share:.1%} of the rows are unevenly far apart; interpolated at {1e3 * interval:.4g} ms"
     )

@@ -1,4 +1,4 @@
-"""Output error over whole strokes: the plant beside the record, and SciPy's least squares."""
+"""Output error over whole strokes: the plant beside the record, and the search for its unknowns."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.identification.descent import descend
 from hil_bench.abilities.identification.machine import Running, Template, Unknown, read_values
 from hil_bench.abilities.identification.record import FLOORS
 from hil_bench.abilities.identification.sensing import Sensors, sense
@@ -25,6 +26,9 @@ _AWFUL = 1e3  # scales: what a run that fails counts as
 _BURNT = 0.02  # [s] at the start of a stroke that count for nothing if the piston moves then
 _SEEN = [0, 2, 3]  # x, P_A, P_B among what a course shows
 _WIDE = 5.0  # times the step for slopes where residuals are blurred
+_MIDDLE, _FEW_ROWS, _LEAST_TRAVEL = (0.35, 0.65), 4, 2e-3  # of the travel, where speed stands; [m]
+_MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
+_OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
@@ -94,6 +98,8 @@ class Bench:
         jobs: runs at a time.
         clock: the time that is left.
         blur: over which residuals are averaged, so that no phase of a swing counts [s].
+        has_middles: whether speed and mean pressures in the middles of strokes count apart.
+        is_rough: whether nothing but these counts.
     """
 
     template: Template
@@ -103,6 +109,20 @@ class Bench:
     jobs: int = 1
     clock: Clock = field(default_factory=Clock)
     blur: float = 0.0
+    has_middles: bool = False
+    is_rough: bool = False
+
+    @property
+    def ends_at_stop(self) -> bool:
+        """Return True if a stroke ends near an end of its way, the valve still open."""
+        h, record = self.template.axis.parameters.h, self.course.record
+        for stroke in self.course.strokes:
+            x, u = self.measured(stroke)[:, 0], self.setpoints_of(stroke) / record.full_opening
+            stands = np.abs(np.diff(x, append=x[-1])) < 1e-5
+            near = np.abs(x) > 0.97 * h
+            if (stands & near & (np.sign(u) == np.sign(x)) & (np.abs(u) > 0.1)).mean() > 0.02:
+                return True
+        return False
 
     @property
     def every(self) -> int:
@@ -120,33 +140,42 @@ class Bench:
 
     def setpoints(self, stroke: Stroke) -> Values:
         """Return the set-point of each step of a stroke [m]."""
-        rows = stroke.rows
-        return np.repeat(self.course.record.setpoints[rows.start + 1 : rows.stop], self.every)
+        return np.repeat(self.setpoints_of(stroke), self.every)
+
+    def setpoints_of(self, stroke: Stroke) -> Values:
+        """Return the set-point of each row of a stroke [m]."""
+        return self.course.record.setpoints[stroke.rows.start + 1 : stroke.rows.stop]
 
     def cuts(self) -> Cuts:
         """Return cuts of all strokes, still to be found."""
         return [open_cuts(self.every * (len(one.rows) - 1)) for one in self.course.strokes]
 
     def run(self, machine: Running, cuts: Cuts) -> list[Values]:
-        """Return the sensors' position, P_A and P_B in each stroke, shape (rows - 1, 3)."""
-        return [
-            self._run_stroke(machine, stroke, cut)
-            for stroke, cut in zip(self.course.strokes, cuts, strict=True)
-        ]
+        """Return the sensors' position, P_A and P_B in each stroke, shape (rows - 1, 3).
 
-    def _run_stroke(self, machine: Running, stroke: Stroke, cuts: npt.NDArray[np.int64]) -> Values:
+        A supply unit goes on from stroke to stroke of a recording.
+        """
+        shown, supply, session = [], machine.supply, -1
+        for stroke, cut in zip(self.course.strokes, cuts, strict=True):
+            supply = supply if stroke.session == session else machine.supply
+            seen, supply = self._run_stroke(machine, stroke, cut, supply)
+            shown.append(seen)
+            session = stroke.session if machine.options.supply is not None else -1
+        return shown
+
+    def _run_stroke(
+        self, machine: Running, stroke: Stroke, cuts: npt.NDArray[np.int64], supply: float
+    ) -> tuple[Values, float]:
         setpoints = self.setpoints(stroke)
-        start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start])
-        seen = run_course(
-            machine.constants[stroke.session], start, setpoints, every=self.every, cuts=cuts
-        )[:, _SEEN]
+        start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start], supply)
+        every, supply = run_course(machine.constants, start, setpoints, every=self.every, cuts=cuts)
+        seen = every[:, _SEEN]
         if machine.delay or machine.lag:
             whole = np.concatenate([start[np.newaxis, _SEEN], seen])[np.newaxis]
             sensors = Sensors(position_delay=machine.delay, pressure_lag=machine.lag)
             seen = sense(whole, self.course.record.interval, sensors, 1)[0]
         seen = np.clip(np.nan_to_num(seen, nan=1e9), -1e9, 1e9)
-        seen[:, 1:] += machine.offsets[stroke.session]
-        return np.asarray(seen)
+        return seen + machine.offsets[stroke.session], supply
 
     def counts(self, stroke: Stroke) -> npt.NDArray[np.bool_]:
         """Mark the values of a stroke that count, shape (rows - 1, 3)."""
@@ -181,7 +210,7 @@ class Bench:
 
 
 class Problem:
-    """Residuals and slopes of a bench for SciPy.
+    """Residuals and slopes of a bench.
 
     Args:
         bench: plant and record.
@@ -194,6 +223,12 @@ class Problem:
         self.spread = np.array([one.spread for one in unknowns])
         self._counts = [bench.counts(one) for one in bench.course.strokes]
         self._measured = [bench.measured(one) for one in bench.course.strokes]
+        self._middles = [
+            find_middle(measured, bench.setpoints_of(one), bench.course.record.full_opening)
+            if bench.has_middles
+            else None
+            for measured, one in zip(self._measured, bench.course.strokes, strict=True)
+        ]
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
@@ -205,7 +240,9 @@ class Problem:
     @property
     def lengths(self) -> list[int]:
         """Values of each stroke among the residuals."""
-        return [int(counts.sum()) for counts in self._counts]
+        pairs = zip(self._counts, self._middles, strict=True)
+        rows = 0 if self.bench.is_rough else 1
+        return [rows * int(counts.sum()) + (3 if middle else 0) for counts, middle in pairs]
 
     def residuals(self, variables: Values) -> Values:
         """Return the residuals of all strokes in their scales, then those of the expectations.
@@ -219,7 +256,7 @@ class Problem:
         self._cuts = self.bench.cuts()
         self._here = variables.copy()
         self._residuals = self._at(variables, self._cuts)
-        cost = float((np.sqrt(1.0 + self._residuals**2) - 1.0).sum())
+        cost = 0.5 * float(np.square(self._residuals).sum())
         if math.isinf(self.best[0]):
             self.first = cost
         if cost < self.best[0]:
@@ -260,12 +297,15 @@ class Problem:
             machine = self.bench.machine(read_values(self.unknowns, variables))
         except ParameterError:
             return np.concatenate([np.full(sum(self.lengths), _AWFUL), expected])
-        parts = [
-            self._blurred(np.clip((model - measured) / self.bench.scale, -_AWFUL, _AWFUL), counts)
-            for model, measured, counts in zip(
-                self.bench.run(machine, cuts), self._measured, self._counts, strict=True
-            )
-        ]
+        parts = []
+        for place, model in enumerate(self.bench.run(machine, cuts)):
+            off, counts = model - self._measured[place], self._counts[place]
+            if not self.bench.is_rough:
+                near = np.clip(off / self.bench.scale, -_AWFUL, _AWFUL)
+                parts.append(_robust(self._blurred(near, counts)))
+            if middle := self._middles[place]:
+                weight = math.sqrt(len(off)) / _OF_ROWS
+                parts.append(weight * _robust(_off_middle(off, self._measured[place], middle)))
         return np.concatenate([*parts, expected])
 
     def _blurred(self, residuals: Values, counts: npt.NDArray[np.bool_]) -> Values:
@@ -285,7 +325,7 @@ def search(
     unknowns: Sequence[Unknown],
     begin: Values,
     rounds: int,
-    exact: float = 1e-4,
+    exact: float = 1e-3,
 ) -> Fit:
     """Seek the variables that fit best.
 
@@ -293,45 +333,63 @@ def search(
         bench: plant and record.
         unknowns: that are sought.
         begin: variables at the start of the search.
-        rounds: evaluations at most.
+        rounds: steps at most.
         exact: share of the cost by which the last step of a search has lowered it.
 
     Returns:
         The best that was found, also where the time was over: then perhaps where it began.
     """
-    from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
-
     problem = Problem(bench, unknowns)
     low = np.array([one.low for one in unknowns])
     high = np.array([one.high for one in unknowns])
-    room = 1e-6 * (high - low)
-    begin = np.clip(begin, low + room, high - room)
+    begin = np.clip(begin, low, high)
     problem.best = (math.inf, begin)
     is_whole = True
     try:
-        least_squares(
-            problem.residuals,
-            begin,
-            problem.slopes,
-            (low, high),
-            method="dogbox",
-            loss="soft_l1",
-            x_scale=problem.spread,
-            ftol=exact,
-            xtol=min(1e-5, exact),
-            max_nfev=rounds,
-        )
+        descend(problem.residuals, problem.slopes, begin, (low, high), rounds, exact)
     except Stopped:
         is_whole = False
     cost, variables = problem.best
     return Fit(tuple(unknowns), variables, cost, is_whole, is_whole or cost < problem.first)
 
 
-def _start(machine: Running, stroke: Stroke, setpoint: float) -> Values:
+def find_middle(measured: Values, setpoints: Values, full_opening: float) -> range | None:
+    """Return the rows in which a stroke is half its way and its set-point stands; None for none."""
+    travel = measured[-1, 0] - measured[0, 0]
+    if not abs(travel) > _LEAST_TRAVEL:
+        return None
+    way = (measured[:, 0] - measured[0, 0]) / travel
+    inside = np.flatnonzero((way > _MIDDLE[0]) & (way < _MIDDLE[1]))
+    if len(inside) < _FEW_ROWS or inside[-1] - inside[0] > 1.1 * len(inside):
+        return None
+    rows = range(int(inside[0]), int(inside[-1]) + 1)
+    u = setpoints[rows.start : rows.stop]
+    is_steady = np.ptp(u) < 0.02 * full_opening < abs(float(u.mean()))
+    return rows if is_steady else None
+
+
+def _off_middle(off: Values, measured: Values, rows: range) -> Values:
+    """Return by how much speed and mean pressures are off in the middle of a stroke, scaled."""
+    part, slope = off[rows.start : rows.stop], np.arange(len(rows)) - 0.5 * (len(rows) - 1)
+    speed = slope @ part[:, 0] / (slope @ measured[rows.start : rows.stop, 0])
+    missed = np.nan_to_num(part[:, 1:].mean(axis=0))
+    scaled = np.array([speed, *missed]) / _MIDDLE_SCALES
+    return np.asarray(np.clip(scaled, -_AWFUL, _AWFUL))
+
+
+def _robust(residuals: Values) -> Values:
+    """Return residuals whose halved squares are sqrt(1 + r²) - 1: far off, they count linearly."""
+    return np.asarray(
+        np.sign(residuals) * np.sqrt(2.0 * (np.sqrt(1.0 + np.square(residuals)) - 1.0))
+    )
+
+
+def _start(machine: Running, stroke: Stroke, setpoint: float, supply: float) -> Values:
     """Return the state at the start of a stroke: a pressure that is missing balances the other."""
     p, options = machine.parameters, machine.options
-    x = float(np.clip(stroke.start[0], -p.h - _SUNK, p.h + _SUNK))
-    pressures = stroke.start[2:] - machine.offsets[stroke.session]
+    offset, *offsets = machine.offsets[stroke.session]
+    x = float(np.clip(stroke.start[0] - offset, -p.h - _SUNK, p.h + _SUNK))
+    pressures = stroke.start[2:] - offsets
     load = options.load_at(x)
     if math.isnan(pressures[0]):
         pressures[0] = (pressures[1] * p.A_B + load) / p.A_A
@@ -339,7 +397,7 @@ def _start(machine: Running, stroke: Stroke, setpoint: float) -> Values:
         pressures[1] = (pressures[0] * p.A_A - load) / p.A_B
     pressures = np.clip(pressures, -0.9 * ATMOSPHERE, 10.0 * p.P_S)
     return np.array(
-        [x, stroke.start[1], *pressures, setpoint, 0.0, 0.0, 0.0, machine.supply, 0.0, 0.0, 0.0]
+        [x, stroke.start[1], *pressures, setpoint, 0.0, 0.0, 0.0, supply, 0.0, 0.0, 0.0]
     )
 
 

@@ -18,7 +18,7 @@ from hil_bench.abilities.identification.fit import (
     require_startable,
     search,
 )
-from hil_bench.abilities.identification.ladder import Ladder, Wish, climb
+from hil_bench.abilities.identification.ladder import PLATEAUS, Ladder, Wish, climb, is_quiet
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
@@ -138,12 +138,10 @@ def identify(
         jobs=chosen.jobs,
         clock=clock,
         blur=_BLUR,
+        has_middles=True,
     )
     _require_reach(coarse)
-    wish = chosen.wish
-    if _ends_at_stop(coarse) and "stroke_mm" not in (*wish.fix, *wish.free):
-        wish = wish._replace(free=(*wish.free, "stroke_mm"))
-    ladder = climb(coarse, wish, chosen.say)
+    ladder = climb(coarse, chosen.wish, chosen.say)
     if not ladder.best.fit.is_moved:
         return Identification(
             bench=coarse,
@@ -152,16 +150,21 @@ def identify(
             estimates=(),
             is_refined=False,
         )
-    chosen.say(f"{ladder.best.title}: refined")
-    fine = replace(
-        coarse,
-        course=make_course(record, _FINE),
-        step=max(step, _FINE_STEP),
-        blur=0.0,
-    ).rescaled(ladder.best.fit.values)
-    fit, bench = _refine(fine, ladder.best.fit)
+    best = ladder.best
+    chosen.say(f"{best.title}: refined")
+    fit, bench = best.fit, replace(ladder.bench, is_rough=best.title == PLATEAUS)
+    bench = bench.rescaled(fit.values)
+    if is_quiet(bench, fit):
+        fine = replace(
+            bench,
+            course=make_course(record, _FINE),
+            step=max(step, _FINE_STEP),
+            blur=0.0,
+            has_middles=False,
+            is_rough=False,
+        )
+        fit, bench = _refine(fine.rescaled(fit.values), fit)
     is_refined = fit.is_whole and not clock.is_over
-    fit, bench = (fit, bench) if math.isfinite(fit.cost) else (ladder.best.fit, coarse)
     chosen.say("intervals")
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)
     estimates = _estimates(fit, covariance, len(bench.course.strokes))
@@ -202,19 +205,17 @@ def _covariance(bench: Bench, fit: Fit) -> Values:
     problem = Problem(bench, fit.unknowns)
     residuals = problem.residuals(fit.variables)
     slopes = problem.slopes(fit.variables)
-    weights = 1.0 / np.sqrt(1.0 + residuals**2)
-    hessian = slopes.T @ (weights[:, np.newaxis] * slopes)
+    hessian = slopes.T @ slopes
     edges = np.cumsum([0, *problem.lengths]).tolist()
     moved = []
     for part in itertools.starmap(slice, itertools.pairwise(edges)):
-        weighted = weights[part, np.newaxis] * slopes[part]
-        rest = np.linalg.pinv(hessian - slopes[part].T @ weighted, rcond=1e-12)
-        moved.append(rest @ (weighted.T @ residuals[part]))
+        rest = np.linalg.pinv(hessian - slopes[part].T @ slopes[part], rcond=1e-12)
+        moved.append(rest @ (slopes[part].T @ residuals[part]))
     count, steps = len(moved), np.array(moved)
     left_out = np.square(steps).sum(axis=0) * (count - 1) / count
-    size = max(1.0, float(np.mean(np.square(residuals[: edges[-1]]) * weights[: edges[-1]])))
+    size = max(1.0, float(np.mean(np.square(residuals[: edges[-1]]))))
     plain = size * np.linalg.pinv(hessian, rcond=1e-12)
-    to_go = plain / size @ (slopes.T @ (weights * residuals))
+    to_go = plain / size @ (slopes.T @ residuals)
     left_out += np.square(to_go)
     larger = np.sqrt(np.maximum(left_out / np.maximum(np.diag(plain), 1e-300), 1.0))
     return np.asarray(plain * np.outer(larger, larger))
@@ -258,16 +259,3 @@ def _require_reach(bench: Bench) -> None:
             f"the position reaches {1e3 * worst:.4g} mm from mid-stroke, and stroke_mm allows "
             f"{1e3 * h:g} mm; check its unit and offset (mid-stroke is 0), or stroke_mm"
         )
-
-
-def _ends_at_stop(bench: Bench) -> bool:
-    """Return True if a stroke ends near an end of the configured stroke, the valve still open."""
-    h, record = bench.template.axis.parameters.h, bench.course.record
-    for stroke in bench.course.strokes:
-        x = record.measured[stroke.rows.start : stroke.rows.stop, 0]
-        u = record.setpoints[stroke.rows.start : stroke.rows.stop] / record.full_opening
-        stands = np.abs(np.diff(x, append=x[-1])) < 1e-5
-        near = np.abs(x) > 0.97 * h
-        if (stands & near & (np.sign(u) == np.sign(x)) & (np.abs(u) > 0.1)).mean() > 0.02:
-            return True
-    return False

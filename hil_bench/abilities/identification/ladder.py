@@ -1,4 +1,4 @@
-"""The ladder of models: groups that are freed together, judged by strokes that were left out."""
+"""The ladder of models: each starts from the plateaus, and is judged by strokes left out."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -9,23 +9,29 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.identification.errors import StrokeError, measure_errors
-from hil_bench.abilities.identification.fit import Bench, Fit, search
+from hil_bench.abilities.identification.fit import Bench, Fit, Problem, search
 from hil_bench.abilities.identification.machine import (
     DELAY,
     DROOP,
-    FLOW,
+    GAS,
     LAG,
     OVERLAPS,
+    PUMP,
+    SLEW,
     STICTION,
     Unknown,
 )
+from hil_bench.abilities.identification.record import FLOORS
+from hil_bench.abilities.identification.steady import fit_plateaus
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
 
 Values = npt.NDArray[np.float64]
 
-_FOLDS = 3  # of the strokes at random, and by amplitude
-_LITTLE = 0.97  # of the cost: a model that fits hardly better does not predict better
-_MOST = 400.0  # squared scales: a stroke that is farther off is lost anyway
+_FOLDS = 3  # of the strokes by amplitude, or at random
+_ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
+_SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what errors count by
+_WORST = 10.0  # times that: a stroke that is farther off is lost anyway
+_QUIET = 1.5  # times the noise: a model whose residuals are within explains the record
 
 PAPER = (
     "orifice_width_mm",
@@ -39,31 +45,43 @@ PAPER = (
 )
 """What every machine has."""
 
-ROUGH = "flow and friction alone"
-"""The model of the first answer."""
-
-_ROUGH = (
+STEADY = (
     "orifice_width_mm",
-    "spool_overlap_mm",
+    "flow_saturation",
+    "land_gain_at",
+    "land_gain_pb",
+    "land_gain_bt",
+    *OVERLAPS,
     "coulomb_friction_n",
     "viscous_friction_n_s_m",
+    "load_n",
+    "supply_pressure_bar",
+    "tank_pressure_bar",
+    "piston_area_cm2",
+    "rod_side_area_cm2",
 )
+"""What the plateaus of strokes show."""
 
-GAINS = ("land_gain_at", "land_gain_pb", "land_gain_bt")
+SWIFT = (
+    "bulk_modulus_mpa",
+    "moving_mass_kg",
+    "spool_natural_frequency_rad_s",
+    "spool_damping_ratio",
+    SLEW,
+    "internal_leakage_l_min_bar",
+    "null_opening_um",
+    "entrained_air_percent",
+    "dead_a",
+    "dead_b",
+    STICTION,
+    "stribeck_velocity_mm_s",
+    DELAY,
+    LAG,
+)
+"""What the rest of the strokes shows besides."""
 
-GROUPS: Mapping[str, tuple[str, ...]] = {
-    "flow saturation": ("flow_saturation",),
-    "land gains, air": ("flow_saturation", *GAINS, "entrained_air_percent"),
-    "four overlaps, null opening": (*OVERLAPS, "null_opening_um", "spool_damping_ratio"),
-    "dead volumes": ("dead_a", "dead_b"),
-    "supply and tank pressure": ("supply_pressure_bar", "tank_pressure_bar"),
-    "friction each way, stiction": ("load_n", STICTION, "stribeck_velocity_mm_s"),
-    "late sensors": (DELAY, LAG),
-    "supply that droops": (DROOP,),
-    "piston areas": ("piston_area_cm2", "rod_side_area_cm2"),
-    "flow of each recording": (FLOW,),
-}
-"""Groups of unknowns, in the order in which they are tried."""
+PLATEAUS, THE_PAPERS = "plateaus alone", "the paper's model"
+WHOLE, SUPPLY = "whole strokes", "and a supply that yields"
 
 ALIASES = {
     "piston_side_volume_cm3": "dead_a",
@@ -72,7 +90,6 @@ ALIASES = {
     "position_delay_ms": DELAY,
     "pressure_lag_ms": LAG,
     "supply_droop_bar_min_l": DROOP,
-    "session_flow": FLOW,
 }
 """The unknown behind a name that a user may fix or free."""
 
@@ -92,23 +109,35 @@ _BEGIN = {
 """Variables from which the search goes on where an unknown is at its bound of zero."""
 
 
+_GRIDS: Mapping[str, Values] = {
+    "dead_a": np.log([3.0, 10.0, 30.0]),
+    "dead_b": np.log([3.0, 10.0, 30.0]),
+    "bulk_modulus_mpa": np.log([1.4, 0.7, 0.5, 0.35, 0.2]),
+    "spool_natural_frequency_rad_s": np.log([1.5, 0.7, 0.5, 0.35]),
+    SLEW: np.log([1.0, 0.5, 0.3, 0.2]),
+    DELAY: np.array([0.0, 1.0, 2.0, 3.0, 5.0]),
+    LAG: np.array([0.0, 1.0, 2.0, 5.0]),
+    "null_opening_um": np.array([0.0, 0.2, 0.5, 1.0]),
+    "internal_leakage_l_min_bar": np.array([0.0, 1.0, 3.0, 10.0]),
+}
+"""Variables that are tried before the search."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rung:
     """A model of the ladder.
 
     Attributes:
-        title: the groups that it frees beside the paper's.
-        fit: to all strokes.
-        scores: of each stroke when it was left out: mean square in the scales of the ladder.
+        title: of it.
+        fit: to the strokes.
+        scores: of each stroke when it was left out: mean square of its errors, each over its size.
         errors: of each stroke when it was left out; empty where there was no time.
-        is_kept: whether the models after it build on it.
     """
 
     title: str
     fit: Fit
     scores: Values
     errors: tuple[StrokeError, ...]
-    is_kept: bool
 
     @property
     def score(self) -> float:
@@ -120,12 +149,14 @@ class Ladder(NamedTuple):
     """The models that were tried.
 
     Attributes:
+        bench: plant and strokes that they were tried on.
         rungs: in the order of trial.
         chosen: place of the one that is taken.
         is_whole: whether the time sufficed for all.
         notes: on how they were judged.
     """
 
+    bench: Bench
     rungs: tuple[Rung, ...]
     chosen: int
     is_whole: bool
@@ -157,49 +188,40 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
         wish: of the user.
         say: takes what is being done.
     """
-    say(ROUGH)
-    rough = _rough(bench, wish)
-    title, first = ROUGH, rough
-    if rough.is_moved:
-        say(f"first answer: {_describe(bench, rough)}; the paper's model")
-        bench = bench.rescaled(rough.values)
-        paper = _paper(bench, wish, rough)
-        if paper.is_moved:
-            bench = bench.rescaled(paper.values)
-            title, first = "the paper's model", search(bench, paper.unknowns, paper.variables, 8)
-            first = first._replace(is_moved=True)
-    folds, notes = choose_folds(bench)
-    rungs = [_judge(bench, title, first, folds, is_kept=True)]
-    is_whole = True
-    for title, group in _groups(bench, wish).items():
-        if bench.clock.is_over:
-            is_whole = False
-            break
-        current = next(rung for rung in reversed(rungs) if rung.is_kept)
-        say(f"with {title}; so far {_describe(bench, current.fit)}")
-        names = [one.name for one in current.fit.unknowns]
-        fit = search_more(bench, names, current.fit.values, group, 10)
-        if fit.cost > _LITTLE * current.fit.cost:
-            rungs.append(Rung(title, fit, np.array([]), (), is_kept=False))
-            continue
-        rung = _judge(bench, title, fit, folds, is_kept=True)
-        is_better = rung.score < current.score if folds else fit.cost < 0.9 * current.fit.cost
-        rungs.append(replace(rung, is_kept=is_better))
-    return Ladder(tuple(rungs), choose_rung(rungs), is_whole and not bench.clock.is_over, notes)
+    say(PLATEAUS)
+    few = bench.some(_alike(bench))
+    folds, notes = choose_folds(few)
+    every = [*wish.free, *_offsets(few), *_stops(few)]
+    first = _by_plateaus(few, _free(few, [*STEADY, *_offsets(few)], wish))
+    rungs = [_judge(replace(few, is_rough=True), PLATEAUS, first, folds)]
+    if first.is_moved:
+        say(f"first answer: {_describe(few, first)}; {THE_PAPERS}")
+        few = few.rescaled(first.values)
+        for title, start, more in (
+            (THE_PAPERS, (), [*PAPER, *every]),
+            (WHOLE, first.unknowns, [*SWIFT, *every]),
+            (SUPPLY, None, _supply(few)),
+        ):
+            best = rungs[choose_rung(rungs)]
+            if few.clock.is_over or is_quiet(few, best.fit):
+                break
+            say(f"{title}; so far {_describe(few, best.fit)}")
+            known = best.fit.unknowns if start is None else start
+            names = _free(few, [*(one.name for one in known), *more], wish)
+            values = best.fit.values if start is None else first.values if start else {}
+            unknowns, begin = _pairs(few, names, values)
+            if start is not None:
+                begin = _scan(few, unknowns, begin if start else fit_plateaus(few, unknowns, begin))
+            fit = search(few, unknowns, begin, 12)
+            if fit.is_moved:
+                rungs.append(_judge(few, title, fit, folds))
+    return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
 
 
 def choose_rung(rungs: Sequence[Rung]) -> int:
-    """Return the place of the simplest model within one standard error of the best."""
-    kept = [place for place, rung in enumerate(rungs) if rung.is_kept]
-    judged = [place for place in kept if len(rungs[place].scores)]
-    if not judged:
-        return kept[-1]
-    best = rungs[min(judged, key=lambda place: rungs[place].score)]
-    for place in judged:
-        more = rungs[place].scores - best.scores
-        if more.mean() <= more.std(ddof=1) / math.sqrt(len(more)):
-            return place
-    return judged[-1]
+    """Return the place of the model that predicts best, or the last where none is judged."""
+    judged = [place for place, rung in enumerate(rungs) if len(rung.scores)]
+    return min(judged, key=lambda place: rungs[place].score) if judged else len(rungs) - 1
 
 
 def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
@@ -213,10 +235,14 @@ def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
     openings = np.array([one.opening for one in strokes])
     folds = [part.tolist() for part in _by_amplitude(openings)]
     notes: tuple[str, ...] = ()
-    if len(folds) < 2:
+    # What only the smallest opening shows, the overlap, no other one predicts.
+    folds = folds[1:]
+    if not folds:
         folds, notes = [], ("all strokes have one opening: no other amplitude was predicted",)
-    order = np.random.default_rng(5).permutation(len(strokes))
-    return [*folds, *(sorted(order[k::_FOLDS].tolist()) for k in range(_FOLDS))], notes
+    if not folds:
+        order = np.random.default_rng(5).permutation(len(strokes))
+        folds = [sorted(order[k::_FOLDS].tolist()) for k in range(_FOLDS)]
+    return folds, notes
 
 
 def _by_amplitude(openings: Values) -> list[npt.NDArray[np.int64]]:
@@ -245,77 +271,92 @@ def begin_of(bench: Bench, name: str, values: Mapping[str, float]) -> tuple[Unkn
     return unknown, variable
 
 
-def search_more(
-    bench: Bench,
-    names: Sequence[str],
-    values: Mapping[str, float],
-    more: Sequence[str],
-    rounds: int,
-) -> Fit:
-    """Seek the variables of a model that frees more, from those of the model before."""
-    values = dict(values)
-    if OVERLAPS[0] in more:
-        names = [name for name in names if name != "spool_overlap_mm"]
-        overlap = values.get("spool_overlap_mm", bench.template.start("spool_overlap_mm"))
-        values |= {name: values.get(name, overlap) for name in OVERLAPS if name in more}
-    every = [*names, *(name for name in more if name not in names)]
-    pairs = [begin_of(bench, name, values) for name in every]
-    return search(bench, [one for one, _ in pairs], np.array([each for _, each in pairs]), rounds)
-
-
-def _free(names: Sequence[str], wish: Wish) -> list[str]:
-    """Return the names that the user does not hold."""
+def _free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
+    """Return the names, each once, that the user does not hold and the machine has."""
+    lacking = {"supply_pressure_bar"} if bench.template.axis.options.supply is not None else set()
+    if bench.template.axis.options.bristles is not None:
+        lacking.add("stribeck_velocity_mm_s")
+    held = wish.fix | lacking
     return [
-        name for name in names if name not in wish.fix and name.partition(":")[0] not in wish.fix
+        name
+        for name in dict.fromkeys(names)
+        if name not in held and name.partition(":")[0] not in held
     ]
 
 
-def _few(bench: Bench, count: int) -> Bench:
-    strokes = len(bench.course.strokes)
-    return bench.some(np.unique(np.linspace(0, strokes - 1, count).astype(int)).tolist())
+def _alike(bench: Bench) -> list[int]:
+    """Return the places of strokes, few of those that are alike."""
+    seen: dict[tuple[int, int, bool], int] = {}
+    places = []
+    for place, stroke in enumerate(bench.course.strokes):
+        kind = (stroke.session, round(50.0 * stroke.opening), stroke.is_forth)
+        seen[kind] = seen.get(kind, 0) + 1
+        if seen[kind] <= _ALIKE:
+            places.append(place)
+    return places
 
 
-def _rough(bench: Bench, wish: Wish) -> Fit:
-    """Return a first answer: flow and friction on some of the strokes, the rest as configured.
+def _offsets(bench: Bench) -> list[str]:
+    """Return the unknowns of the pressure sensors."""
+    return [
+        f"offset_{side}:{number}"
+        for number, session in enumerate(bench.course.record.sessions)
+        for place, side in enumerate("ab", start=1)
+        if session.has[place]
+    ]
+
+
+def _stops(bench: Bench) -> list[str]:
+    """Return the unknowns of a record whose strokes end at a stop."""
+    if not bench.ends_at_stop:
+        return []
+    return ["stroke_mm", *(f"offset_x:{number}" for number in range(bench.template.sessions))]
+
+
+def _pairs(
+    bench: Bench, names: Sequence[str], values: Mapping[str, float]
+) -> tuple[list[Unknown], Values]:
+    pairs = [begin_of(bench, name, values) for name in names]
+    return [one for one, _ in pairs], np.array([each for _, each in pairs])
+
+
+def _by_plateaus(bench: Bench, names: Sequence[str]) -> Fit:
+    """Return the first answer: what the plateaus of strokes show, the rest as configured.
 
     Where the time was over before any search had moved, it has the configured values.
     """
-    few = _few(bench, 6)
-    few = replace(few, clock=bench.clock.for_first())
-    begin = {"orifice_width_mm": _width(few) * bench.template.start("orifice_width_mm")}
-    pairs = [begin_of(bench, name, begin) for name in _free(_ROUGH, wish)]
-    unknowns, variables = [one for one, _ in pairs], np.array([each for _, each in pairs])
-    found = search(few, unknowns, variables, 6) if pairs else Fit((), variables, 0.0, True)
-    return found if found.is_moved else found._replace(variables=_starts(found.unknowns))
+    overlap = bench.template.start("spool_overlap_mm")
+    values = {"orifice_width_mm": _width(bench) * bench.template.start("orifice_width_mm")}
+    unknowns, begin = _pairs(bench, names, values | dict.fromkeys(OVERLAPS, overlap))
+    rough = replace(bench, is_rough=True, clock=bench.clock.for_first())
+    found = search(rough, unknowns, fit_plateaus(bench, unknowns, begin), 4)
+    if found.is_moved:
+        return found
+    return found._replace(variables=np.array([one.start for one in unknowns]))
 
 
-def _starts(unknowns: Sequence[Unknown]) -> Values:
-    return np.array([one.start for one in unknowns])
+def _scan(bench: Bench, unknowns: Sequence[Unknown], variables: Values) -> Values:
+    """Return variables of which some are put where, alone, they fit best.
 
+    Slopes lead nowhere where a swing is out of phase, so what sets its pace and its decay is tried
+    out, coarsely, before the search.
+    """
+    problem = Problem(replace(bench, blur=0.0), unknowns)
+    names = [one.name for one in unknowns]
 
-def _paper(bench: Bench, wish: Wish, rough: Fit) -> Fit:
-    """Return the paper's model by several starts, each tried roughly on some of the strokes."""
-    sessions = range(bench.template.sessions)
-    has = [session.has for session in bench.course.record.sessions]
-    offsets = [
-        f"offset_{side}:{session}"
-        for session in sessions
-        for place, side in enumerate("ab", start=1)
-        if has[session][place]
-    ]
-    wanted = [*PAPER, *(name for name in wish.free if name not in PAPER), *offsets]
-    few = _few(bench, 8)
-    fits = []
-    for stiff in (1.0, 5.0, 0.3):
-        begin = {"bulk_modulus_mpa": stiff * bench.template.start("bulk_modulus_mpa")}
-        pairs = [begin_of(bench, name, begin | rough.values) for name in _free(wanted, wish)]
-        unknowns = [one for one, _ in pairs]
-        fits.append(search(few, unknowns, np.array([each for _, each in pairs]), 6))
-        if bench.clock.is_over:
-            break
-    best = min(fits, key=lambda fit: fit.cost)
-    found = search(bench, best.unknowns, best.variables, 8)
-    return found._replace(is_moved=found.is_moved or best.is_moved)
+    def cost(place: int, variable: float) -> float:
+        there = variables.copy()
+        there[place] = variable
+        return float(np.square(problem.residuals(there)).sum())
+
+    places = [(names.index(name), grid) for name, grid in _GRIDS.items() if name in names]
+    for place, grid in [*places, *places]:
+        tried = [variables[place], *grid]
+        tried = [float(np.clip(one, unknowns[place].low, unknowns[place].high)) for one in tried]
+        costs = [cost(place, one) for one in tried]
+        variables = variables.copy()
+        variables[place] = tried[int(np.argmin(costs))]
+    return variables
 
 
 def _width(bench: Bench) -> float:
@@ -329,55 +370,44 @@ def _width(bench: Bench) -> float:
     return float(np.clip(record / max(model, 1e-9), 0.05, 20.0))
 
 
-def _judge(
-    bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]], *, is_kept: bool
-) -> Rung:
+def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
     """Return a model with the errors of strokes that were left out of its fit."""
-    count = len(bench.course.strokes)
-    scores: list[list[float]] = [[] for _ in range(count)]
-    errors: list[list[StrokeError]] = [[] for _ in range(count)]
+    count, found = len(bench.course.strokes), dict[int, StrokeError]()
     for fold in folds:
         if bench.clock.is_over:
-            return Rung(title, fit, np.array([]), (), is_kept)
+            found = {}
+            break
         rest = bench.some([place for place in range(count) if place not in set(fold)])
-        again = search(rest, fit.unknowns, fit.variables, 4)
+        again = search(rest, fit.unknowns, fit.variables, 5)
         left = bench.some(list(fold))
         shown = left.run(left.machine(again.values), left.cuts())
         for place, stroke, model in zip(fold, left.course.strokes, shown, strict=True):
             record = np.where(left.counts(stroke), left.measured(stroke), np.nan)
-            squares = np.square((model - record) / bench.scale)
-            scores[place].append(min(float(np.nanmean(squares)), _MOST))
-            errors[place].append(measure_errors(model, record, bench.course.record.interval))
-    if not folds:
-        return Rung(title, fit, np.array([]), (), is_kept)
-    means = np.array([float(np.mean(each)) for each in scores])
-    # The first prediction of a stroke is that of another amplitude, which is the harder one.
-    return Rung(title, fit, means, tuple(each[0] for each in errors), is_kept)
+            found[place] = measure_errors(model, record, bench.course.record.interval)
+    errors = tuple(found[place] for place in sorted(found))
+    if not errors:
+        return Rung(title, fit, np.array([]), ())
+    position, speed, pressure, time = _SIZES
+    sizes = (position, speed, pressure * bench.template.axis.parameters.P_S, time)
+    shares = np.clip(np.array(errors) / sizes, 0.0, _WORST)
+    return Rung(title, fit, np.nanmean(np.square(shares), axis=1), errors)
 
 
-def _groups(bench: Bench, wish: Wish) -> dict[str, tuple[str, ...]]:
-    """Return the groups that make sense for this machine and record."""
-    groups = dict(GROUPS)
-    options = bench.template.axis.options
-    if options.supply is not None:
-        del groups["supply that droops"], groups["supply and tank pressure"]
-        keys = [key for key in _UNIT if bench.template.start(key) > 0.0]
-        groups["supply unit"] = (*keys, "tank_pressure_bar")
-        if bench.template.settings["supply"].value not in set(Supply):
-            del groups["supply unit"]
-    if options.bristles is not None:
-        groups["friction each way, stiction"] = ("load_n", STICTION)
-    sessions = range(1, bench.template.sessions)
-    groups["flow of each recording"] = tuple(f"{FLOW}:{number}" for number in sessions)
-    kept = {
-        title: tuple(
-            name
-            for name in group
-            if name not in wish.fix and name.partition(":")[0] not in wish.fix
-        )
-        for title, group in groups.items()
-    }
-    return {title: group for title, group in kept.items() if group}
+def is_quiet(bench: Bench, fit: Fit) -> bool:
+    """Return True if a model explains the record within little more than its noise."""
+    scale = bench.rescaled(fit.values).scale
+    noise = np.where(np.isfinite(bench.course.record.noise), bench.course.record.noise, 0.0)
+    return bool((scale < _QUIET * np.maximum(noise, FLOORS)).all())
+
+
+def _supply(bench: Bench) -> tuple[str, ...]:
+    """Return the unknowns of a supply that yields: what is configured, or one that sags."""
+    template = bench.template
+    if template.axis.options.supply is None:
+        return (DROOP, PUMP, GAS)
+    if template.settings["supply"].value not in set(Supply):
+        return ()
+    return (*(key for key in _UNIT if template.start(key) > 0.0), "tank_pressure_bar")
 
 
 def _describe(bench: Bench, fit: Fit) -> str:

@@ -25,6 +25,7 @@ Marks = npt.NDArray[np.bool_]
 _NEAR = 2  # rows on each side of a step that it is compared with
 _FASTER = 1.6  # times the longest of these steps
 _JUMP = 12.0  # standard deviations of the noise, beyond that
+_LINE, _APART, _ROUGH = 8, 0.6, 6.0  # rows on each side; shares of the jump and the roughness
 _STRUCK = (0.98, 3.0)  # of all changes from step to step, and times that: no change but a jump
 _LONGEST = 8  # rows one after the other at one value that noise hardly gives
 _STOP = 0.1  # of half the stroke, by which a stop may be elsewhere than configured
@@ -125,12 +126,28 @@ def find_jumps(position: Values, noise: float) -> list[Jump]:
     for place in (places + _NEAR).tolist():
         near = [*range(place - _NEAR, place), *range(place + 1, place + 1 + _NEAR)]
         usual, step = float(steps[near].mean()), float(steps[place])
-        if abs(step - usual) < least:
+        if abs(step - usual) < least or not _is_apart(position, place, abs(step - usual)):
             continue
         is_way = usual * step > 0.0 and abs(usual) > noise
         lost = max(1, round(step / usual) - 1) if is_way else 1
         jumps.append(Jump(place, step - usual, lost))
     return jumps
+
+
+def _is_apart(position: Values, place: int, way: float) -> bool:
+    """Return True if lines through the rows before and after a place are as far apart as a jump.
+
+    The steps of a coarse sensor are jumps beside their neighbours, but return to the line.
+    """
+    sides = position[max(place + 1 - _LINE, 0) : place + 1][::-1], position[place + 1 :][:_LINE]
+    middle, rough = [], []
+    for side in sides:
+        rows = np.arange(len(side)) + 0.5
+        line = np.polyfit(rows, side, 1)
+        middle.append(line[1])
+        rough.append(np.square(side - np.polyval(line, rows)).mean())
+    apart = abs(middle[1] - middle[0])
+    return bool(apart > max(_APART * way, _ROUGH * math.sqrt(np.mean(rough))))
 
 
 def find_clipped(values: Values, floor: float, stop: float = math.inf) -> tuple[Marks, list[float]]:

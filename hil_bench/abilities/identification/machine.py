@@ -1,9 +1,8 @@
 """The machine that is fitted: keys of `bench.toml` that are free, and the plant that they make.
 
 An unknown is a key of the axis' table in its own unit, or one of a few names beside them: dead
-volumes, the excess of static friction, delay and lag of the sensors, offsets of the pressure
-sensors and the flow of each recording. A free variable is a multiple of the unknown's scale, or
-the logarithm of its ratio to it.
+volumes, the excess of static friction, how the supply yields, and delay, lag and offsets of the
+sensors. A free variable is a multiple of the unknown's scale, or the logarithm of its ratio to it.
 """
 
 import math
@@ -33,24 +32,29 @@ DEAD = {
 """Dead volumes beside what the piston sweeps, with the keys that they make up."""
 
 STICTION, DROOP = "stiction_n", "supply_droop_bar_min_l"
+SLEW = "spool_speed_mm_s"
+PUMP, GAS = "supply_pump_share", "supply_gas_l"
 DELAY, LAG = "position_delay_ms", "pressure_lag_ms"
-FLOW = "session_flow"
 OVERLAPS = ("land_overlap_pa_mm", "land_overlap_at_mm", "land_overlap_pb_mm", "land_overlap_bt_mm")
 UNITS = {
     "dead_a": "cm3",
     "dead_b": "cm3",
     STICTION: "N",
     DROOP: "bar min/l",
+    PUMP: "-",
+    GAS: "l",
     DELAY: "ms",
     LAG: "ms",
+    "offset_x": "mm",
     "offset_a": "bar",
     "offset_b": "bar",
-    FLOW: "-",
 }
 """Units of the unknowns that are no keys."""
 
 _LINE_CM3 = 500.0  # between the droop's source and the valve
-_RESERVE = 3.0  # times the valve's largest flow that the droop's pump gives
+_PUMP, _GAS = 3.0, 0.1  # times the valve's largest flow that the droop's pump gives; litres of gas
+_QUICK = 100.0  # full openings a second, the speed of a spool that is expected
+_PRECHARGE = 0.6  # of the supply pressure
 
 
 class Unknown(NamedTuple):
@@ -94,8 +98,8 @@ class Running(NamedTuple):
     Attributes:
         parameters: of the plant.
         options: of the plant.
-        constants: of the kernel, one row a recording.
-        offsets: of both pressure sensors in each recording, shape (recordings, 2) [Pa].
+        constants: of the kernel.
+        offsets: of the sensors in each recording, shape (recordings, 3) [m], [Pa].
         delay: of the position sensor [s].
         lag: of the pressure sensors [s].
         supply: pressure at rest [Pa].
@@ -103,7 +107,7 @@ class Running(NamedTuple):
 
     parameters: PlantParameters
     options: PlantOptions
-    constants: tuple[Floats, ...]
+    constants: Floats
     offsets: Values
     delay: float
     lag: float
@@ -148,7 +152,7 @@ class Template:
             ratio = self._get({}, "static_friction_n") / before if before else 1.0
             own["static_friction_n"] = max(ratio, 1.0) * coulomb
         if values.get(DROOP, 0.0) > 0.0:
-            own |= self._droop(values[DROOP], self._get(own, "supply_pressure_bar"))
+            own |= self._droop(values, self._get(own, "supply_pressure_bar"))
         return own
 
     def dead(self, name: str) -> float:
@@ -165,18 +169,12 @@ class Template:
         axis = build_axis(self.axis.kind, self.axis.name, settings)
         parameters, options = axis.parameters, axis.options
         values = {**self.held, **values}
-        rows = []
-        for session in range(self.sessions):
-            flow = values.get(f"{FLOW}:{session}", 1.0)
-            changed = parameters
-            if flow != 1.0:
-                width = {"orifice_width_mm": MILLIMETRE.from_si(parameters.w) * flow}
-                part = {k: settings[k]._replace(value=v) for k, v in width.items()}
-                changed = build_axis(self.axis.kind, self.axis.name, settings | part).parameters
-            rows.append(make_row(pack_extended(changed, options, dt)))
         offsets = np.array(
             [
-                [BAR.to_si(values.get(f"offset_{side}:{session}", 0.0)) for side in "ab"]
+                [
+                    unit.to_si(values.get(f"offset_{name}:{session}", 0.0))
+                    for name, unit in (("x", MILLIMETRE), ("a", BAR), ("b", BAR))
+                ]
                 for session in range(self.sessions)
             ]
         )
@@ -187,7 +185,7 @@ class Template:
         return Running(
             parameters,
             options,
-            tuple(rows),
+            make_row(pack_extended(parameters, options, dt)),
             offsets,
             1e-3 * values.get(DELAY, 0.0),
             1e-3 * values.get(LAG, 0.0),
@@ -208,7 +206,7 @@ class Template:
         ratios = {
             "bulk_modulus_mpa": (4.0, 2.0),
             "moving_mass_kg": (3.0, 0.5),
-            "spool_natural_frequency_rad_s": (3.0, 0.7),
+            "spool_natural_frequency_rad_s": (3.0, 0.3),
             "spool_damping_ratio": (1.5, 0.3),
             "stribeck_velocity_mm_s": (3.0, 1.0),
             "supply_pressure_bar": (0.7, 0.1),
@@ -218,7 +216,9 @@ class Template:
             "stroke_mm": (0.1, 0.01),
             "dead_a": (5.0, 1.5),
             "dead_b": (5.0, 1.5),
-            FLOW: (0.7, 0.05),
+            PUMP: (4.0, 1.0),
+            SLEW: (4.0, 2.0),
+            GAS: (4.0, 2.0),
             **{f"land_gain_{edge}": (1.2, 0.3) for edge in ("pa", "at", "pb", "bt")},
         }
         lines = {
@@ -237,6 +237,7 @@ class Template:
             DROOP: (0.1, 0.0, 50.0, 3.0),
             DELAY: (1.0, 0.0, 30.0, 3.0),
             LAG: (1.0, 0.0, 30.0, 3.0),
+            "offset_x": (1.0, -20.0, 20.0, 1.0),
             "offset_a": (1.0, -20.0, 20.0, 1.0),
             "offset_b": (1.0, -20.0, 20.0, 1.0),
             **dict.fromkeys(OVERLAPS, (0.1 * opening, -4.0, 5.0, 1.0)),
@@ -257,8 +258,11 @@ class Template:
         base = name.partition(":")[0]
         if base in DEAD:
             return self.dead(base)
-        if base == FLOW:
-            return 1.0
+        own = {PUMP: _PUMP, GAS: _GAS}
+        if self.settings[SLEW].value is None:
+            own[SLEW] = _QUICK * MILLIMETRE.from_si(self.axis.parameters.full_opening)
+        if base in own:
+            return own[base]
         if base == STICTION:
             static = self._get({}, "static_friction_n")
             return max(static - self._get({}, "coulomb_friction_n"), 0.0)
@@ -274,18 +278,19 @@ class Template:
     def _get(self, own: Mapping[str, float | str], key: str) -> float:
         return float(own.get(key, self.held.get(key, self.settings[key].value)))
 
-    def _droop(self, droop: float, pressure: float) -> dict[str, float | str]:
-        """Return the keys of a supply whose pressure falls with the flow."""
-        p = self.axis.parameters
+    def _droop(self, values: Mapping[str, float], pressure: float) -> dict[str, float | str]:
+        """Return the keys of a supply whose pressure falls with the flow, and comes back."""
+        p, droop = self.axis.parameters, values[DROOP]
         most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
-        pump = _RESERVE * most
+        pump = values.get(PUMP, _PUMP) * most
         return {
             "supply": Supply.UNIT,
             "pump_flow_l_min": pump,
             "relief_gradient_l_min_bar": 1.0 / droop,
             "relief_pressure_bar": max(pressure - pump * droop, 0.01),
             "supply_line_volume_cm3": _LINE_CM3,
-            "accumulator_volume_l": 0.0,
+            "accumulator_volume_l": values.get(GAS, _GAS),
+            "accumulator_precharge_bar": _PRECHARGE * pressure,
         }
 
 

@@ -63,13 +63,9 @@ def ladder_lines(found: Identification) -> list[str]:
     lines = [f"{'model':32} {'unknowns':>8} {'error':>7}  left-out strokes within"]
     for place, rung in enumerate(found.ladder.rungs):
         mark = "  <- taken" if place == found.ladder.chosen else ""
-        title = rung.title if place == 0 else f"+ {rung.title}"
-        if not rung.is_kept:
-            title = f"({title})"
         score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
-        unjudged = "not judged" if rung.is_kept else "not judged: fits hardly better"
-        text = _within(rung.errors) or unjudged
-        lines.append(f"{title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
+        text = _within(rung.errors) or "not judged"
+        lines.append(f"{rung.title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
     return lines
 
 
@@ -195,7 +191,6 @@ def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
                 "adds": rung.title,
                 "unknowns": len(rung.fit.unknowns),
                 "error": _finite(rung.score),
-                "is_kept": rung.is_kept,
                 "is_taken": place == found.ladder.chosen,
                 "prediction": _stated(rung.errors),
             }

@@ -12,11 +12,11 @@ from hil_bench.errors import ConfigError
 
 Values = npt.NDArray[np.float64]
 
-_AVERAGED = 0.01  # [s] over which speed is taken
+_AVERAGED, _AVERAGED_MOST = 0.01, 0.05  # [s] over which speed is taken
 _RESTED = 0.03  # [s] of rest before a stroke over which its start is averaged
 _SLOW = 0.03  # of the fast motion: slower is rest
 _REST = 0.05  # [s] of rest between two strokes
-_SHORTEST, _LONGEST = 0.3, 4.0  # [s]
+_SHORTEST, _LONGEST = 0.3, 8.0  # [s]
 _LIKE = 0.01  # of the full opening, by which a command at rest may change
 _MOST_ROWS = 40_000
 _MOST_STROKES = 60
@@ -93,15 +93,17 @@ def make_course(record: AxisRecord, interval: float) -> Course:
 
 def find_motion(record: AxisRecord) -> npt.NDArray[np.bool_]:
     """Mark the rows in which the piston moves, shape (rows,)."""
-    speed = np.abs(find_speed(record))
-    fast = float(np.quantile(speed, 0.98))
-    noise = 4.0 * record.noise[0] / (_half(record) * record.interval)
-    return np.asarray(speed > max(_SLOW * fast, min(noise, 0.2 * fast)))
+    fast = float(np.quantile(np.abs(find_speed(record, _half(record))), 0.98))
+    # A coarse or noisy sensor shows a slow stroke over a longer time only.
+    span = 4.0 * record.noise[0] / max(_SLOW * fast, 1e-9)
+    half = max(_half(record), round(min(span, _AVERAGED_MOST) / record.interval))
+    noise = 4.0 * record.noise[0] / (half * record.interval)
+    return np.asarray(np.abs(find_speed(record, half)) > max(_SLOW * fast, min(noise, 0.2 * fast)))
 
 
-def find_speed(record: AxisRecord) -> Values:
-    """Return the velocity over some 10 ms on both sides of each row, shape (rows,) [m/s]."""
-    speed, half = np.zeros(len(record)), _half(record)
+def find_speed(record: AxisRecord, half: int) -> Values:
+    """Return the velocity over so many rows on both sides of each, shape (rows,) [m/s]."""
+    speed = np.zeros(len(record))
     for part in record.stretches:
         x = record.measured[part.start : part.stop, 0]
         span = min(half, (len(x) - 1) // 2)
@@ -161,19 +163,20 @@ def _make_stroke(record: AxisRecord, thin: AxisRecord, part: range, rows: range)
     begin = next((each.start for each in record.stretches if first in each), first)
     low = max(begin, first - _half(record))
     ahead = record.measured[min(len(record) - 1, first + 1), 0]
-    v = (ahead - record.measured[low, 0]) / ((first + 1 - low) * record.interval)
-    is_rest = abs(v) * _AVERAGED < 4.0 * record.noise[0] + 1e-5
+    way = ahead - record.measured[low, 0]
+    v = way / ((first + 1 - low) * record.interval)
+    is_rest = abs(way) < 6.0 * record.noise[0] + 1e-5
     rest = round(_RESTED / record.interval) if is_rest else _half(record)
     near = record.measured[max(begin, first - rest) : first + 1]
     x = near[:, 0]
     start = np.array([x.mean() if is_rest else x[-1], 0.0 if is_rest else v, *near[:, 1:].mean(0)])
     setpoints = record.setpoints[part.start : part.stop] / record.full_opening
-    way = record.measured[part.start : part.stop, 0]
+    x = record.measured[part.start : part.stop, 0]
     return Stroke(
         number=0,
         session=int(record.session_of(np.array([first]))[0]),
         rows=rows,
         start=start,
         opening=float(np.quantile(np.abs(setpoints), 0.98)),
-        is_forth=bool(way[-1] > way[0]),
+        is_forth=bool(x[-1] > x[0]),
     )

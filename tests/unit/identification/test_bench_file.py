@@ -11,8 +11,15 @@ from support.machine_record import FULL_OPENING, Machine
 from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.fit import Bench, Fit
 from hil_bench.abilities.identification.identify import Estimate, Identification
-from hil_bench.abilities.identification.ladder import GROUPS, PAPER, Ladder, Rung, begin_of
-from hil_bench.abilities.identification.machine import FLOW, Template
+from hil_bench.abilities.identification.ladder import (
+    PAPER,
+    STEADY,
+    SWIFT,
+    Ladder,
+    Rung,
+    begin_of,
+)
+from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.bench.configuration import load_config
@@ -62,7 +69,7 @@ def found_by(path: Path | None) -> str:
     recording = Machine(tick=1e-2, step=5e-4).record(setpoints)
     record = AxisRecord.of(recording, "axis1", FULL_OPENING, "run.csv")
     bench = Bench(Template(axis, settings, 1), make_course(record, 1e-2), 1e-3)
-    names = [*PAPER, *(name for group in GROUPS.values() for name in group if name != FLOW)]
+    names = [*PAPER, *STEADY, *SWIFT, DROOP, PUMP, GAS]
     pairs = [begin_of(bench, name, {}) for name in dict.fromkeys(names)]
     unknowns = tuple(one for one, _ in pairs)
     variables = np.array([variable + 0.01 * one.spread for one, variable in pairs])
@@ -71,7 +78,7 @@ def found_by(path: Path | None) -> str:
         Estimate(name, value, 0.1, (value, value), value, is_told=True)
         for name, value in fit.values.items()
     )
-    ladder = Ladder((Rung("", fit, np.array([]), (), is_kept=True),), 0, True, ())
+    ladder = Ladder(bench, (Rung("", fit, np.array([]), ()),), 0, True, ())
     found = Identification(
         bench=bench,
         ladder=ladder,

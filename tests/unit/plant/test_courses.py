@@ -65,7 +65,7 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
             output = plant.step(PlantInput(u))
             if step % EVERY == 0:
                 alone.append((output.x, output.v, output.P_A, output.P_B, output.z))
-        seen = run_course(
+        seen, _ = run_course(
             constants,
             np.array([*state, PARAMETERS.P_S, 0.0, 0.0, 0.0]),
             openings[number],
@@ -80,9 +80,9 @@ def test_cuts_are_taken_down_and_followed() -> None:
     setpoints, cuts = np.full(STEPS, 1.3e-3), open_cuts(STEPS)
     constants = make_row(pack_extended(PARAMETERS, EXTENDED["air"], STEP))
 
-    found = run_course(constants, start, setpoints, every=1, cuts=cuts)
-    again = run_course(constants, start, setpoints, every=1, cuts=cuts.copy())
-    whole = run_course(constants, start, setpoints, every=1, cuts=np.zeros_like(cuts))
+    found, _ = run_course(constants, start, setpoints, every=1, cuts=cuts)
+    again, _ = run_course(constants, start, setpoints, every=1, cuts=cuts.copy())
+    whole, _ = run_course(constants, start, setpoints, every=1, cuts=np.zeros_like(cuts))
 
     assert (cuts > 0).any()  # where the stop is hit
     assert np.array_equal(found, again)

@@ -4,6 +4,7 @@ import math
 import pytest
 
 from hil_bench.plants.hydraulic_cylinder.model.spool import (
+    drive_spool,
     move_spool,
     orifice_state,
     spool_transition,
@@ -35,6 +36,26 @@ def test_critical_damping() -> None:
     nu, nu_dot = move_spool(0.0, 0.0, 1.0, spool_transition(1200.0, 1.0, 1e-3))
     assert nu == pytest.approx(1.0 - math.exp(-1.2) * 2.2, rel=1e-12)
     assert nu_dot == pytest.approx(1200.0 * 1.2 * math.exp(-1.2), rel=1e-12)
+
+
+def test_the_speed_is_limited_and_small_steps_are_not() -> None:
+    """A far set-point drives the spool at 50 mm/s; 2 um are within the reach of 2 xi v / omega."""
+    free, limited = (spool_transition(1200.0, 0.7, 1e-4, speed) for speed in (None, 0.05))
+    fast = slow = (0.0, 0.0)
+    for _ in range(100):
+        fast, slow = move_spool(*fast, 1e-3, free), move_spool(*slow, 1e-3, limited)
+
+    assert slow[1] == pytest.approx(0.05, rel=2e-3)
+    assert slow[0] < 0.6 * fast[0]
+    assert move_spool(0.0, 0.0, 2e-6, limited) == move_spool(0.0, 0.0, 2e-6, free)
+
+
+def test_the_acceleration_is_that_of_the_step() -> None:
+    """What Runge-Kutta and Euler integrate is what the exact step does in a short time."""
+    spool = (1200.0**2, 2.0 * 0.7 * 1200.0, 2.0 * 0.7 * 0.05 / 1200.0)
+    for nu, nu_dot, u in ((0.0, 0.0, 1e-3), (1e-3, 0.01, 0.0), (0.0, 0.02, 1e-5)):
+        _, after = move_spool(nu, nu_dot, u, spool_transition(1200.0, 0.7, 1e-8, 0.05))
+        assert drive_spool(nu, nu_dot, u, spool) == pytest.approx((after - nu_dot) / 1e-8, rel=1e-4)
 
 
 def test_stiff_overdamped_spool_stays_finite() -> None:

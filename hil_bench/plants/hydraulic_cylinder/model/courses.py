@@ -88,7 +88,8 @@ def follow_course(
     """Run a plant along its set-points.
 
     Args:
-        start: the fields of `PlantState`, then P_S, openings of the counterbalance valves, Q_P.
+        start: the fields of `PlantState`, then P_S, which becomes that at the end, openings of the
+            counterbalance valves, Q_P.
         constants: as `pack_extended` gives them.
         setpoints: u of each step [m].
         cuts: of each step, which are followed; what is `OPEN` is found and taken down.
@@ -111,11 +112,12 @@ def follow_course(
             seen[place], seen[place + 1] = cylinder[0], cylinder[1]
             seen[place + 2], seen[place + 3] = cylinder[2], cylinder[3]
             seen[place + 4] = orifice_state(nu, groups[2])
+    start[8] = others[1]
 
 
 def run_course(
     constants: Floats, start: Values, setpoints: Values, *, every: int, cuts: CourseCuts
-) -> Values:
+) -> tuple[Values, float]:
     """Run a plant along its set-points; other threads run meanwhile.
 
     Args:
@@ -126,18 +128,20 @@ def run_course(
         cuts: of each step, which are followed; what is `OPEN` there is found and taken down.
 
     Returns:
-        The fields of `SEEN` after each `every`-th step, shape (steps // every, 5).
+        The fields of `SEEN` after each `every`-th step, shape (steps // every, 5), and P_S [Pa] at
+        the end.
     """
     seen = np.empty((len(setpoints) // every, len(SEEN)))
+    row = make_row(start.tolist())
     follow_course(
-        make_row(start.tolist()),
+        row,
         constants,
         cast("Floats", setpoints),
         cuts,
         cast("Floats", seen.reshape(-1)),
         every,
     )
-    return seen
+    return seen, row[8]
 
 
 def open_cuts(steps: int) -> CourseCuts:

@@ -221,22 +221,22 @@ def filter_constants(unit: SupplyUnit | None) -> FilterConstants:
 def unpack_extended(row: Floats) -> ExtendedConstants:
     """Return the constants of the extensions in their groups."""
     return (
-        (row[35], row[36]),
         (row[37], row[38]),
         (row[39], row[40]),
-        (row[41], row[42], row[43]),
-        (row[44], row[45], row[46], row[47], row[48], row[49], row[50]),
-        (row[51], row[52], row[53], row[54], row[55]),
-        (row[56], row[57], row[58], row[59], row[60], row[61], row[62], row[63]),
-        (row[64],),
-        (row[65], row[66], row[67], row[68]),
-        (row[69], row[70], row[71], row[72], row[73], row[74], row[75]),
-        (row[76], row[77], row[78], row[79]),
-        (row[80], row[81]),
+        (row[41], row[42]),
+        (row[43], row[44], row[45]),
+        (row[46], row[47], row[48], row[49], row[50], row[51], row[52]),
+        (row[53], row[54], row[55], row[56], row[57]),
+        (row[58], row[59], row[60], row[61], row[62], row[63], row[64], row[65]),
+        (row[66],),
+        (row[67], row[68], row[69], row[70]),
+        (row[71], row[72], row[73], row[74], row[75], row[76], row[77]),
+        (row[78], row[79], row[80], row[81]),
+        (row[82], row[83]),
     )
 
 
 @kernel
 def unpack_lines(row: Floats) -> tuple[LineConstants, LineConstants]:
     """Return the constants of the lines at A and at B."""
-    return (row[82], row[83], row[84], row[85]), (row[86], row[87], row[88], row[89])
+    return (row[84], row[85], row[86], row[87]), (row[88], row[89], row[90], row[91])

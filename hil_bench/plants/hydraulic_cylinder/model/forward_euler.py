@@ -17,6 +17,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
+from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     NO_VALVES,
     POINT,
@@ -144,7 +145,7 @@ def advance_forward_euler(
             x, v, (P_A, P_B, V_CA, V_CB), (Q_A, Q_B), groups, extension
         )
         x, v = x + dt * v, v + dt * force / m
-        acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
+        acceleration = drive_spool(nu, nu_dot, u, spool)
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
     return keep_extended(state, states, steps, point, groups, extension)

@@ -77,6 +77,7 @@ class PlantOptions:
         laminar_transition: pressure drop below which orifice flow is laminar [Pa]; 0 turns it off.
         alpha_negative: alpha of eq. (2) for negative spool positions [m]; None for the same alpha.
         beta_negative: beta of eq. (2) for negative spool positions [m]; None for the same beta.
+        spool_speed: of the spool at most [m/s]; None for no limit.
         C_LA: external leakage coefficient, chamber A to the tank [m³/(s Pa)].
         C_LB: external leakage coefficient, chamber B to the tank [m³/(s Pa)].
         air: what is entrained in the oil; None for the constant E.
@@ -103,6 +104,7 @@ class PlantOptions:
     laminar_transition: float = 0.0
     alpha_negative: float | None = None
     beta_negative: float | None = None
+    spool_speed: float | None = None
     C_LA: float = 0.0
     C_LB: float = 0.0
     air: EntrainedAir | None = None

@@ -238,6 +238,7 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
             "P_T",
         )
     given = {
+        "spool_speed": options.spool_speed is not None,
         "C_LA": bool(options.C_LA),
         "C_LB": bool(options.C_LB),
         "air_fraction": options.air is not None,

@@ -19,6 +19,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import step_loads, stop_force
+from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     NO_VALVES,
     POINT,
@@ -163,7 +164,7 @@ def state_rates(
         rate_A,
         rate_B,
         nu_dot,
-        spool[0] * (u - nu) - spool[1] * nu_dot,
+        drive_spool(nu, nu_dot, u, spool),
         opening_A,
         opening_B,
         bending,

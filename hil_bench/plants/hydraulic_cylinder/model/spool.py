@@ -4,14 +4,25 @@ import math
 
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 
-SpoolTransition = tuple[float, float, float, float]
-"""(a_11, a_12, a_21, a_22) of the state (nu - u, nu_dot) over one step with constant u."""
+SpoolTransition = tuple[float, float, float, float, float]
+"""(a_11, a_12, a_21, a_22) of the state (nu - u, nu_dot) over one step with constant u, and the
+error [m] from which on the spool is driven no harder."""
+
+SpoolConstants = tuple[float, float, float]
+"""(omega_0², 2 xi omega_0, error [m] from which on the spool is driven no harder)."""
 
 OpeningConstants = tuple[float, float, float, float]
 """(alpha, beta) for a positive spool position, then (alpha, beta) for a negative one."""
 
 
-def spool_transition(omega_0: float, xi: float, dt: float) -> SpoolTransition:
+def spool_reach(omega_0: float, xi: float, speed: float | None) -> float:
+    """Return the error u - nu [m] at which eq. (3) drives the spool at a speed [m/s] for good."""
+    return math.inf if speed is None else 2.0 * xi * speed / omega_0
+
+
+def spool_transition(
+    omega_0: float, xi: float, dt: float, speed: float | None = None
+) -> SpoolTransition:
     """Return the exact transition of eq. (3) over one step with constant set-point.
 
     The matrix exponential of [[0, 1], [-omega_0², -2 xi omega_0]] dt in closed form, for every
@@ -21,6 +32,7 @@ def spool_transition(omega_0: float, xi: float, dt: float) -> SpoolTransition:
         omega_0: eigenfrequency [rad/s].
         xi: damping ratio [-].
         dt: step [s].
+        speed: of the spool at most [m/s]; None for no limit.
     """
     angle = omega_0 * dt
     even, odd = _decaying_pair(angle, xi)
@@ -29,6 +41,7 @@ def spool_transition(omega_0: float, xi: float, dt: float) -> SpoolTransition:
         dt * odd,
         -omega_0 * angle * odd,
         even - xi * angle * odd,
+        spool_reach(omega_0, xi, speed) + 0.5 * dt * (speed or 0.0),
     )
 
 
@@ -52,15 +65,38 @@ def move_spool(
 ) -> tuple[float, float]:
     """Return spool position [m] and velocity [m/s] one step later, exact for constant u, eq. (3).
 
+    A spool whose speed is limited sees a set-point that is no farther off than its reach, in the
+    middle of the step.
+
     Args:
         nu: spool position [m].
         nu_dot: spool velocity [m/s].
         u: set-point [m].
         transition: as `spool_transition` gives it.
     """
-    a_11, a_12, a_21, a_22 = transition
+    a_11, a_12, a_21, a_22, reach = transition
     error = nu - u
+    if error > reach:
+        error, u = reach, nu - reach
+    elif error < -reach:
+        error, u = -reach, nu + reach
     return u + a_11 * error + a_12 * nu_dot, a_21 * error + a_22 * nu_dot
+
+
+@kernel
+def drive_spool(nu: float, nu_dot: float, u: float, spool: SpoolConstants) -> float:
+    """Return the acceleration of the spool [m/s²], eq. (3), with its speed limited.
+
+    Args:
+        nu: spool position [m].
+        nu_dot: spool velocity [m/s].
+        u: set-point [m].
+        spool: the constants.
+    """
+    error, reach = u - nu, spool[2]
+    error = reach if error > reach else error
+    error = -reach if error < -reach else error
+    return spool[0] * error - spool[1] * nu_dot
 
 
 @kernel

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from hil_bench.abilities.copper.wire.attempt import (
+from hil_bench.abilities.copper.wire.broken import (
     ErrorKind,
     disturbed,
     misread,

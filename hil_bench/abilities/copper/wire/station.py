@@ -1,16 +1,12 @@
-"""One participant of a bus: its configuration, its buffer, its error counters (ISO 11898-1)."""
+"""One participant of a bus: its transmission buffer and its error counters (ISO 11898-1)."""
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from hil_bench.abilities.copper.wire.attempt import FLAG
 from hil_bench.canopen_device.frame import Frame
-
-# One participant of a bus: its transmission buffer and its error counters (ISO 11898-1).
 
 PASSIVE_FROM: Final = 128
 BUS_OFF_FROM: Final = 256
@@ -231,105 +227,3 @@ class Station:
     def fail_to_receive(self, count: int) -> None:
         """Count errors of a receiver."""
         self.rec = min(self.rec + count, _MOST_RECEIVE_ERRORS)
-
-
-# Error counters on a dominant bus, and the recovery of a station (ISO 11898-1).
-
-SEQUENCES: Final = 128
-SEQUENCE: Final = 11
-"""A station that was bus-off is back after 128 sequences of 11 recessive bits."""
-
-_TOLERATED: Final = 14
-_MORE: Final = 8
-
-
-class Absence:
-    """Counts the recessive sequences that a station waits for which is bus-off.
-
-    Args:
-        asked_at: when its software asks for the recovery [ns].
-    """
-
-    __slots__ = ("asked_at", "left", "since")
-
-    def __init__(self, asked_at: int) -> None:
-        self.asked_at = asked_at
-        self.since = asked_at
-        self.left = SEQUENCES
-
-    def back_at(self, free_at: int, bits: Callable[[int], int]) -> int:
-        """Return when it is back if the bus stays idle [ns]."""
-        return max(self.since, free_at) + bits(self.left * SEQUENCE)
-
-    def see(self, begin: int, end: int, bits: Callable[[int], int]) -> None:
-        """Take note of a transmission; idle bits before it, and 11 at its end, are recessive."""
-        if end <= self.asked_at:
-            return
-        idle = max(0, begin - self.since)
-        self.left = max(0, self.left - idle // bits(SEQUENCE) - 1)
-        self.since = end
-
-    def begin_anew(self, now: int) -> None:
-        """Wait for all of them from now on [ns]: a dominant bus has none."""
-        self.since = max(self.asked_at, now)
-
-
-def dominant_errors(bits: int, *, is_sender: bool) -> int:
-    """Return the increment of an error-active station's counter for dominant bits in a row.
-
-    A sender notices at the first bit, a receiver at the sixth by the rule of stuffing. Six bits of
-    the error flag follow; a dominant bit behind it counts 8 for a receiver, and so do for all the
-    fourteenth from the begin of the flag, and each eighth after that.
-    """
-    if is_sender:
-        begin, errors = 1, 8
-    else:
-        begin, errors = FLAG, 1
-    if bits < begin:
-        return 0
-    since = bits - begin
-    if since > FLAG and not is_sender:
-        errors += 8
-    if since >= _TOLERATED:
-        errors += 8 * (1 + (since - _TOLERATED) // _MORE)
-    return errors
-
-
-# The configuration of a simulated bus in `bench.toml`.
-
-CONTROLLER: Final = "controller"
-"""Name of the station that sends what comes from outside the bench."""
-
-
-@dataclass(frozen=True, slots=True)
-class BufferConfig:
-    """The transmission buffer of a station.
-
-    Attributes:
-        depth: frames that it holds.
-        order: which of them goes to arbitration.
-    """
-
-    depth: int
-    order: Order
-
-
-@dataclass(frozen=True, slots=True)
-class WireConfig:
-    """A bus of copper.
-
-    Attributes:
-        buffer: of the stations that have none of their own.
-        buffers: of stations, by their names.
-        bit_error_rate: chance of each bit on the bus to be disturbed.
-        recovery: time from bus-off until the software of a node asks for its recovery [s].
-    """
-
-    buffer: BufferConfig
-    buffers: Mapping[str, BufferConfig] = field(default_factory=dict)
-    bit_error_rate: float = 0.0
-    recovery: float = 0.0
-
-    def buffer_of(self, name: str) -> BufferConfig:
-        """Return the buffer of a station."""
-        return self.buffers.get(name, self.buffer)

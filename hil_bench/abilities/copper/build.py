@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from hil_bench.abilities.copper.wire.attempt import Chance
-from hil_bench.abilities.copper.wire.config import CONTROLLER, WireConfig
-from hil_bench.abilities.copper.wire.station import Station
+from hil_bench.abilities.copper.wire.station import CONTROLLER, Station, WireConfig
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.abilities.copper.wiring import Bus, Device, Plug, Wiring
 from hil_bench.bench.configuration import BenchConfig

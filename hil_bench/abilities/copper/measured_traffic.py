@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from hil_bench.abilities.copper.extension import Copper
-from hil_bench.abilities.copper.part import CopperWire
-from hil_bench.abilities.copper.wire.config import BufferConfig
-from hil_bench.abilities.copper.wire.station import Order
+from hil_bench.abilities.copper.section import CopperWire
+from hil_bench.abilities.copper.wire.station import BufferConfig, Order
 from hil_bench.abilities.copper.wire.wire import Passage
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS

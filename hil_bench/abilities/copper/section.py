@@ -1,11 +1,13 @@
 """The tables ``[bus.wire]`` and ``[buses.NAME.wire]``: buses that behave as copper."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from hil_bench.abilities.copper.part import CopperWire
-from hil_bench.abilities.copper.wire.config import CONTROLLER, BufferConfig
-from hil_bench.abilities.copper.wire.station import Order
+from hil_bench.abilities.copper.build import build_wiring
+from hil_bench.abilities.copper.extension import Copper
+from hil_bench.abilities.copper.wire.station import CONTROLLER, BufferConfig, Order, WireConfig
+from hil_bench.abilities.copper.wiring import Device
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import (
     Given,
     Key,
@@ -17,6 +19,23 @@ from hil_bench.config.settings import (
 )
 from hil_bench.config.values import choice, integer, number
 from hil_bench.units import MILLISECOND
+
+# The wire of a bus as a part of the bench's configuration.
+
+
+@dataclass(frozen=True, slots=True)
+class CopperWire(WireConfig):
+    """The wire that the table ``[bus.wire]`` describes; `WireConfig` is its data."""
+
+    def medium(self, config: BenchConfig, devices: Mapping[str, Device]) -> Copper:
+        """Return the extension for all buses of copper of a bench.
+
+        Args:
+            config: the bench.
+            devices: those on its buses, by their names.
+        """
+        return Copper(build_wiring(config, devices))
+
 
 _STATIONS = "stations"
 

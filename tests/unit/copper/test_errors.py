@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from hil_bench.abilities.copper.wire.broken import (
+from hil_bench.abilities.copper.wire.attempt import (
     ErrorKind,
     disturbed,
     misread,

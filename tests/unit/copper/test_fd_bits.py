@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from hil_bench.abilities.copper.wire.broken import AFTER_FLAGS, FLAG, ErrorKind
+from hil_bench.abilities.copper.wire.attempt import AFTER_FLAGS, FLAG, ErrorKind
 from hil_bench.abilities.copper.wire.station import CanState, Station, priority
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame

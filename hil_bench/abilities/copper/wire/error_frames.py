@@ -5,7 +5,7 @@ The layout is that of SocketCAN (`linux/can/error.h`).
 
 from typing import Final
 
-from hil_bench.abilities.copper.wire.broken import ErrorKind
+from hil_bench.abilities.copper.wire.attempt import ErrorKind
 from hil_bench.abilities.copper.wire.station import Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame
 from hil_bench.canopen_device.emcy import CanEvent

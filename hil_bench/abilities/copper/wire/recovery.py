@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from hil_bench.abilities.copper.wire.broken import FLAG
+from hil_bench.abilities.copper.wire.attempt import FLAG
 
 SEQUENCES: Final = 128
 SEQUENCE: Final = 11

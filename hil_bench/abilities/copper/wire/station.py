@@ -1,12 +1,15 @@
-"""One participant of a bus: its transmission buffer and its error counters (ISO 11898-1)."""
+"""One participant of a bus: its configuration, its buffer, its error counters (ISO 11898-1)."""
 
 import heapq
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device.frame import Frame
+
+# One participant of a bus: its transmission buffer and its error counters (ISO 11898-1).
 
 PASSIVE_FROM: Final = 128
 BUS_OFF_FROM: Final = 256
@@ -227,3 +230,43 @@ class Station:
     def fail_to_receive(self, count: int) -> None:
         """Count errors of a receiver."""
         self.rec = min(self.rec + count, _MOST_RECEIVE_ERRORS)
+
+
+# The configuration of a simulated bus in `bench.toml`.
+
+CONTROLLER: Final = "controller"
+"""Name of the station that sends what comes from outside the bench."""
+
+
+@dataclass(frozen=True, slots=True)
+class BufferConfig:
+    """The transmission buffer of a station.
+
+    Attributes:
+        depth: frames that it holds.
+        order: which of them goes to arbitration.
+    """
+
+    depth: int
+    order: Order
+
+
+@dataclass(frozen=True, slots=True)
+class WireConfig:
+    """A bus of copper.
+
+    Attributes:
+        buffer: of the stations that have none of their own.
+        buffers: of stations, by their names.
+        bit_error_rate: chance of each bit on the bus to be disturbed.
+        recovery: time from bus-off until the software of a node asks for its recovery [s].
+    """
+
+    buffer: BufferConfig
+    buffers: Mapping[str, BufferConfig] = field(default_factory=dict)
+    bit_error_rate: float = 0.0
+    recovery: float = 0.0
+
+    def buffer_of(self, name: str) -> BufferConfig:
+        """Return the buffer of a station."""
+        return self.buffers.get(name, self.buffer)

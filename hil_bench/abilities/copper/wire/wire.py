@@ -10,8 +10,15 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from hil_bench.abilities.copper.wire.arbitration import Arbitration
-from hil_bench.abilities.copper.wire.attempt import Attempt, Chance, Disturbances
-from hil_bench.abilities.copper.wire.broken import AFTER_FLAGS, FLAG, Broken, ErrorKind
+from hil_bench.abilities.copper.wire.attempt import (
+    AFTER_FLAGS,
+    FLAG,
+    Attempt,
+    Broken,
+    Chance,
+    Disturbances,
+    ErrorKind,
+)
 from hil_bench.abilities.copper.wire.recovery import Absence, dominant_errors
 from hil_bench.abilities.copper.wire.station import BUS_OFF_FROM, Station
 from hil_bench.canopen_device.agenda import NEVER

@@ -3,6 +3,7 @@
 Nothing here remembers what came before; `Decoder` does, and knows whose frame each is.
 """
 
+import struct
 from collections.abc import Sequence
 from typing import Final
 
@@ -17,6 +18,8 @@ from hil_bench.canopen_device.words import abort_text, function_of, nmt_text
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 LENGTH_OF_SDO: Final = 8
+_TO_DESTINATION, _NODE_ID = 0x80, 0x7F
+"""First byte of an MPDO: whether the node-ID in it is that of the receiver; the node-ID."""
 
 
 def extended_sight(logged: LoggedFrame) -> Sight:
@@ -127,8 +130,21 @@ def pdo_sight(owners: Sequence[PdoOwner], logged: LoggedFrame) -> Sight:
     head = logged.now, frame, Service.PDO, pdo.name, name, node.node_id
     if frame.is_remote:
         return Sight(*head, "remote request")
+    problem = pdo.problem(frame.data)
+    if pdo.is_multiplexed and not problem:
+        return Sight(*head, _mpdo_words(frame.data))
     readings = pdo.read(frame.data)
-    return Sight(*head, "" if readings else _digits(frame), readings, pdo.problem(frame.data))
+    return Sight(*head, "" if readings else _digits(frame), readings, problem)
+
+
+def _mpdo_words(data: bytes) -> str:
+    """Return the eight bytes of an MPDO in words: address, index, sub-index, value."""
+    address, index, subindex = struct.unpack_from("<BHB", data)
+    node, place = address & _NODE_ID, f"0x{index:04X}.{subindex:02X}"
+    value = data[4:].hex(" ").upper()
+    if address & _TO_DESTINATION:
+        return f"MPDO to {f'node {node}' if node else 'all'}: {place} := [{value}]"
+    return f"MPDO from node {node}: {place} = [{value}]"
 
 
 def unknown_pdo_sight(node: KnownNode, name: str, logged: LoggedFrame) -> Sight:

@@ -15,6 +15,9 @@ from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SEAL_
 _TO_MAPPING = 0x200
 _LARGEST_DUMMY = 7
 _MOST_ENTRIES = 64
+_MULTIPLEXED = frozenset({0xFE, 0xFF})
+"""Sub-index 0 of the mapping of an MPDO, with source and with destination addressing."""
+_MPDO_BITS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,7 @@ class Pdo:
         bits: of its mapping; None where the mapping is unknown.
         is_protected: whether counter and checksum stand behind what it maps; None where nobody
             says so, and a frame with a right checksum shows it.
+        is_multiplexed: whether each frame names the object that it carries (MPDO).
     """
 
     direction: Direction
@@ -61,6 +65,7 @@ class Pdo:
     fields: tuple[PdoField, ...]
     bits: int | None
     is_protected: bool | None = None
+    is_multiplexed: bool = False
     _struct: struct.Struct | None = None
     _last: bytes | None = None
     _readings: tuple[Reading, ...] = field(default=())
@@ -146,6 +151,7 @@ def _read_pdo(
     identifier: int,
 ) -> Pdo:
     fields, bits = _read_mapping(objects, scales, index + _TO_MAPPING)
+    is_multiplexed = number_in(objects, index + _TO_MAPPING, 0, 0) in _MULTIPLEXED
     return Pdo(
         direction,
         index - COMMUNICATION_INDICES[direction].start + 1,
@@ -155,6 +161,7 @@ def _read_pdo(
         number_in(objects, index, 3, 0),
         fields,
         bits,
+        is_multiplexed=is_multiplexed,
         _struct=_compile(fields, bits),
     )
 
@@ -165,8 +172,10 @@ def _read_mapping(
     """Return the mapped fields and their bits; None for the bits of an unknown mapping."""
     if objects.find(index, 0) is None:
         return (), None
-    fields, shift = [], 0
-    for subindex in range(1, min(number_in(objects, index, 0, 0), _MOST_ENTRIES) + 1):
+    fields, shift, count = [], 0, number_in(objects, index, 0, 0)
+    if count in _MULTIPLEXED:
+        return (), _MPDO_BITS
+    for subindex in range(1, min(count, _MOST_ENTRIES) + 1):
         entry = MappingEntry.parse(number_in(objects, index, subindex, 0))
         if entry.index > _LARGEST_DUMMY:
             reader = Reader(objects, entry.index, entry.subindex, scales)

@@ -10,11 +10,20 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import NamedTuple, Protocol
 
-from hil_bench.devices.faults.effects import Enabled
-from hil_bench.devices.faults.signal_path import SignalPath, Stage
 from hil_bench.devices.quantities import RegisterValue
+from hil_bench.devices.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import Influence, Quantity
+
+
+class Enabled(Protocol):
+    """A valve with an enable input.
+
+    Attributes:
+        enable_input: whether the input is on.
+    """
+
+    enable_input: bool
 
 
 class Rate(NamedTuple):

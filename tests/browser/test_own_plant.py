@@ -56,6 +56,8 @@ def test_a_kind_that_brings_a_picture_has_it_and_its_plots(pages, folder, spring
         assert {"rig.position", "rig.force_setpoint", "rig.force"} <= set(names)
         assert "rig.speed" not in names
         # The picture has 336 units for the travel of 400 mm: the mass stands where it is.
+        page.get_by_role("button", name="Fatigue: rig").click()
+        expect(machine.locator(".active-faults")).to_contain_text("fatigue rig")
         moved = drawing.locator("[data-x]")
         bench.session.bench.axes[0].plant.go_to({"position": -0.2, "speed": 0.0})
         expect(moved).to_have_attribute("transform", re.compile(r"translate\((4[89]|5\d)\.\d+ 0\)"))

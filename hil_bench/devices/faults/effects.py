@@ -1,10 +1,10 @@
 """The effects of faults on the parts of a bench."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 from hil_bench.devices.faults.sensor_stages import SensorStage
-from hil_bench.devices.faults.signal_path import SignalPath, Stage
+from hil_bench.devices.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import Influence
 
@@ -24,16 +24,6 @@ class SensorPoint(NamedTuple):
 
     value: SignalPath
     rate: SignalPath | None = None
-
-
-class Enabled(Protocol):
-    """A valve with an enable input.
-
-    Attributes:
-        enable_input: whether the input is on.
-    """
-
-    enable_input: bool
 
 
 class SpoolPoint(NamedTuple):

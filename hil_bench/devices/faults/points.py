@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from hil_bench.canopen_device.frame import Emit
+from hil_bench.devices.axis import Enabled
 from hil_bench.devices.faults.effects import (
     Act,
     DefectPoint,
-    Enabled,
     SensorPoint,
     SpoolPoint,
     SupplyPoint,

@@ -53,6 +53,10 @@ def test_the_verb_reports_them(site, capsys):
     assert (found["spring"]["verdict"], found["stick"]["verdict"]) == ("good", "missing")
 
 
+def test_a_kind_of_fault_is_among_them(spring_rig):  # noqa: ARG001 - is installed
+    assert good("fatigue", "kind of fault, spring-rig 1.0") in examine_extensions().findings
+
+
 CONTROLLER = """
 from hil_bench import ControllerKind
 

@@ -202,6 +202,12 @@ def test_a_misspelt_name_of_a_plant_is_doubted(monkeypatch, write, capsys):
     ]
 
 
+def test_the_document_has_the_whole_of_it():
+    document = (PLUGIN.parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    _, _, code = (PLUGIN / "spring_rig" / "fatigue.py").read_text(encoding="utf-8").split('"""', 2)
+    assert f"```py\n{code.strip()}\n```" in document
+
+
 def test_its_fixture_is_there_for_pytest(pytester, write):
     """Half a swing takes pi / 10 rad/s, with a quarter of the stiffness twice as long."""
     pytester.makepyfile(

@@ -192,7 +192,7 @@ def test_a_mapping_of_nonsense_is_read_and_written_as_far_as_it_goes(tmp_path):
         *download(5, 0x1A00, 1, struct.pack("<I", 0x64010110)),
         *download(5, 0x1A00, 2, struct.pack("<I", 0xFFFFFFFF)),
         *download(5, 0x1A00, 3, struct.pack("<I", 0x00000000)),
-        *download(5, 0x1A00, 0, b"\xff"),
+        *download(5, 0x1A00, 0, b"\xfd"),
         Frame(0x195, bytes(8)),
     ]
     decoder = Decoder()

@@ -47,9 +47,10 @@ def test_rows_come_tick_by_tick():
 
 def test_a_fault_lasts_for_its_block(loop):
     bench = hil_bench.attach()
-    with bench.faults.offset("pressure_a", amount=2e6):
-        (fault,) = loop.session.bench.part(Faults).active
-        assert (fault.kind, fault.target) == ("offset", "pressure_a")
+    for values, named in (((), {"amount": 2e6}), ((2e6,), {})):
+        with bench.faults.offset("pressure_a", *values, **named):
+            (fault,) = loop.session.bench.part(Faults).active
+            assert (fault.kind, fault.target) == ("offset", "pressure_a")
     assert loop.session.bench.part(Faults).active == ()
 
 

@@ -212,18 +212,20 @@ class BusTraffic:
         duration: how long that was [s].
         bits: on the bus, with the expected number of stuff bits.
         error_frames: reported by the adapter.
+        fd_frames: of CAN FD, which are not among the identifiers: no node of CANopen sends them.
         identifiers: their traffic, by identifier and whether it has 29 bits.
     """
 
     duration: float = 0.0
     bits: float = 0.0
     error_frames: int = 0
+    fd_frames: int = 0
     identifiers: dict[tuple[int, bool], Traffic] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
         """All frames but error frames."""
-        return sum(traffic.frames for traffic in self.identifiers.values())
+        return self.fd_frames + sum(traffic.frames for traffic in self.identifiers.values())
 
     def load(self, bitrate: int) -> float:
         """Return the share of the bus's time that was taken, at a bit rate [bit/s]."""
@@ -234,12 +236,15 @@ class BusTraffic:
         if message.is_error_frame:
             self.error_frames += 1
             return
+        frame = frame_of(message)
+        self.bits += 0.0 if frame is None else bits_of(frame)
+        if message.is_fd:
+            self.fd_frames += 1
+            return
         key = (message.arbitration_id, message.is_extended_id)
         traffic = self.identifiers.setdefault(key, Traffic(*key))
         traffic.frames += 1
         traffic.data, traffic.is_remote = bytes(message.data), message.is_remote_frame
-        frame = frame_of(message)
-        self.bits += 0.0 if frame is None else bits_of(frame)
 
 
 def listen(network: Network, duration: float) -> BusTraffic:
@@ -263,11 +268,12 @@ _MOST_SIGNS = 6
 def signs_of_operation(traffic: BusTraffic) -> tuple[str, ...]:
     """Return the frames heard that show a bus in operation, in a few words; empty for a quiet one.
 
-    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, and SDO requests of another client,
-    whose transfers a second client of the same channel would break.
+    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, CAN FD, and SDO requests of another
+    client, whose transfers a second client of the same channel would break.
     """
     rows = sorted(traffic.identifiers.items())
     signs = [sign for _, row in rows if not row.is_extended and (sign := _sign(row))]
+    signs += ["CAN FD"] if traffic.fd_frames else []
     if len(signs) > _MOST_SIGNS:
         return (*signs[:_MOST_SIGNS], f"{len(signs) - _MOST_SIGNS} more")
     return tuple(signs)

@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from hil_bench.abilities.commissioning.discovery import BusTraffic, listen
+from hil_bench.abilities.commissioning.discovery import BusTraffic, listen, signs_of_operation
 
 
 def message(can_id, data="", **kind):
@@ -57,3 +57,14 @@ def test_a_remote_frame_is_said_to_be_one():
     traffic = BusTraffic()
     traffic.take(message(0x701, is_remote_frame=True))
     assert traffic.identifiers[0x701, False].meaning == "remote frame"
+
+
+def test_frames_of_can_fd_are_counted_and_are_nobodys():
+    traffic = BusTraffic(1.0)
+    fd = can.Message(arbitration_id=0x701, is_extended_id=False, is_fd=True, data=bytes(64))
+    traffic.take(fd)
+    traffic.take(can.Message(arbitration_id=0x702, is_extended_id=False, data=b"\x7f"))
+    assert (traffic.frames, traffic.fd_frames) == (2, 1)
+    assert [row.node_id for row in traffic.identifiers.values()] == [2]
+    assert traffic.bits > 67 + 8 * 64  # linux/can/length.h: the bits without stuff bits
+    assert signs_of_operation(traffic) == ("CAN FD",)

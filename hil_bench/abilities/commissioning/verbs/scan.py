@@ -251,7 +251,8 @@ def _traffic_text(traffic: BusTraffic, opened: OpenNetwork, args: argparse.Names
         f"load   {_load(traffic, args)}",
         (
             f"heard  {traffic.frames} frames, {traffic.error_frames} error frames "
-            f"in {traffic.duration:.1f} s"
+            + (f"and {traffic.fd_frames} of CAN FD " if traffic.fd_frames else "")
+            + f"in {traffic.duration:.1f} s"
         ),
         "",
     ]
@@ -305,6 +306,7 @@ def _traffic_json(traffic: BusTraffic) -> str:
             "duration": traffic.duration,
             "bits": traffic.bits,
             "error_frames": traffic.error_frames,
+            "fd_frames": traffic.fd_frames,
             "identifiers": [
                 {
                     "can_id": row.can_id,

@@ -10,7 +10,7 @@ import pytest
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.lockstep import LockStep, run_lockstep
@@ -49,6 +49,7 @@ def test_a_frame_with_the_number_of_sync_that_is_none_is_no_sync():
     _, lockstep = make_lockstep()
     lockstep.receive(Frame(0x080, is_remote=True))
     lockstep.receive(Frame(0x080, is_extended=True))
+    lockstep.receive(Frame(0x080, fd=FDF))
     assert (lockstep.now, lockstep.syncs) == (0, 0)
 
 

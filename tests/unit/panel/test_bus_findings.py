@@ -7,7 +7,9 @@ DEVICES = {"valve": {"node_id": 1, "bus": 0}, "pressure": {"node_id": 2, "bus": 
 
 def beats(node, begin, end, bus=0):
     """Heartbeats each 100 ms, OPERATIONAL, as the feed has frames."""
-    return [[time / 10, bus, "out", 0x700 + node, "05", False, False] for time in range(begin, end)]
+    return [
+        [time / 10, bus, "out", 0x700 + node, "05", False, False, 0] for time in range(begin, end)
+    ]
 
 
 def test_a_heartbeat_that_stops_is_told_once_and_by_name():
@@ -33,9 +35,12 @@ def test_each_bus_is_judged_alone():
 def test_what_is_over_is_taken_back():
     """No NMT start for a second after boot-up, while others are started; then it comes."""
     findings = BusFindings(DEVICES)
-    frames = [[0.0, 0, "out", 0x701, "00", False, False], [0.1, 0, "in", 0, "0102", False, False]]
-    frames += [[time / 10, 0, "out", 0x702, "05", False, False] for time in range(2, 30)]
+    frames = [
+        [0.0, 0, "out", 0x701, "00", False, False, 0],
+        [0.1, 0, "in", 0, "0102", False, False, 0],
+    ]
+    frames += [[time / 10, 0, "out", 0x702, "05", False, False, 0] for time in range(2, 30)]
     assert findings.take(frames)["findings"][0]["title"] == "is not started"
-    frames = [[3.0, 0, "in", 0, "0101", False, False]]
-    frames += [[time / 10, 0, "out", 0x702, "05", False, False] for time in range(31, 60)]
+    frames = [[3.0, 0, "in", 0, "0101", False, False, 0]]
+    frames += [[time / 10, 0, "out", 0x702, "05", False, False, 0] for time in range(31, 60)]
     assert findings.take(frames)["findings"] == []

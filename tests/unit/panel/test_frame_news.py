@@ -3,8 +3,8 @@
 from hil_bench.abilities.panel.hub import FrameNews
 
 
-def frame(identifier, data="", *, time=0.0, bus=0, extended=False, remote=False):
-    return [time, bus, "out", identifier, data, extended, remote]
+def frame(identifier, data="", *, time=0.0, bus=0, extended=False, remote=False, fd=False):
+    return [time, bus, "out", identifier, data, extended, remote, 4 * fd]
 
 
 def test_emcy_and_nmt_are_news_and_process_data_is_not():
@@ -20,7 +20,12 @@ def test_a_heartbeat_is_news_where_its_state_is_another_one():
 
 
 def test_frames_of_another_kind_are_no_news():
-    assert FrameNews().take([frame(0x81, extended=True), frame(0x81, remote=True)]) == []
+    assert (
+        FrameNews().take(
+            [frame(0x81, extended=True), frame(0x81, remote=True), frame(0x81, fd=True)]
+        )
+        == []
+    )
 
 
 def test_of_a_flood_the_newest_are_kept():

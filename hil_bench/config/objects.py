@@ -9,7 +9,7 @@ from typing import Any
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_document import parse_value
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.config.values import describe, quote
+from hil_bench.config.values import as_table, describe, quote
 from hil_bench.errors import ConfigError, SdoAbort
 
 ObjectValue = str | int | float
@@ -28,11 +28,9 @@ def objects(value: object) -> ObjectTable:
     Raises:
         ConfigError: it is no such table.
     """
-    if not isinstance(value, dict):
-        right = 'give objects and values, as in { "0x1400.05" = 100 }'
-        raise ConfigError(f"{describe(value)} is not a table; {right}")
     table: ObjectTable = {}
-    for key, given in value.items():
+    right = 'give objects and values, as in { "0x1400.05" = 100 }'
+    for key, given in as_table(value, right).items():
         name = name_object(*parse_object(key))
         if name in table:
             raise ConfigError(f"{name} is given twice; give it once")

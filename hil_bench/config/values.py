@@ -216,6 +216,21 @@ def text(value: object) -> str:
     return _without_nul(value)
 
 
+def as_table(value: object, right: str) -> dict[str, Any]:
+    """Return a table, where a key has one as its value.
+
+    Args:
+        value: as TOML gave it.
+        right: how it is to be written.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, dict):
+        raise ConfigError(f"{describe(value)} is not a table; {right}")
+    return value
+
+
 def texts(value: object) -> tuple[str, ...]:
     """Return a list of texts.
 

@@ -5,9 +5,8 @@ from typing import Any
 
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, convert, read_table
-from hil_bench.config.values import choice, describe, integer, number
+from hil_bench.config.values import as_table, choice, integer, number
 from hil_bench.devices.program_memory import Checksum, MemoryConfig, program_memories
-from hil_bench.errors import ConfigError
 from hil_bench.units import MILLISECOND
 
 _DEFAULT = MemoryConfig()
@@ -19,16 +18,11 @@ PROGRAM_KEYS = (
 
 
 def program_memory(value: object) -> dict[str, object]:
-    """Return a table that describes the memory of a device's programs.
-
-    Raises:
-        ConfigError: it is none.
-    """
-    if not isinstance(value, dict):
-        right = 'give a table, as in { largest_bytes = 262144, checksum = "crc32" }'
-        raise ConfigError(f"{describe(value)} is not a table; {right}")
-    _read(value)
-    return value
+    """Return a table that describes the memory of a device's programs."""
+    right = 'give a table, as in { largest_bytes = 262144, checksum = "crc32" }'
+    table = as_table(value, right)
+    _read(table)
+    return table
 
 
 def build_programs(node: Node, table: Mapping[str, object] | None) -> list[Callable[[int], None]]:

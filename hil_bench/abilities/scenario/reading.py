@@ -37,7 +37,7 @@ from hil_bench.abilities.scenario.schema import (
 )
 from hil_bench.abilities.scenario.spreadsheet import read_course
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.config.document import Document, Tables, check_tables
+from hil_bench.config.document import Document, Tables, check_tables, read_section
 from hil_bench.config.settings import Key, Problems, Settings, read_table
 from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
 from hil_bench.devices.faults.registry import find_fault_kind, kind_name
@@ -278,14 +278,10 @@ def _read_controller(document: Document, problems: Problems) -> Controller | Non
 
 
 def _read_parameters(document: Document, problems: Problems) -> dict[str, Parameter]:
-    tables = document.get("parameters", {})
-    if not isinstance(tables, dict):
-        problems.add(problems.place("parameters"), "is not a table; write it as [parameters]")
-        return {}
     parameters = {}
-    for name, given in tables.items():
+    for name, given in read_section(document, "parameters", problems).items():
         table = f"parameters.{name}"
-        values = given if isinstance(given, dict) else {"value": given}
+        values = given.value if isinstance(given.value, dict) else {"value": given.value}
         found = read_table(table, values, PARAMETER_KEYS, problems)
         if len(found) < len(PARAMETER_KEYS):
             continue

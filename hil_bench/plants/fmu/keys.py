@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, describe, find_nearest, number, text
+from hil_bench.config.values import as_table, boolean, describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.units import KILOGRAM, NEWTON, UNITS_OF, Unit
 
@@ -35,12 +35,11 @@ def bindings(names: re.Pattern[str], right_name: str) -> Callable[[object], Bind
     right = 'give NAME = "VARIABLE", or NAME = { variable = "VARIABLE", unit = "mm" }'
 
     def read(value: object) -> Bindings:
-        if not isinstance(value, dict):
-            raise ConfigError(f"{describe(value)} is not a table; {right}")
-        for name in value:
+        table = as_table(value, right)
+        for name in table:
             if not names.fullmatch(name):
                 raise ConfigError(f"{describe(name)} cannot be a name; {right_name}")
-        return {name: _variable(name, given, right) for name, given in value.items()}
+        return {name: _variable(name, given, right) for name, given in table.items()}
 
     return read
 
@@ -70,15 +69,9 @@ _bound = bindings(_NAME, "give at most 32 letters, digits or _")
 
 
 def _numbers(value: object) -> dict[str, float]:
-    """Read numbers by the names of their variables.
-
-    Raises:
-        ConfigError: it is something else.
-    """
-    if not isinstance(value, dict):
-        raise ConfigError(f"{describe(value)} is not a table; give VARIABLE = NUMBER")
-    read = number()
-    return {name: read(given) for name, given in value.items()}
+    """Read numbers by the names of their variables."""
+    read, table = number(), as_table(value, "give VARIABLE = NUMBER")
+    return {name: read(given) for name, given in table.items()}
 
 
 FMU_KEYS: Final = (

@@ -8,7 +8,7 @@ from typing import Any, Final
 from hil_bench.abilities.controllers.fmu.plan import Plan
 from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
 from hil_bench.config.settings import Key
-from hil_bench.config.values import describe, number, text
+from hil_bench.config.values import as_table, describe, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.plants.fmu.keys import bindings
 from hil_bench.units import MILLISECOND
@@ -37,11 +37,9 @@ def parameter_values(value: object) -> dict[str, str]:
         ConfigError: it is something else.
     """
     right = 'give VARIABLE = NUMBER, or VARIABLE = "{parameter}"'
-    if not isinstance(value, dict):
-        raise ConfigError(f"{describe(value)} is not a table; {right}")
     read = number()
     words = {}
-    for name, given in value.items():
+    for name, given in as_table(value, right).items():
         is_name = isinstance(given, str) and re.fullmatch(r"\{\w+\}", given)
         try:
             words[name] = str(given) if is_name else repr(read(given))

@@ -6,7 +6,7 @@ from typing import Any
 
 from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
 from hil_bench.config.settings import Key
-from hil_bench.config.values import describe, text
+from hil_bench.config.values import as_table, describe, text
 from hil_bench.errors import ConfigError
 
 
@@ -17,10 +17,8 @@ def settings_table(value: object) -> dict[str, str]:
         ConfigError: the value is something else.
     """
     right = 'write it as { target_mm = 50, name = "left" }'
-    if not isinstance(value, dict):
-        raise ConfigError(f"{describe(value)} is not a table; {right}")
     texts = {}
-    for name, each in value.items():
+    for name, each in as_table(value, right).items():
         if not isinstance(each, (str, int, float)):
             raise ConfigError(f"{name}: {describe(each)} is no setting; {right}")
         word = str(int(each)) if isinstance(each, bool) else str(each)

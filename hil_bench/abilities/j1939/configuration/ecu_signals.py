@@ -26,6 +26,7 @@ from hil_bench.config.settings import (
     Problems,
     Settings,
     convert,
+    open_table,
     read_table,
 )
 from hil_bench.config.values import describe, number, text
@@ -96,16 +97,14 @@ def read_signals(
         right = "give one as name = { pgn = 0xFDD6, start_bit = 6, length = 10 }"
         problems.add(problems.place(table), f"missing; {right}")
         return []
-    if not isinstance(given.value, dict):
-        problems.add(given.place, f"{describe(given.value)} is not a table; write it as [{table}]")
-        return []
     found = []
-    for name, signal in given.value.items():
+    tables = {name: each.value for name, each in open_table(table, given, problems).items()}
+    for name, signal in tables.items():
         if not isinstance(signal, dict):
             problems.add(problems.place(table, name), f"{describe(signal)} is not a table")
             continue
         try:
-            keys = look_up(dbc, name, given.value) if is_named(signal) else signal
+            keys = look_up(dbc, name, tables) if is_named(signal) else signal
         except ConfigError as error:
             problems.add(problems.place(table, name), error)
             continue

@@ -1,0 +1,65 @@
+"""Plateaus of strokes: found where speed stands, and what their fit says of a machine."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.machine_record import FULL_OPENING, Machine
+
+from hil_bench.abilities.identification.fit import Bench, find_middle
+from hil_bench.abilities.identification.ladder import begin_of
+from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.record import AxisRecord
+from hil_bench.abilities.identification.steady import find_plateaus, fit_plateaus
+from hil_bench.abilities.identification.strokes import make_course
+from hil_bench.bench.configuration import load_config
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
+
+CONFIG = load_config(None)
+SETTINGS = {one.key.name: one for one in CONFIG.settings if one.table == "plant.axis1"}
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    parts = [np.zeros(60)]
+    for opening in (0.4, 0.7):
+        for sign in (1.0, -1.0):
+            parts += [np.full(round(75 / opening), sign * opening * FULL_OPENING), np.zeros(60)]
+    stiff = replace(paper_parameters(), w=0.023, E=1e9)
+    machine = Machine(parameters=stiff, tick=4e-3, step=5e-4)
+    record = AxisRecord.of(machine.record(np.concatenate(parts)), "axis1", FULL_OPENING, "run.csv")
+    return Bench(Template(CONFIG.first_axis, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
+
+
+def test_speeds_are_those_of_steady_motion(bench: Bench) -> None:
+    """The equations of the steady state do not know the run that made the record."""
+    parameters = replace(paper_parameters(), w=0.023, E=1e9)
+    plateaus = find_plateaus(bench)
+
+    assert len(plateaus) == 4
+    for one in plateaus:
+        z = abs(one.setpoint) - parameters.beta
+        right = steady_motion(parameters, PlantOptions.bench(), extends=one.setpoint > 0.0, z=z)
+        assert one.speed == pytest.approx(right.speed, rel=5e-3)
+        assert one.pressures == pytest.approx([right.P_A, right.P_B], abs=0.3e5)
+
+
+def test_the_fit_of_plateaus_finds_the_valve(bench: Bench) -> None:
+    names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
+    unknowns = [begin_of(bench, name, {})[0] for name in names]
+
+    found = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
+
+    width = dict(zip(names, found.tolist(), strict=True))["orifice_width_mm"]
+    assert unknowns[0].value(width) == pytest.approx(23.0, rel=0.02)  # 20 before
+
+
+def test_a_middle_needs_a_set_point_that_stands() -> None:
+    way = np.stack([np.linspace(0.0, 0.1, 100)] * 3, axis=1)
+    steady, ramp = np.full(100, 0.5), np.linspace(0.0, 0.5, 100)
+
+    assert find_middle(way, steady, 1.0) == range(35, 65)
+    assert find_middle(way, ramp, 1.0) is None
+    assert find_middle(np.zeros((100, 3)), steady, 1.0) is None

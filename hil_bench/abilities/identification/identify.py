@@ -18,7 +18,7 @@ from hil_bench.abilities.identification.fit import (
     require_startable,
     search,
 )
-from hil_bench.abilities.identification.ladder import PLATEAUS, Ladder, Wish, climb, is_quiet
+from hil_bench.abilities.identification.ladder import PLATEAUS, Ladder, Wish, climb
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
@@ -154,7 +154,7 @@ def identify(
     chosen.say(f"{best.title}: refined")
     fit, bench = best.fit, replace(ladder.bench, is_rough=best.title == PLATEAUS)
     bench = bench.rescaled(fit.values)
-    if is_quiet(bench, fit):
+    if best.is_good:
         fine = replace(
             bench,
             course=make_course(record, _FINE),
@@ -163,6 +163,9 @@ def identify(
             has_middles=False,
             is_rough=False,
         )
+        # First averaged, as swings have many valleys, then as it is.
+        averaged = replace(fine, blur=_BLUR).rescaled(fit.values)
+        fit = search(averaged, fit.unknowns, fit.variables, _ROUNDS)
         fit, bench = _refine(fine.rescaled(fit.values), fit)
     is_refined = fit.is_whole and not clock.is_over
     chosen.say("intervals")

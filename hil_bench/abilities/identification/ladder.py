@@ -22,7 +22,6 @@ from hil_bench.abilities.identification.machine import (
     STICTION,
     Unknown,
 )
-from hil_bench.abilities.identification.record import FLOORS
 from hil_bench.abilities.identification.steady import fit_plateaus
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
 
@@ -32,7 +31,7 @@ _FOLDS = 3  # of the strokes by amplitude, or at random
 _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
 _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what errors count by
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
-_QUIET = 1.5  # times the noise: a model whose residuals are within explains the record
+_GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
 PAPER = (
     "orifice_width_mm",
@@ -152,6 +151,11 @@ class Rung:
         """Root of the mean of the scores; infinite where it was not judged."""
         return math.sqrt(float(self.scores.mean())) if len(self.scores) else math.inf
 
+    @property
+    def is_good(self) -> bool:
+        """Return True if it predicts so well that no other model needs to be tried."""
+        return self.score < _GOOD
+
 
 class Ladder(NamedTuple):
     """The models that were tried.
@@ -211,7 +215,7 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
             (SUPPLY, None, _supply(few)),
         ):
             best = rungs[choose_rung(rungs)]
-            if few.clock.is_over or is_quiet(few, best.fit):
+            if few.clock.is_over or (len(rungs) > 1 and best.is_good):
                 break
             say(f"{title}; so far {_describe(few, best.fit)}")
             known = best.fit.unknowns if start is None else start
@@ -221,16 +225,22 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
             begin = fit_plateaus(few, unknowns, begin) if start == () else begin
             fit = search(few, unknowns, _scan(few, unknowns, begin, more), 12)
             if fit.is_moved:
-                # The paper's model alone is worth a judgement where it explains the record.
-                is_judged = title != THE_PAPERS or is_quiet(few, fit)
-                rungs.append(_judge(few, title, fit, folds if is_judged else ()))
+                rungs.append(_judge(few, title, fit, folds))
     return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
 
 
 def choose_rung(rungs: Sequence[Rung]) -> int:
-    """Return the place of the model that predicts best, or the last where none is judged."""
+    """Return the place of the model that predicts best, or the last where none is judged.
+
+    Of several that are good the one with the fewest unknowns counts as best.
+    """
     judged = [place for place, rung in enumerate(rungs) if len(rung.scores)]
-    return min(judged, key=lambda place: rungs[place].score) if judged else len(rungs) - 1
+    if not judged:
+        return len(rungs) - 1
+    good = [place for place in judged if rungs[place].is_good]
+    if good:
+        return min(good, key=lambda place: len(rungs[place].fit.unknowns))
+    return min(judged, key=lambda place: rungs[place].score)
 
 
 def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
@@ -408,13 +418,6 @@ def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -
     sizes = (position, speed, pressure * bench.template.axis.parameters.P_S, time)
     shares = np.clip(np.array(errors) / sizes, 0.0, _WORST)
     return Rung(title, fit, np.nanmean(np.square(shares), axis=1), errors)
-
-
-def is_quiet(bench: Bench, fit: Fit) -> bool:
-    """Return True if a model explains the record within little more than its noise."""
-    scale = bench.rescaled(fit.values).scale
-    noise = np.where(np.isfinite(bench.course.record.noise), bench.course.record.noise, 0.0)
-    return bool((scale < _QUIET * np.maximum(noise, FLOORS)).all())
 
 
 def _supply(bench: Bench) -> tuple[str, ...]:

@@ -98,6 +98,17 @@ def test_the_model_that_predicts_best_is_taken() -> None:
     assert choose_rung([unjudged]) == 0
 
 
+def test_of_good_models_the_simplest_is_taken() -> None:
+    unknown = Template(AXIS, SETTINGS, 1).unknown("moving_mass_kg")
+
+    def rung(unknowns: int, score: float) -> Rung:
+        fit = Fit((unknown,) * unknowns, np.zeros(unknowns), 0.0, True)
+        return Rung("", fit, np.full(4, score**2), ())
+
+    assert choose_rung([rung(8, 0.4), rung(2, 0.14), rung(30, 0.05)]) == 1
+    assert choose_rung([rung(8, 0.4), rung(2, 0.2), rung(30, 0.05)]) == 2
+
+
 def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> None:
     found = identify(record, AXIS, SETTINGS, step=5e-4, options=Options(seconds=1e-9))
 

@@ -28,7 +28,7 @@ def bench() -> Bench:
         for sign in (1.0, -1.0):
             parts += [np.full(round(75 / opening), sign * opening * FULL_OPENING), np.zeros(60)]
     stiff = replace(paper_parameters(), w=0.023, E=1e9)
-    machine = Machine(parameters=stiff, tick=4e-3, step=5e-4)
+    machine = Machine(parameters=stiff, tick=4e-3, step=2.5e-4)
     record = AxisRecord.of(machine.record(np.concatenate(parts)), "axis1", FULL_OPENING, "run.csv")
     return Bench(Template(CONFIG.first_axis, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack, unpack_lane
-from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN, WHOLE, move_along
+from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN, move_along
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
@@ -37,12 +37,6 @@ _NEXT = _CONSTANTS + ROW  # the states at the end of a step, and the error of th
 _PLACES = _NEXT + _STATES + 1
 
 Values = npt.NDArray[np.float64]
-Cuts = npt.NDArray[np.int64]
-"""Where each step of each plant is cut, as `model.cuts` has it, shape (steps, LANES)."""
-
-NO_CUTS = np.empty((0, LANES), dtype=np.int64)
-"""For a run whose cuts are not kept."""
-
 PlantSet = Sequence[tuple[PlantParameters, PlantOptions, PlantState]]
 """What each plant is, and where it starts."""
 
@@ -69,11 +63,11 @@ def try_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float, float]:
 
 
 @kernel
-def move_lane(block: Floats, lane: int, cuts: int) -> tuple[Cylinder, int]:
-    """Return the cylinder of one plant a step later, made in parts, and where these end."""
+def move_lane(block: Floats, lane: int) -> Cylinder:
+    """Return the cylinder of one plant a step later, made in parts."""
     constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
     spool = (block[4 * LANES + lane], block[(_NEXT + 4) * LANES + lane])
-    return move_along(cylinder_among(block, lane, LANES), spool, 0.0, constants, cuts)
+    return move_along(cylinder_among(block, lane, LANES), spool, 0.0, constants, OPEN)[0]
 
 
 @kernel
@@ -88,21 +82,17 @@ def show_block(block: Floats, seen: Floats, row: int) -> None:
 
 
 @long_kernel
-def run_block(
-    block: Floats, setpoints: Floats, cuts: Cuts, seen: Floats, steps: int, every: int
-) -> None:
+def run_block(block: Floats, setpoints: Floats, seen: Floats, steps: int, every: int) -> None:
     """Run a block of plants under set-points of their own, in place.
 
     Args:
         block: as `pack_block` gives it.
         setpoints: u [m] of each plant for the first step, then for the next, and so on.
-        cuts: of each step, likewise, which are followed; what is `OPEN` there is found and taken
-            down. Empty: all are found, and none is kept.
         seen: takes, after each `every`-th step, each field of `SEEN` of all plants.
         steps: how many.
         every: steps between two rows.
     """
-    first, keeps = _NEXT * LANES, len(cuts) > 0
+    first = _NEXT * LANES
     for step in range(steps):
         for lane in range(LANES):
             block[_SETPOINT * LANES + lane] = setpoints[step * LANES + lane]
@@ -114,16 +104,12 @@ def run_block(
             block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
             block[first + _STATES * LANES + lane] = error
         for lane in range(LANES):
-            known = cuts[step * LANES + lane] if keeps else OPEN
             error = block[first + _STATES * LANES + lane]
-            made = WHOLE
-            if known > WHOLE or error == math.inf or (error > TOLERANCE and known != WHOLE):
-                (x, v, P_A, P_B, V_CA, V_CB), made = move_lane(block, lane, known)
+            if error == math.inf or error > TOLERANCE:
+                x, v, P_A, P_B, V_CA, V_CB = move_lane(block, lane)
                 block[first + lane], block[first + LANES + lane] = x, v
                 block[first + 2 * LANES + lane], block[first + 3 * LANES + lane] = P_A, P_B
                 block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
-            if keeps:
-                cuts[step * LANES + lane] = made
         for place in range(_STATES * LANES):
             block[place] = block[first + place]
         if (step + 1) % every == 0:
@@ -143,38 +129,7 @@ def run_plants(plants: PlantSet, setpoints: Values, *, dt: float, every: int = 1
         The fields of `SEEN` after each `every`-th step, shape (plants, steps // every, 5).
     """
     block = pack_block(plants, dt)
-    return _run(block, spread_setpoints(setpoints), NO_CUTS, every)[: len(plants)]
-
-
-def run_starts(
-    plant: tuple[PlantParameters, PlantOptions],
-    starts: Values,
-    setpoints: Values,
-    *,
-    dt: float,
-    every: int = 1,
-    cuts: Cuts = NO_CUTS,
-) -> Values:
-    """Run a plant from at most `LANES` states, as `run_plants` does.
-
-    Args:
-        plant: without extensions; it is not checked here.
-        starts: the fields of `PlantState`, shape (starts, 8); without cavities (starts, 6).
-        setpoints: as `spread_setpoints` gives them.
-        dt: step [s].
-        every: steps between two rows.
-        cuts: are followed; what is `OPEN` there is found and taken down. Empty: none is kept.
-
-    Returns:
-        The fields of `SEEN` after each `every`-th step, shape (starts, steps // every, 5).
-    """
-    count = len(starts)
-    block = np.zeros((_PLACES, LANES))
-    given = starts.shape[1]
-    block[:given, :count] = starts.T
-    block[:given, count:] = starts[-1, :, np.newaxis]
-    block[_CONSTANTS:_NEXT] = np.array(pack(*plant, dt))[:, np.newaxis]
-    return _run(block.reshape(-1), setpoints, cuts, every)[:count]
+    return _run(block, spread_setpoints(setpoints), every)[: len(plants)]
 
 
 def spread_setpoints(setpoints: Values) -> Values:
@@ -190,14 +145,13 @@ def spread_setpoints(setpoints: Values) -> Values:
     return lanes
 
 
-def _run(block: Values, lanes: Values, cuts: Cuts, every: int) -> Values:
+def _run(block: Values, lanes: Values, every: int) -> Values:
     """Run a block and return the outputs of all its lanes, shape (LANES, rows, 5)."""
     steps = len(lanes)
     seen = np.empty((steps // every, len(SEEN), LANES))
     run_block(
         cast("Floats", block),
         cast("Floats", lanes.reshape(-1)),
-        cuts.reshape(-1),
         cast("Floats", seen.reshape(-1)),
         steps,
         every,

@@ -8,7 +8,7 @@ import pytest
 
 from hil_bench.abilities.modbus.protocol.register_map import Parity, SerialConfig
 from hil_bench.abilities.modbus.server import process
-from hil_bench.abilities.modbus.server.process import SerialLine, open_serial
+from hil_bench.abilities.modbus.server.serial_line import SerialLine, open_serial
 from hil_bench.abilities.modbus.server.session import crc16
 from hil_bench.errors import BusError
 

@@ -10,16 +10,18 @@ class Alarm:
     """Something that is due at a time, unless it is cancelled.
 
     Args:
+        time: when [ns].
         action: is called then.
 
     Attributes:
+        time: as passed in.
         is_on: False once it was cancelled or is over.
     """
 
-    __slots__ = ("action", "is_on")
+    __slots__ = ("action", "is_on", "time")
 
-    def __init__(self, action: Callable[[], None]) -> None:
-        self.action = action
+    def __init__(self, time: int, action: Callable[[], None]) -> None:
+        self.time, self.action = time, action
         self.is_on = True
 
     def cancel(self) -> None:
@@ -36,7 +38,7 @@ class Timeline:
 
     def add(self, time: int, action: Callable[[], None]) -> Alarm:
         """Have something happen at a time [ns]."""
-        alarm = Alarm(action)
+        alarm = Alarm(time, action)
         heappush(self._due, (time, next(self._numbers), alarm))
         return alarm
 

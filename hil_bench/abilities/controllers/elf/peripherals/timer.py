@@ -112,16 +112,21 @@ class Timer(Peripheral):
 
         The turn goes on as it began, whatever is written meanwhile: no part of a count is lost.
         """
-        if register in self._alarms:
-            self._alarms.pop(register).cancel()
         most = self._values[_ARR]
         if register == _ARR:
             count, action, is_ahead = most + 1, self._overflow, most > 0
         else:
             count, action = self._values.get(register, 0), self._matches[register]
             is_ahead = held < count <= most
+        time = self._begin + self._duration(count)
+        known = self._alarms.get(register)
+        if known is not None:
+            if known.is_on and is_ahead and known.time == time:
+                return  # as a program that writes its deadline in each round has it
+            del self._alarms[register]
+            known.cancel()
         if is_ahead:
-            self._alarms[register] = self._core.alarm(self._begin + self._duration(count), action)
+            self._alarms[register] = self._core.alarm(time, action)
 
     def _match(self, place: int) -> None:
         self._values[_SR] = self._values.get(_SR, 0) | 2 << place

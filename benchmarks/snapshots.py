@@ -1,10 +1,11 @@
 """Runs of a campaign from a snapshot behind the boot-up, beside runs from the start.
 
     python benchmarks/snapshots.py
-    python benchmarks/snapshots.py --runs 100 --seconds 2.0
+    python benchmarks/snapshots.py --kind library --runs 100 --seconds 5.0
 
-The example in C as it is flashed drives on a simulated STM32F407; the supply sags in the last
-quarter of each run, by another pressure. Batches take turns; their results must be the same.
+The example in C drives, as it is flashed on a simulated STM32F407 or as a library; the supply sags
+in the last quarter of each run, by another pressure. Batches take turns; their results must be the
+same.
 """
 
 import argparse
@@ -28,9 +29,8 @@ bench = "bench.toml"
 duration_s = {seconds}
 
 [controller]
-kind = "elf"
-program = "stm32f4.elf"
-chip = "STM32F407"
+kind = "{kind}"
+{keys}
 
 [parameters]
 sag_bar = {{ value = 60.0, range = [20.0, 150.0] }}
@@ -45,11 +45,16 @@ pressure_bar = "sag_bar"
 id = "T-1"
 that = "always abs(axis1.position) < 60 mm"
 """
+KEYS = {
+    "elf": 'program = "stm32f4.elf"\nchip = "STM32F407"',
+    "library": 'library = "libposition_control.so"\nsettings = { targets_mm = "50,-50,50,-50" }',
+}
 
 
 def main() -> int:
     """Print the time of a run of both; return 1 where a result differs."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--kind", choices=KEYS, default="elf")
     parser.add_argument("--runs", type=int, default=12, help="of each batch")
     parser.add_argument("--seconds", type=float, default=1.2, help="bench time of a run")
     parser.add_argument("--turns", type=int, default=3)
@@ -57,17 +62,19 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         build(folder)
-        if not (folder / "stm32f4.elf").exists():
+        if args.kind == "elf" and not (folder / "stm32f4.elf").exists():
             occasion.missing("the kind elf", "the chip's program is not built")
-        runs = prepare(folder, args.runs, args.seconds)
+        runs = prepare(folder, args.kind, args.runs, args.seconds)
         return compare(runs, args.turns)
 
 
-def prepare(folder: Path, count: int, seconds: float) -> list[RunSpec]:
+def prepare(folder: Path, kind: str, count: int, seconds: float) -> list[RunSpec]:
     """Return the runs."""
-    (folder / "bench.toml").write_text("[bench]\ntick_us = 500\n", encoding="utf-8")
+    tick_us = 500 if kind == "elf" else 1000
+    (folder / "bench.toml").write_text(f"[bench]\ntick_us = {tick_us}\n", encoding="utf-8")
     path = folder / "sag.scenario.toml"
-    text = SCENARIO.format(seconds=seconds, late=0.75 * seconds)
+    late = 0.75 * seconds
+    text = SCENARIO.format(seconds=seconds, late=late, kind=kind, keys=KEYS[kind])
     path.write_text(text, encoding="utf-8")
     scenario = load_scenario(path)
     case, space = own_case(scenario), space_of(scenario)

@@ -1,11 +1,12 @@
 """A Cortex-M core on unicorn, with what unicorn lacks: exceptions, sleep and time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from struct import Struct
 from typing import Final
 
 from unicorn import arm_const as arm
 
+from hil_bench.abilities.controllers.elf.divisions import DivisionTraps
 from hil_bench.abilities.controllers.elf.engine import (
     INVALID_INSTRUCTION,
     Engine,
@@ -38,6 +39,7 @@ _PADDED = 1 << 9
 _IPSR = 0x1FF
 _WFI, _WFE = b"\x30\xbf", b"\x20\xbf"
 _CALL, _RETURN = 2, 8  # unicorn's numbers of an SVC and of a branch to EXC_RETURN
+_DIVISION = -1  # our own
 _TRAPS = {
     1: "an undefined instruction",
     3: "no code here",
@@ -45,6 +47,7 @@ _TRAPS = {
     7: "a breakpoint",
     17: "a float instruction, though the chip has none or it is off",
     18: "an instruction that is not Thumb",
+    _DIVISION: "a division by zero (DIV_0_TRP in its CCR is set)",
 }
 
 _FRAME = (
@@ -95,17 +98,22 @@ class Cpu:
         model: of `MODELS`.
         exceptions: that it has.
         per_ms: instructions that it does in a millisecond.
+        divisors: of its program; see `DivisionTraps`.
 
     Attributes:
         engine: of unicorn, for what is mapped.
+        divisions: those by zero, as traps.
         exceptions: their state.
         vectors: address of their table.
         sleeps_on_exit: whether it sleeps when the last exception is over.
         wants_reset: whether the program has asked for a reset.
     """
 
-    def __init__(self, model: str, exceptions: Exceptions, per_ms: int) -> None:
+    def __init__(
+        self, model: str, exceptions: Exceptions, per_ms: int, divisors: Mapping[int, int]
+    ) -> None:
         self.engine = engine = Engine(MODELS[model])
+        self.divisions = DivisionTraps(engine, divisors, self._divide)
         self._has_masks = model != "Cortex-M0"
         self._has_floats = model == "Cortex-M4F"
         self.exceptions = exceptions
@@ -167,6 +175,12 @@ class Cpu:
         if self._is_running:
             self._interrupt()
 
+    def trap_divisions(self, *, is_on: bool) -> None:
+        """Have divisions by zero be traps, from behind the write that says so."""
+        self.divisions.is_on = is_on
+        if self._is_running and self.divisions.are_due:
+            self._interrupt()
+
     def map_peripheral(
         self,
         address: int,
@@ -221,6 +235,8 @@ class Cpu:
                 step = self._preempt()
             if now >= until:
                 return
+            if self.divisions.are_due:
+                self.divisions.hook()
             end = self._timeline.next_time(until)
             if self._is_asleep:
                 self._epoch, self._done = end, 0
@@ -285,6 +301,10 @@ class Cpu:
     def _take_trap(self, number: int) -> None:
         self._trap = number
         self.engine.stop()
+
+    def _divide(self, register: int) -> None:
+        if not self._shown.read()[register]:
+            self._take_trap(_DIVISION)
 
     def _code(self, address: int) -> bytes:
         try:

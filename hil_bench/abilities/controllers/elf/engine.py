@@ -12,6 +12,7 @@ _C = ctypes.CDLL(uclib._name)  # noqa: SLF001 - a handle of our own, with types 
 _READ = CFUNCTYPE(c_uint64, c_void_p, c_uint64, c_uint, c_void_p)
 _WRITE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint, c_uint64, c_void_p)
 _TRAP = CFUNCTYPE(None, c_void_p, c_uint32, c_void_p)
+_CODE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint32, c_void_p)
 _MISS = CFUNCTYPE(ctypes.c_bool, c_void_p, c_int, c_uint64, c_int, ctypes.c_int64, c_void_p)
 _FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "uc_open": (c_int, c_int, POINTER(c_void_p)),
@@ -142,6 +143,15 @@ class Engine:
         """Have a function take the number of each trap."""
         self._hook(unicorn.UC_HOOK_INTR, _TRAP(lambda _engine, number, _data: take(number)))
 
+    def hook_address(self, address: int, take: Callable[[], None]) -> None:
+        """Have a function called in front of the instruction at an address."""
+        function = _CODE(lambda _engine, _address, _size, _data: take())
+        self._hook(unicorn.UC_HOOK_CODE, function, address, address)
+
+    def forget_translations(self) -> None:
+        """Have hooks act on what has run already."""
+        self._wrapper.ctl_flush_tb()
+
     def hook_misses(self, take: Callable[[int, int], bool]) -> None:
         """Have a function take kind and address of each access to where nothing is.
 
@@ -184,9 +194,10 @@ class Engine:
         self._error = error
         self.stop()
 
-    def _hook(self, kinds: int, function: object) -> None:
+    def _hook(self, kinds: int, function: object, first: int = 1, last: int = 0) -> None:
+        """Have unicorn call a function for a range of addresses; for all, where it ends first."""
         self._kept.append(function)
-        begin, end = c_uint64(1), c_uint64(0)  # everywhere
+        begin, end = c_uint64(first), c_uint64(last)
         handle = c_size_t()
         _check(_add_hook(c_void_p(self.handle), byref(handle), kinds, function, None, begin, end))
 

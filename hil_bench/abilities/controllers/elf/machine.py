@@ -9,6 +9,7 @@ import unicorn
 
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FLASH, KIB, MIB, Family
 from hil_bench.abilities.controllers.elf.cpu import Cpu, CpuFault
+from hil_bench.abilities.controllers.elf.divisions import find_divisors
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.engine import READ_EXECUTE, Engine
 from hil_bench.abilities.controllers.elf.job import Job
@@ -66,6 +67,7 @@ class Machine:
             family.core,
             Exceptions(family.priority_bits, family.interrupts),
             job.instructions_per_ms,
+            find_divisors(self._program.segments),
         )
         self.printed: list[str] = []
         self._line = bytearray()

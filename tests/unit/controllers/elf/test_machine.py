@@ -340,6 +340,32 @@ void program(void) { zero = 0; say(5 / zero == 0 ? "zero" : "other"); rest(); }
     assert said == ["zero"]
 
 
+DIVIDE = """
+static volatile int divisor;
+static __attribute__((noinline)) int divide(int by) {{ return ({type})100 / ({type})by; }}
+void program(void)
+{{
+    divisor = 5; say(divide(divisor) == 20 ? "before" : "wrong");
+    R32(0xE000ED14) |= 0x10;                                          /* CCR.DIV_0_TRP */
+    divisor = 10; say(divide(divisor) == 10 ? "trapped from here" : "wrong");
+    divisor = 0; {again} say(divide(divisor) ? "other" : "zero"); rest();
+}}
+"""
+
+
+@pytest.mark.parametrize("type_", ["int", "unsigned"])
+def test_a_division_by_zero_is_a_trap_where_the_program_asks_for_it(make: Make, type_: str) -> None:
+    machine = make(DIVIDE.format(type=type_, again=""))
+    with pytest.raises(ControllerError, match=r"^hard fault in divide.*: a division by zero \("):
+        machine.advance(MS, ())
+    assert machine.take_text().splitlines()[:2] == ["before", "trapped from here"]
+
+
+def test_a_trap_that_is_switched_off_again_is_none(make: Make) -> None:
+    source = DIVIDE.format(type="int", again="R32(0xE000ED14) &= ~0x10u;")
+    assert lines(make(source)) == ["before", "trapped from here", "zero"]
+
+
 @pytest.mark.parametrize("chip", ["STM32F042", "STM32F103"])
 def test_other_cores_run(make: Make, chip: str) -> None:
     data = 0x40004428 if chip == "STM32F042" else 0x40004404

@@ -17,7 +17,7 @@ _ENABLE, _TICKINT, _OF_CORE, _COUNTFLAG = 1, 2, 4, 1 << 16
 _KEY, _KEY_READ = 0x05FA, 0xFA05
 _SYSRESETREQ, _VECTRESET = 4, 1
 _SLEEPONEXIT = 2
-_STKALIGN = 0x200
+_DIV_0_TRP, _STKALIGN = 0x10, 0x200
 
 
 class SystemControl(Peripheral):
@@ -57,6 +57,7 @@ class SystemControl(Peripheral):
             _VTOR: self._set_vectors,
             _AIRCR: self._set_reset_control,
             _SCR: self._set_sleep,
+            _CCR: self._set_configuration,
             _STIR: self._trigger,
         }
 
@@ -66,6 +67,7 @@ class SystemControl(Peripheral):
         self._control = self._reload = 0
         self._is_over = False
         self._cpu.vectors = 0
+        self._cpu.trap_divisions(is_on=False)
 
     def load(self, offset: int) -> int:
         """Return a register."""
@@ -156,6 +158,10 @@ class SystemControl(Peripheral):
     def _set_sleep(self, value: int) -> None:
         self._others[_SCR] = value
         self._cpu.sleeps_on_exit = bool(value & _SLEEPONEXIT)
+
+    def _set_configuration(self, value: int) -> None:
+        self._others[_CCR] = value
+        self._cpu.trap_divisions(is_on=bool(value & _DIV_0_TRP))
 
     def _trigger(self, value: int) -> None:
         self._cpu.pend(FIRST_INTERRUPT + (value & 0x1FF))

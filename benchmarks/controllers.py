@@ -8,11 +8,15 @@ bench's clock, as a process in lock-step over the hub and as flashed on a simula
 sleeps between five interrupts by CAN a millisecond; the example in Python at 500 Hz. A chip has a
 phase of its own, so its bench has a tick of half its cycle. The bench alone is the bench with the
 frames of the library's run, both ways, and nobody who computes them. Kinds take turns, so that a
-machine that becomes slower does so for all.
+machine that becomes slower does so for all; on a busy one compare the bench's processor time, whose
+least of all turns is shown. Python collects no cycles meanwhile: it would in some runs and not in
+others, for what those before have left, at twice the time of a tick.
 """
 
 import argparse
+import gc
 import hashlib
+import math
 import os
 import shutil
 import statistics
@@ -113,6 +117,7 @@ class Run:
 
     Attributes:
         speed: times real time.
+        used: processor time of the bench's process a tick [us].
         digest: of all frames and of the piston's way.
         frames: those that the controller sent, by tick.
     """
@@ -135,10 +140,14 @@ class Run:
             session = bench.session
             session.tick((), 0)
             session.tick(given.get(1, ()), tick_ns)  # starts the controller
-            begin = time.perf_counter()
+            gc.collect()
+            gc.disable()
+            begin, before = time.perf_counter(), time.process_time()
             for tick in range(2, ticks):
                 session.tick(given.get(tick, ()), tick * tick_ns)
             self.speed = seconds / (time.perf_counter() - begin)
+            self.used = (time.process_time() - before) / ticks * 1e6
+            gc.enable()
             digest = hashlib.sha256(bench.signals.tobytes())
             digest.update(repr([tuple(each) for each in bench.frames]).encode())
             self.digest = digest.hexdigest()[:16]
@@ -151,7 +160,7 @@ class Run:
 
 
 def compare(kinds: Sequence[str], folder: Path, seconds: float, turns: int) -> None:
-    """Print the speed of each kind beside the bench alone, in turns, and its share of it.
+    """Print speed and processor time of each kind beside the bench alone, in turns, and its share.
 
     Raises:
         SystemExit: the axis did not move.
@@ -161,20 +170,22 @@ def compare(kinds: Sequence[str], folder: Path, seconds: float, turns: int) -> N
     for kind in kinds:
         makers[kind] = lambda kind=kind: Run(seconds, table(kind, folder, seconds))  # type: ignore[misc]
     speeds: dict[str, list[float]] = {name: [] for name in makers}
+    used: dict[str, float] = dict.fromkeys(makers, math.inf)
     for _ in range(turns):
         for name, make in makers.items():
             run = make()
             if run.way < 0.02:
                 raise SystemExit(f"{name}: did not move: {run.way * 1e3:.1f} mm")
             speeds[name].append(run.speed)
-    alone = statistics.median(speeds["bench alone"])
+            used[name] = min(used[name], run.used)
     print(f"{seconds:g} s of bench time, median of {turns} turns")
-    print("| | times real time | least and most | share of the bench alone |")
-    print("|---|---|---|---|")
+    print("| | times real time | least and most | bench's processor, us a tick | share |")
+    print("|---|---|---|---|---|")
     for name, each in speeds.items():
-        middle = statistics.median(each)
+        share = used["bench alone"] / used[name]
         print(
-            f"| {name} | {middle:.1f} | {min(each):.1f} to {max(each):.1f} | {middle / alone:.2f} |"
+            f"| {name} | {statistics.median(each):.1f} | {min(each):.1f} to {max(each):.1f} "
+            f"| {used[name]:.1f} | {share:.2f} |"
         )
 
 

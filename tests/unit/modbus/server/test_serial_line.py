@@ -7,7 +7,7 @@ import tty
 import pytest
 
 from hil_bench.abilities.modbus.protocol.register_map import Parity, SerialConfig
-from hil_bench.abilities.modbus.server import process
+from hil_bench.abilities.modbus.server import serial_line
 from hil_bench.abilities.modbus.server.serial_line import SerialLine, open_serial
 from hil_bench.abilities.modbus.server.session import crc16
 from hil_bench.errors import BusError
@@ -98,7 +98,7 @@ def test_a_port_is_opened_as_configured(rig):
 
 
 def test_a_port_that_is_lost_is_tried_again(rig, monkeypatch, tmp_path):
-    monkeypatch.setattr(process, "RETRY", 0.0)
+    monkeypatch.setattr(serial_line, "RETRY", 0.0)
     ours, theirs = os.openpty()
     name = os.ttyname(theirs)
     os.close(theirs)

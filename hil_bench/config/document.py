@@ -7,15 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final, Self
 
-from hil_bench.config.settings import (
-    Given,
-    Key,
-    Origin,
-    Problems,
-    Settings,
-    open_table,
-    read_table,
-)
+from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, open_table, read_table
 from hil_bench.config.values import Reader, Value, describe, find_nearest
 from hil_bench.errors import ConfigError, about_file
 

@@ -27,11 +27,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.datatypes import (
-    REAL32,
-    UNSIGNED8,
-    UNSIGNED32,
-)
+from hil_bench.canopen_device.datatypes import REAL32, UNSIGNED8, UNSIGNED32
 from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node

@@ -11,12 +11,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.datatypes import (
-    BooleanType,
-    DataType,
-    IntegerType,
-    RealType,
-)
+from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.encoder_406 import POSITION_UNITS, SPEED_UNITS
 from hil_bench.devices.pressure_404 import (

@@ -6,13 +6,7 @@ from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
 
-from hil_bench.errors import (
-    BusError,
-    ConfigError,
-    ControllerError,
-    HilBenchError,
-    WaitTimeoutError,
-)
+from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.hosted_bus import HostedBus

@@ -10,11 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.analysis.simulation import (
-    Setup,
-    Signal,
-    simulate,
-)
+from hil_bench.abilities.analysis.simulation import Setup, Signal, simulate
 from hil_bench.abilities.analysis.steady_motion import NyquistError
 from hil_bench.errors import ParameterError
 from hil_bench.extras import require_extra

@@ -22,15 +22,7 @@ from hil_bench.abilities.modbus.protocol.register_map import (
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, Tables, read_section
 from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import (
-    boolean,
-    choice,
-    describe,
-    find_nearest,
-    integer,
-    number,
-    text,
-)
+from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import KINDS, kind_of
 from hil_bench.units import MILLISECOND, Unit

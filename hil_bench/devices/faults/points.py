@@ -6,13 +6,7 @@ from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from hil_bench.canopen_device.frame import Emit
 from hil_bench.devices.axis import Enabled
-from hil_bench.devices.faults.effects import (
-    Act,
-    DefectPoint,
-    SensorPoint,
-    SpoolPoint,
-    SupplyPoint,
-)
+from hil_bench.devices.faults.effects import Act, DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.devices.faults.line import Line, Receiver
 from hil_bench.devices.faults.wire_point import WirePoint
 

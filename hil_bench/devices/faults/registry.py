@@ -8,11 +8,7 @@ from typing import Final
 from hil_bench.ability import own_abilities
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, number, text
-from hil_bench.devices.faults import (
-    line_kinds,
-    plant_kinds,
-    sensor_kinds,
-)
+from hil_bench.devices.faults import line_kinds, plant_kinds, sensor_kinds
 from hil_bench.devices.faults.kind import LARGEST, FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.registry import Registry, find_twice

@@ -5,11 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model import (
-    FullOrderPlant,
-    PlantInput,
-    PlantState,
-)
+from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
     ReducedOrderPlant,

@@ -8,10 +8,7 @@ from typing import Final
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, configure
 from hil_bench.plants.hydraulic_cylinder.cylinder import build_cylinder
-from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
-    apply_data_sheet,
-    find_leftovers,
-)
+from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import apply_data_sheet, find_leftovers
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.picture import cylinder_page
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES

@@ -11,13 +11,7 @@ from pathlib import Path
 from hil_bench.abilities.campaign.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.abilities.campaign.records import RunResult
 from hil_bench.abilities.campaign.reports import write_search_report
-from hil_bench.abilities.campaign.search import (
-    ALL_METHODS,
-    Budget,
-    Find,
-    Method,
-    SearchResult,
-)
+from hil_bench.abilities.campaign.search import ALL_METHODS, Budget, Find, Method, SearchResult
 from hil_bench.abilities.campaign.snapshot import local_backend
 from hil_bench.abilities.campaign.store import set_words
 from hil_bench.abilities.campaign.verbs.campaign_view import (

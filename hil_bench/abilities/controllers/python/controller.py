@@ -15,12 +15,7 @@ from typing import TYPE_CHECKING, Any
 import can
 from greenlet import greenlet
 
-from hil_bench.abilities.controllers.seam import (
-    Controller,
-    ControllerEnd,
-    Surroundings,
-    TimedFrame,
-)
+from hil_bench.abilities.controllers.seam import Controller, ControllerEnd, Surroundings, TimedFrame
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort

@@ -9,12 +9,7 @@ from hil_bench.abilities.eyes.explain.clock import Clock
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch
 from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
-from hil_bench.abilities.eyes.explain.j1939 import (
-    Addresses,
-    LongTransfers,
-    Requests,
-    TroubleCodes,
-)
+from hil_bench.abilities.eyes.explain.j1939 import Addresses, LongTransfers, Requests, TroubleCodes
 from hil_bench.abilities.eyes.explain.j1939_cycles import Cycles
 from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
 from hil_bench.abilities.eyes.explain.presence import Presence

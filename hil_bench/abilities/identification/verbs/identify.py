@@ -33,12 +33,7 @@ from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
 from hil_bench.abilities.identification.plausibility import check_plausible
 from hil_bench.abilities.identification.plot import draw_strokes
-from hil_bench.abilities.identification.record import (
-    NEEDED,
-    PRESSURES,
-    AxisRecord,
-    join_records,
-)
+from hil_bench.abilities.identification.record import NEEDED, PRESSURES, AxisRecord, join_records
 from hil_bench.abilities.identification.report import summarise, to_json
 from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.abilities.identification.verbs.identify_design import (

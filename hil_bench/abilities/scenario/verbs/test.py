@@ -11,11 +11,7 @@ from typing import NamedTuple
 from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
-from hil_bench.abilities.scenario.results import (
-    ScenarioResult,
-    play_for_result,
-    write_junit,
-)
+from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
 from hil_bench.abilities.scenario.run import PlayOptions, prepare
 from hil_bench.abilities.scenario.verbs.machine_side import (
     add_machine_arguments,

@@ -29,10 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
     compress_through_edges,
     move_inner,
 )
-from hil_bench.plants.hydraulic_cylinder.model.following import (
-    NO_DRAG,
-    linearise_drag,
-)
+from hil_bench.plants.hydraulic_cylinder.model.following import NO_DRAG, linearise_drag
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool, finish_step
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force

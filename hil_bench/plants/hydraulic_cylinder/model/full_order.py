@@ -14,10 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
-from hil_bench.plants.hydraulic_cylinder.model.defects import (
-    Defects,
-    pack_defective,
-)
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     LINE_COMPLIANCE,
     PUMP_FLOW,

@@ -5,9 +5,7 @@ from enum import StrEnum
 from hil_bench.plants.hydraulic_cylinder.model.full_order import largest_step
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
-    largest_reduced_step,
-)
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import largest_reduced_step
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 
 

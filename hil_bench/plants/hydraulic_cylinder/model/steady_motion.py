@@ -10,18 +10,10 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     edge_constants,
     land_constants,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extensions import (
-    Cushion,
-    MeteringLands,
-    SupplyUnit,
-)
+from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, MeteringLands, SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.state import (
-    PlantState,
-    balanced_state,
-    held_state,
-)
+from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, balanced_state, held_state
 from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
 
 _SHUT = 1e-9  # share of its opening at which a counterbalance valve is as good as shut

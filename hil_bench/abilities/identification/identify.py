@@ -229,8 +229,10 @@ def _estimates(fit: Fit, covariance: Values, strokes: int) -> tuple[Estimate, ..
     from scipy.stats import t  # noqa: PLC0415 - an extra
 
     times, estimates = float(t.ppf(0.975, max(strokes - 1, 1))), []
+    expected = np.array([one.spread for one in fit.unknowns])  # no record makes that wider
+    owns = np.minimum(np.sqrt(np.diag(covariance)), expected)
     for unknown, variable, own in zip(
-        fit.unknowns, fit.variables.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True
+        fit.unknowns, fit.variables.tolist(), owns.tolist(), strict=True
     ):
         reach = times * own
         low, high = max(variable - reach, unknown.low), min(variable + reach, unknown.high)

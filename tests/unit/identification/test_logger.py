@@ -53,6 +53,17 @@ def test_lost_rows_are_found_and_counted(recording: Recording, first: int, lost:
     assert jump.way == pytest.approx(lost * speed, rel=0.2)
 
 
+def test_steps_of_a_coarse_encoder_are_no_lost_rows() -> None:
+    """2.6 steps of the sensor a row are now two, now three, now four."""
+    step, source = 59e-6, np.random.default_rng(3)
+    way = 2.6 * step * np.arange(4000.0) + 15e-6 * source.standard_normal(4000)
+    shown = step * np.rint(way / step)
+
+    assert find_jumps(shown, 20e-6) == []
+    lost = np.delete(shown, np.arange(2000, 2006))
+    assert [jump.row for jump in find_jumps(lost, 20e-6)] == [1999]
+
+
 def test_a_fit_does_not_reach_across_lost_rows(recording: Recording) -> None:
     cut = np.delete(recording, slice(2500, 2512))
     cut["time"] = TICK * np.arange(len(cut))  # an even column of time hides it

@@ -16,6 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,
     Solver,
     SpringLoad,
+    SupplyUnit,
     balanced_state,
     paper_parameters,
 )
@@ -39,6 +40,8 @@ EXTENDED = {
     ),
     "leakage": replace(BENCH, C_LA=1e-13, C_LB=2e-13),
     "lands": replace(BENCH, lands=MeteringLands(gain_pb=0.84, saturation=0.5)),
+    "slow spool": replace(BENCH, spool_speed=0.02, C_LA=1e-13),
+    "supply": replace(BENCH, supply=SupplyUnit(pump_flow=2e-4, relief_pressure=1e7)),
     "edges": replace(BENCH, lands=MeteringLands(overlap_pa=2e-4, null_opening=1e-6)),
 }
 
@@ -65,7 +68,7 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
             output = plant.step(PlantInput(u))
             if step % EVERY == 0:
                 alone.append((output.x, output.v, output.P_A, output.P_B, output.z))
-        seen, _ = run_course(
+        seen, supply = run_course(
             constants,
             np.array([*state, PARAMETERS.P_S, 0.0, 0.0, 0.0]),
             openings[number],
@@ -73,6 +76,7 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
             cuts=open_cuts(STEPS),
         )
         assert np.array_equal(seen, np.array(alone))
+        assert supply == plant.supply_pressure
 
 
 def test_cuts_are_taken_down_and_followed() -> None:

@@ -1,8 +1,8 @@
 """All kinds of faults by name, those of other distributions too."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
 from importlib import import_module
-from types import MappingProxyType
 from typing import Final
 
 from hil_bench.ability import own_abilities
@@ -14,18 +14,25 @@ from hil_bench.errors import ConfigError
 from hil_bench.registry import Registry, find_twice
 from hil_bench.units import SECOND
 
-_MODULES = (
-    sensor_kinds,
-    plant_kinds,
-    line_kinds,
-    *(import_module(each.fault_kinds) for each in own_abilities() if each.fault_kinds),
-)
-_OWN = {
-    name: kind
-    for module in _MODULES
-    for name, kind in vars(module).items()
-    if isinstance(kind, FaultKind)
-}
+
+class _Own(Mapping[str, FaultKind]):
+    """Those of the bench and its abilities, imported when the first is asked for."""
+
+    @cached_property
+    def _kinds(self) -> dict[str, FaultKind]:
+        modules = [sensor_kinds, plant_kinds, line_kinds]
+        modules += [import_module(each.fault_kinds) for each in own_abilities() if each.fault_kinds]
+        found = [kind for module in modules for kind in vars(module).items()]
+        return {name: kind for name, kind in found if isinstance(kind, FaultKind)}
+
+    def __getitem__(self, name: str) -> FaultKind:
+        return self._kinds[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
 
 
 def kind_name(value: object) -> str:
@@ -68,7 +75,7 @@ def _find_fault(kind: FaultKind) -> str:
     return f"has the key {twice} twice; each needs a name of its own" if twice else ""
 
 
-FAULT_KINDS: Final = Registry("hil_bench.faults", FaultKind, MappingProxyType(_OWN), _find_fault)
+FAULT_KINDS: Final = Registry("hil_bench.faults", FaultKind, _Own(), _find_fault)
 """All kinds of faults."""
 
 

@@ -29,13 +29,8 @@ import can
 import occasion
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
-
-try:
-    from hil_bench.outside.transports.transport import SilentTransport
-    from hil_bench.session.virtual_bench import VirtualBench
-except ImportError:  # before packages were put into rooms
-    from hil_bench.transports.silent import SilentTransport  # type: ignore[no-redef]
-    from hil_bench.virtual_bench import VirtualBench  # type: ignore[no-redef]
+from hil_bench.outside.transports.transport import SilentTransport
+from hil_bench.session.virtual_bench import VirtualBench
 
 SYNC = Frame(0x080)
 START_ALL = Frame(0x000, b"\x01\x00")

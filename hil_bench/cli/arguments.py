@@ -182,6 +182,23 @@ def add_fault_arguments(parser: "argparse._ActionsContainer") -> None:
     )
 
 
+def add_column_arguments(parser: "argparse._ActionsContainer") -> None:
+    """Add the options that give the quantities of a foreign table's columns."""
+    parser.add_argument(
+        "--columns",
+        type=Path,
+        metavar="FILE.toml",
+        help="file that gives the quantity of each column, for tables of other tools",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="COLUMN=QUANTITY:UNIT",
+        help="the same for one column; -QUANTITY changes the sign; repeat it for more",
+    )
+
+
 def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str) -> None:
     """Add `--output`, which names the directory for `what`; `make_directory` makes it."""
     parser.add_argument(

@@ -151,6 +151,17 @@ def test_a_recording_that_lacks_what_is_needed(recorded, change, message):
     assert str(caught.value) == message
 
 
+def test_rows_between_the_steps_of_the_plant_shift_nothing(recorded):
+    """50 rows each 1.02 ms: rounded one by one to steps of 0.05 ms they would be 50 ms, not 51."""
+    rows = np.zeros(51, dtype=recorded.dtype)
+    rows["axis1.spool_setpoint"] = 0.5
+    even = rows.copy()
+    rows["time"] = 1.02e-3 * np.arange(51)
+    even["time"] = 1.0e-3 * np.arange(51) + np.where(np.arange(51) == 50, 1.0e-3, 0.0)
+    ends = [drive_plant(load_config(), each)["axis1.position"][-1] for each in (rows, even)]
+    assert ends[0] == ends[1] != 0.0
+
+
 def test_a_recording_without_pressures_begins_at_rest(recorded):
     channels = [
         Channel("time", "s"),

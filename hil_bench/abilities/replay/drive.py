@@ -290,7 +290,8 @@ def _steps_between(times: npt.NDArray[np.float64], dt: float) -> list[int]:
         row = max(int(leaps[0]), 1)
         wrong = f"the recording's row after {times[row - 1]:g} s is at {times[row]:g} s"
         raise ConfigError(f"{wrong}; give rows at most {_LONGEST_WAIT:g} s apart")
-    steps: list[int] = np.rint(waits / dt).astype(np.int64).tolist()
+    ticks = np.rint((times - times[0]) / dt)  # of the whole, or what is rounded away adds up
+    steps: list[int] = np.diff(ticks, prepend=0.0).astype(np.int64).tolist()
     return steps
 
 

@@ -20,14 +20,22 @@ from hil_bench.abilities.replay.drive import (
     play_frames,
 )
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
+from hil_bench.cli.arguments import (
+    add_bench_arguments,
+    add_column_arguments,
+    find_cylinder,
+    load_bench_config,
+    read_speed,
+)
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.results import warn_of
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_map import read_column_map, read_mapped
 from hil_bench.outside.recording.column_units import check_quantities, find_doubts
+from hil_bench.outside.recording.evening import make_even
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -43,6 +51,7 @@ examples:
                                                                        what its controller sent
   hil-bench replay run.csv --virtual bench.toml                        set-points into the plant
   hil-bench replay run.csv --virtual --tolerance "position=0.5 mm"
+  hil-bench replay rig.csv --virtual bench.toml --columns rig.toml     of another logger
 """
 
 _TOLERANCE = re.compile(r"\s*([^=\s]+)\s*=\s*(\S+?)\s*([A-Za-z%/]*)\s*")
@@ -86,6 +95,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help='largest deviation allowed, as in "position=0.5 mm" or "axis1.P_A=3 bar" '
         "(default: position 1 mm, pressures 2 bar, spool position 2 %%)",
     )
+    add_column_arguments(virtual)
+    virtual.add_argument("--axis", metavar="NAME", help="axis of --columns (default: the first)")
     virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
     parser.set_defaults(run=run)
 
@@ -94,10 +105,12 @@ def run(args: argparse.Namespace) -> int:
     """Play the recording.
 
     Raises:
-        ConfigError: --virtual and a bus.
+        ConfigError: --virtual and a bus, or columns without --virtual.
     """
     if args.virtual and ("interface" in args or "channel" in args):
         raise ConfigError("--virtual needs no bus; give either --virtual or -i and -c")
+    if not args.virtual and (args.columns or args.map or args.axis):
+        raise ConfigError("--columns, --map and --axis are for --virtual; give that, too")
     config = load_bench_config(args)
     return drive(args, config) if args.virtual else play(args, config)
 
@@ -161,7 +174,7 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
     Raises:
         ConfigError: the recording lacks what is needed.
     """
-    recorded = read_recording(args.recording)
+    recorded = _read_signals(args, config)
     _check_units(args, config, recorded)
     units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
     tolerances = dict(_tolerance(text, units) for text in args.tolerance)
@@ -177,6 +190,29 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         print("\n".join((_HEAD, *map(_line, deviations))))
     is_right = all(deviation.is_within for deviation in deviations)
     return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:
+    """Return the recording, that of another logger with even rows.
+
+    Raises:
+        ConfigError: its columns say too little.
+    """
+    if not args.columns and not args.map:
+        return read_recording(args.recording)
+    axis = find_cylinder(config, args.axis, "replay --columns").name
+    mapped = read_column_map(args.columns, args.map).of(args.recording.name)
+    for name, column in mapped.items():
+        if not column.polarity:
+            right = "give 1 or -1; identify finds it"
+            raise ConfigError(f"{args.recording}: the polarity of {name} is unknown; {right}")
+    recorded = read_mapped(args.recording, mapped, axis)
+    try:
+        recorded, notes = make_even(recorded, list(recorded.dtype.names or ())[1:])
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    warn_of([f"{args.recording}: {note}" for note in notes])
+    return recorded
 
 
 def _check_units(args: argparse.Namespace, config: BenchConfig, recorded: Recording) -> None:

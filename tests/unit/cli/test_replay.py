@@ -83,6 +83,68 @@ def test_set_points_drive_the_plant(run_mf4, capsys):
     assert len(out) == 6
 
 
+OURS = """\
+time,axis1.position,axis1.spool_setpoint
+s,m,-
+{}"""
+THEIRS = """\
+s_mess;U;t
+mm;V;ms
+{}"""
+RIG = """\
+[time]
+column = "t"
+unit = "ms"
+[position]
+column = "s_mess"
+unit = "mm"
+offset = -50.0
+[spool_setpoint]
+column = "U"
+unit = "V"
+polarity = -1
+"""
+
+
+def test_the_columns_of_another_logger_are_ours(tmp_path, capsys):
+    rows = [(0.002 * row, 0.0, 0.3 if row > 10 else 0.0) for row in range(100)]
+    ours, theirs, rig = (tmp_path / name for name in ("ours.csv", "theirs.csv", "rig.toml"))
+    ours.write_text(OURS.format("".join(f"{t!r},{x!r},{u!r}\n" for t, x, u in rows)))
+    lines = [f"{1e3 * x + 50.0};{-10.0 * u};{1e3 * t}\n" for t, x, u in rows]
+    theirs.write_text(THEIRS.format("".join(lines).replace(".", ",")))
+    rig.write_text(RIG)
+    found = []
+    for file, arguments in ((ours, []), (theirs, ["--columns", str(rig)])):
+        assert main(["replay", str(file), "--virtual", "--json", *arguments]) == 1
+        found.append(json.loads(capsys.readouterr().out))
+    (mine,), (other,) = found
+    assert mine["channel"] == other["channel"] == "axis1.position"
+    assert other["maximum"] == pytest.approx(mine["maximum"], rel=1e-9)
+    assert mine["maximum"] > 0.001  # it has moved
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--map", "t=time:s"], "--columns, --map and --axis are for --virtual; give that, too"),
+        (
+            ["--virtual", "--map", "t=time:ms"],
+            "{0}: no column is position; name it in --columns or with --map",
+        ),
+        (
+            ["--virtual", "--columns", "{1}"],
+            "{0}: the polarity of spool_setpoint is unknown; give 1 or -1; identify finds it",
+        ),
+    ],
+)
+def test_columns_that_say_too_little(tmp_path, arguments, message, capsys):
+    file, rig = tmp_path / "theirs.csv", tmp_path / "rig.toml"
+    file.write_text(THEIRS.format("0;0;0\n0;0;1\n"))
+    rig.write_text(RIG.replace("-1", '"unknown"'))
+    assert main(["replay", str(file), *(each.format(file, rig) for each in arguments)]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message.format(file)}\n"
+
+
 def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
     other = tmp_path / "bench.toml"
     other.write_text("[plant.axis1]\ninternal_leakage_l_min_bar = 0.1\n")

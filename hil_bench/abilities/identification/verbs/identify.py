@@ -13,13 +13,6 @@ from typing import NamedTuple
 from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
-from hil_bench.abilities.identification.columns import (
-    ColumnMap,
-    check_units,
-    map_columns,
-    read_column_map,
-    take_sensors,
-)
 from hil_bench.abilities.identification.errors import (
     QUANTITIES,
     Limit,
@@ -27,7 +20,6 @@ from hil_bench.abilities.identification.errors import (
     read_limit,
     stated_error,
 )
-from hil_bench.abilities.identification.evening import make_even
 from hil_bench.abilities.identification.identify import Identification, Options, identify
 from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
@@ -42,7 +34,12 @@ from hil_bench.abilities.identification.verbs.identify_design import (
     run_design,
 )
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
+from hil_bench.cli.arguments import (
+    add_column_arguments,
+    add_output_argument,
+    find_cylinder,
+    output_directory,
+)
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.cli.status_line import Work, shown_work
@@ -52,9 +49,15 @@ from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.extras import require_extra
 from hil_bench.figure_style import write_figure
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_map import (
+    ColumnMap,
+    read_column_map,
+    read_mapped,
+    take_sensors,
+)
 from hil_bench.outside.recording.column_units import check_quantities, find_doubts
+from hil_bench.outside.recording.evening import make_even
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.foreign_table import read_columns, read_units
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model
 
@@ -92,19 +95,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "says what is known of the machine and where the search starts; without it "
         "HIL_BENCH_CONFIG, or else the built-in bench",
     )
-    parser.add_argument(
-        "--columns",
-        type=Path,
-        metavar="FILE.toml",
-        help="file that gives the quantity of each column, for tables of other tools",
-    )
-    parser.add_argument(
-        "--map",
-        action="append",
-        default=[],
-        metavar="COLUMN=QUANTITY:UNIT",
-        help="the same for one column; -QUANTITY changes the sign; repeat it for more",
-    )
+    add_column_arguments(parser)
     parser.add_argument(
         "--truth",
         action="store_true",
@@ -381,18 +372,9 @@ def _read_record(path: Path, asked: Question, *, is_truth: bool) -> AxisRecord:
 
 
 def _read_foreign(path: Path, columns: ColumnMap, asked: Question) -> AxisRecord:
-    """Return one recording of an axis, its columns by a map.
-
-    Raises:
-        ConfigError: the map and the file contradict each other.
-    """
+    """Return one recording of an axis, its columns by a map."""
     mapped = columns.of(path.name)
-    table = read_columns(path)
-    try:
-        check_units(read_units(path), mapped)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    recording = map_columns(table, mapped, asked.axis.name)
+    recording = read_mapped(path, mapped, asked.axis.name)
     record = _record_of(recording, path, asked)
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 

@@ -13,7 +13,7 @@ from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.outside.recording.foreign_table import Columns
+from hil_bench.outside.recording.foreign_table import Columns, read_columns, read_units
 from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
 
 _FILES = "files"
@@ -120,6 +120,25 @@ def read_column_map(path: Path | None, options: Sequence[str]) -> ColumnMap:
             }
         problems.raise_any()
     return ColumnMap(common | dict(map(_read_option, options)), files)
+
+
+def read_mapped(path: Path, mapped: Mapped, axis: str) -> Recording:
+    """Return the recording of an axis in a table of another tool.
+
+    Args:
+        path: of the table, CSV, MAT or MF4.
+        mapped: its columns.
+        axis: the name that its quantities get.
+
+    Raises:
+        ConfigError: the table cannot be read, or the map and the table contradict each other.
+    """
+    table, units = read_columns(path), read_units(path)
+    try:
+        check_units(units, mapped)
+        return map_columns(table, mapped, axis)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
 
 
 def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:

@@ -1,7 +1,7 @@
 """Rows of loggers made even: jitter, lost samples, empty cells, a coarse column of time.
 
-Identification steps the plant from row to row, so rows must be equally far apart. What a logger
-did is named, and what is too long to be bridged stays a gap.
+Who steps the plant from row to row needs rows that are equally far apart. What a logger did is
+named, and what is too long to be bridged stays a gap.
 """
 
 import numpy as np

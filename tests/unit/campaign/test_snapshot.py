@@ -113,6 +113,7 @@ def test_steps_are_common_up_to_the_first_that_differs(load: Path) -> None:
     assert first_difference(first, first[:-1]) == 300
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
 def test_a_chip_is_copied_with_its_bench(tmp_path: Path) -> None:
     pytest.importorskip("unicorn")

@@ -79,7 +79,7 @@ def drive(folder: Path, name: str, seconds: float) -> tuple[list[Frame], list[fl
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", CHIPS)
+@pytest.mark.parametrize("name", ["stm32f4", pytest.param("stm32g4", marks=pytest.mark.long)])
 def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
     frames, positions = drive(built, name, 1.6)
     # Its targets are 50 and -20 mm, its own limit of error at rest is 0.1 mm.
@@ -102,6 +102,7 @@ def test_the_chips_send_the_words_of_the_host(built: Path) -> None:
 
 
 @needs_compiler
+@pytest.mark.long
 def test_power_off_and_on_begins_anew(built: Path) -> None:
     file = built / "power.scenario.toml"
     (built / "power.toml").write_text("[bench]\ntick_us = 250\n")

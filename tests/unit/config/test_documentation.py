@@ -23,6 +23,7 @@ from hil_bench.bench.configuration.keys import (
 )
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
+from hil_bench.devices.faults.kind import FaultKind
 from hil_bench.devices.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
@@ -56,6 +57,8 @@ ROWS = {
     )
 }
 WRONG = re.findall(r"```toml\n([^`]*)```\n\n```text\n([^`]*)```", DOCUMENT)
+FAULTS = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+ACTIONS = (ROOT / "hil_bench/abilities/panel/static/fault_form.js").read_text(encoding="utf-8")
 OBJECTS = re.findall(r"```toml\n(\[nodes\.valve\.objects\][^`]*)```", DOCUMENT)
 
 
@@ -177,3 +180,11 @@ def test_the_example_with_modbus_serves_all_devices() -> None:
     ]
     assert modbus.server.serial is not None
     assert modbus.server.serial.port == "pty"
+
+
+@pytest.mark.parametrize("kind", FAULT_KINDS.built_in.values(), ids=list(FAULT_KINDS.built_in))
+def test_the_page_on_faults_and_the_panel_have_each_kind(kind: FaultKind) -> None:
+    row = re.search(rf"^\| `{kind.name}` \|.*\|$", FAULTS, re.MULTILINE)
+    assert row is not None
+    assert [key.name for key in kind.keys if f"`{key.name}`" not in row[0]] == []
+    assert re.search(rf"\b{kind.name}: \"", ACTIONS) is not None

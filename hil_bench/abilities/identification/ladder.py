@@ -33,6 +33,8 @@ _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what err
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
 _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
+_AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
+
 PAPER = (
     "orifice_width_mm",
     "spool_overlap_mm",
@@ -230,13 +232,17 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
 
 
 def choose_rung(rungs: Sequence[Rung]) -> int:
-    """Return the place of the model that predicts best, or the last where none is judged.
+    """Return the place of the model that predicts best, or that fits best where none is judged.
 
-    Of several that are good the one with the fewest unknowns counts as best.
+    Of several that are good the one with the fewest unknowns counts as best. The plateaus, the
+    first, are fitted to less than the others, so their cost says nothing beside theirs.
     """
     judged = [place for place, rung in enumerate(rungs) if len(rung.scores)]
     if not judged:
-        return len(rungs) - 1
+        whole = range(1, len(rungs)) or range(1)
+        enough = _AS_WELL * min(rungs[place].fit.cost for place in whole)
+        fitting = [place for place in whole if rungs[place].fit.cost <= enough]
+        return min(fitting, key=lambda place: len(rungs[place].fit.unknowns))
     good = [place for place in judged if rungs[place].is_good]
     if good:
         return min(good, key=lambda place: len(rungs[place].fit.unknowns))

@@ -109,6 +109,19 @@ def test_of_good_models_the_simplest_is_taken() -> None:
     assert choose_rung([rung(8, 0.4), rung(2, 0.2), rung(30, 0.05)]) == 2
 
 
+def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken() -> None:
+    unknown = Template(AXIS, SETTINGS, 1).unknown("moving_mass_kg")
+
+    def rung(unknowns: int, cost: float) -> Rung:
+        fit = Fit((unknown,) * unknowns, np.zeros(unknowns), cost, True)
+        return Rung("", fit, np.array([]), ())
+
+    plateaus = rung(18, 1e-29)  # of less than the others
+    assert choose_rung([plateaus, rung(7, 24.0), rung(29, 172.0), rung(32, 121.0)]) == 1
+    assert choose_rung([plateaus, rung(7, 24.0), rung(29, 23.0)]) == 1
+    assert choose_rung([plateaus, rung(7, 24.0), rung(29, 2.0)]) == 2
+
+
 def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> None:
     found = identify(record, AXIS, SETTINGS, step=5e-4, options=Options(seconds=1e-9))
 

@@ -311,6 +311,10 @@ def _keep(prepared: PreparedScenario, tick: int, connection: Connection) -> None
         os._exit(code)  # whatever the process before it would have done at its end
 
 
+def _count_threads() -> int:
+    return len(list(_THREADS.iterdir()))
+
+
 class _Over(BaseException):
     """The snapshot is of no more use: what it has open is closed on the way out."""
 
@@ -330,6 +334,8 @@ class _Halt:
     def __init__(self, prepared: PreparedScenario, tick: int, connection: Connection) -> None:
         self._prepared, self._connection = prepared, connection
         self._now = (tick - 1) * prepared.config.tick_ns
+        # Libraries as pyarrow start theirs anew at each fork, in a copy too.
+        self._threads = _count_threads()
         self.spec: RunSpec | None = None
 
     def arrange(self, bench: VirtualBench, stage: Stage, driver: RunnerDriver) -> None:
@@ -341,7 +347,7 @@ class _Halt:
         if now != self._now or self.spec is not None:
             return
         pids = desks.pids if desks is not None else set()
-        has_threads = len(list(_THREADS.iterdir())) > 1
+        has_threads = _count_threads() > self._threads
         if has_threads or {*map(int, _CHILDREN.read_text(encoding="ascii").split())} != pids:
             raise _Over  # something else has a process or a thread of its own, which no copy has
         while self.spec is None:

@@ -3,11 +3,14 @@
 import os
 import shutil
 import signal
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
+from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
 from hil_bench.abilities.campaign.records import RunSpec
 from hil_bench.abilities.campaign.snapshot import (
@@ -100,6 +103,39 @@ def test_a_killed_snapshot_costs_no_run(load: Path) -> None:
         assert snapshots.pid is not None
         os.kill(snapshots.pid, signal.SIGKILL)
         assert snapshots.perform(runs[2]) == perform(runs[2])
+    finally:
+        snapshots.close()
+
+
+def begin_thread() -> None:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+
+
+@pytest.mark.parametrize(("when", "is_taken"), [("at each fork", True), ("in the run", False)])
+def test_a_thread_of_the_run_itself_is_not_copied(
+    load: Path, monkeypatch: pytest.MonkeyPatch, when: str, is_taken: bool
+) -> None:
+    """Those that a library starts anew at each fork, as pyarrow does, are in the copy, too."""
+    keep, play = snapshot._keep, snapshot.play
+
+    def keep_with_thread(*arguments: Any) -> None:
+        begin_thread()
+        keep(*arguments)
+
+    def play_with_thread(prepared: Any, *options: Any) -> Any:
+        if options:  # not in this process
+            begin_thread()
+        return play(prepared, *options)
+
+    if is_taken:
+        monkeypatch.setattr(snapshot, "_keep", keep_with_thread)
+    else:
+        monkeypatch.setattr(snapshot, "play", play_with_thread)
+    snapshots = Snapshots()
+    try:
+        for run in specs(load, *POINTS[:2]):
+            assert snapshots.perform(run) == perform(run)
+        assert (snapshots.pid is not None) is is_taken, when
     finally:
         snapshots.close()
 

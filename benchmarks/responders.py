@@ -84,7 +84,7 @@ class Ours:
 
     def feed(self, can_id: int, data: bytes) -> None:  # noqa: D102 - told by the protocol
         node, now, emit = self.node, self._now, self._emit
-        node.receive(make_frame(Frame, (can_id, data, False, False, 0)), now)
+        node.receive(make_frame(Frame, (can_id, data, False, False, 0, 0)), now)
         node.transmit_pdos(now, emit)
         node.serve(now, emit)
 

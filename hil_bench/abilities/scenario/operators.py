@@ -1,6 +1,6 @@
 """Operators, functions and events of an expectation, with their units checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Final
@@ -259,15 +259,23 @@ def _settled(given: Sequence[Operand], position: Position, known: Vocabulary) ->
     return Always(window, inside, position=position)
 
 
+def _require(name: Text, known: Collection[str], what: str, without: str) -> None:
+    """Refuse a name that is not known.
+
+    Raises:
+        ExpectationError: it says the nearest, or `without` where there is none.
+    """
+    if name.text not in known:
+        right = f"the nearest is {find_nearest(name.text, known)}" if known else without
+        raise ExpectationError(name.position, f"{quote(name.text)} is no {what}; {right}")
+
+
 def _emcy(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
     form = "emcy(NODE) or emcy(NODE, 0x8110)"
     if not 1 <= len(given) <= 2 or not isinstance(given[0], Text):
         raise ExpectationError(position, f"emcy takes the name of a node; write {form}")
     node = given[0]
-    if node.text not in known.nodes:
-        near = f"the nearest is {find_nearest(node.text, known.nodes)}" if known.nodes else ""
-        right = near or "there are no nodes here"
-        raise ExpectationError(node.position, f"{quote(node.text)} is no node; {right}")
+    _require(node, known.nodes, "node", "there are no nodes here")
     code = f", 0x{_whole(given[1], 0xFFFF, form):04X}" if len(given) == 2 else ""
     return Event(f"{EMCY}({node.text}{code})", position=position)
 
@@ -277,10 +285,7 @@ def _dm1(given: Sequence[Operand], position: Position, known: Vocabulary) -> Ope
     if not 1 <= len(given) <= 3 or not isinstance(given[0], Text):
         raise ExpectationError(position, f"dm1 takes the name of a J1939 device; write {form}")
     device = given[0]
-    if device.text not in known.ecus:
-        near = f"the nearest is {find_nearest(device.text, known.ecus)}" if known.ecus else ""
-        right = near or "there are none here"
-        raise ExpectationError(device.position, f"{quote(device.text)} is no J1939 device; {right}")
+    _require(device, known.ecus, "J1939 device", "there are none here")
     limits = (HIGHEST_SPN, HIGHEST_FMI)
     numbers = [_whole(each, high, form) for each, high in zip(given[1:], limits, strict=False)]
     name = ", ".join([device.text, *map(str, numbers)])

@@ -146,7 +146,7 @@ class DriveStateMachine:
 # drive has none. Methods that search a switch or an index pulse have nothing to search here.
 
 METHODS: Final = (35, 37)
-"""What 0x6098 may hold; both are the current position, the first is the older number."""
+"""Values that 0x6098 may hold; both are the current position, the first is the older number."""
 
 _START: Final = 1 << 4
 _REACHED, _ATTAINED = 1 << 10, 1 << 12

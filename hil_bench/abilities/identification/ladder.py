@@ -45,7 +45,7 @@ PAPER = (
     "spool_natural_frequency_rad_s",
     "internal_leakage_l_min_bar",
 )
-"""What every machine has."""
+"""Unknowns that every machine has."""
 
 STEADY = (
     "orifice_width_mm",
@@ -62,7 +62,7 @@ STEADY = (
     "piston_area_cm2",
     "rod_side_area_cm2",
 )
-"""What the plateaus of strokes show."""
+"""Unknowns that the plateaus of strokes show."""
 
 SWIFT = (
     "bulk_modulus_mpa",
@@ -80,7 +80,7 @@ SWIFT = (
     DELAY,
     LAG,
 )
-"""What the rest of the strokes shows besides."""
+"""Unknowns that the rest of the strokes shows besides."""
 
 PLATEAUS, THE_PAPERS = "plateaus alone", "the paper's model"
 WHOLE, SUPPLY = "whole strokes", "and a supply that yields"

@@ -56,7 +56,7 @@ GROWTH: Final = Key("growth_s", number(SECOND, low=0.0, high=LARGEST), 0.0, SECO
 _WORDS: Final[Mapping[str, str]] = MappingProxyType(
     {"for_s": "duration", "growth_s": "time to grow", "can_id": "CAN identifier"}
 )
-"""What a page calls common keys whose names are not enough."""
+"""Words of a page for common keys whose names are not enough."""
 
 
 @dataclass(frozen=True, slots=True)

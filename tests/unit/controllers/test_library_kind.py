@@ -92,7 +92,7 @@ def echo(build):
 
 @pytest.fixture(scope="module")
 def machine_code(tmp_path_factory):
-    """Return what a compiled wheel calls libraries with, in place of ctypes."""
+    """Return the module by which a compiled wheel calls libraries, in place of ctypes."""
     if not (Path(sysconfig.get_path("include")) / "Python.h").exists():
         pytest.skip("needs the headers of Python")
     file = tmp_path_factory.mktemp("calls") / "_call.so"

@@ -51,7 +51,7 @@ def test_the_speed_is_limited_and_small_steps_are_not() -> None:
 
 
 def test_the_acceleration_is_that_of_the_step() -> None:
-    """What Runge-Kutta and Euler integrate is what the exact step does in a short time."""
+    """Runge-Kutta and Euler integrate what the exact step does in a short time."""
     spool = (1200.0**2, 2.0 * 0.7 * 1200.0, 2.0 * 0.7 * 0.05 / 1200.0)
     for nu, nu_dot, u in ((0.0, 0.0, 1e-3), (1e-3, 0.01, 0.0), (0.0, 0.02, 1e-5)):
         _, after = move_spool(nu, nu_dot, u, spool_transition(1200.0, 0.7, 1e-8, 0.05))

@@ -171,9 +171,11 @@ export class ScopeView {
     this.showPause();
   }
 
+  // A pause is drawn at once, so that nothing that comes later gets into the picture.
   toggle() {
     if (this.isLive) this.look(this.begin_s, this.end_s);
     else this.goLive();
+    this.draw();
   }
 
   showPause() {

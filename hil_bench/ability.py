@@ -8,7 +8,7 @@ docs/abilities.md.
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
 from hil_bench.registry import Registry
@@ -86,7 +86,8 @@ class Ability(NamedTuple):
             `hil_bench.bench.configuration.buses.BusTable`.
         bench_methods: of `hil_bench.VirtualBench`: ``module:function`` by name, of a function that
             gets the bench first.
-        fault_kinds: a module with kinds of faults, each a `FaultKind` of it.
+        gives: modules for others by the name of who takes them: an ability, which need not be there
+            and alone imports its module, or a part of the core. docs/abilities.md has them all.
         fixtures: a module with fixtures for pytest; it is imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
@@ -101,7 +102,7 @@ class Ability(NamedTuple):
     tables: Mapping[str, str] = _NOTHING
     bus_tables: Mapping[str, str] = _NOTHING
     bench_methods: Mapping[str, str] = _NOTHING
-    fault_kinds: str = ""
+    gives: Mapping[str, str] = _NOTHING
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
     exports: Mapping[str, str] = _NOTHING
@@ -110,6 +111,11 @@ class Ability(NamedTuple):
 def own_abilities() -> list[Ability]:
     """The abilities of the bench itself."""
     return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+
+
+def given_to(taker: str) -> list[ModuleType]:
+    """The modules that abilities give to another one, or to a part of the core."""
+    return [import_module(each.gives[taker]) for each in own_abilities() if taker in each.gives]
 
 
 def own_tables() -> dict[str, str]:

@@ -34,9 +34,11 @@ GOLDEN = {
 
 
 def imported(ability: Ability) -> set[str]:
-    """Return the other abilities that the sources of one name."""
+    """Return the other abilities that the sources of one name, but for those given to others."""
     folder = ROOT / "hil_bench" / "abilities" / ability.name
-    sources = (path.read_text(encoding="utf-8") for path in folder.rglob("*.py"))
+    given = {f"{place.replace('.', '/')}.py" for to, place in ability.gives.items() if to in OWN}
+    own = (path for path in folder.rglob("*.py") if str(path.relative_to(ROOT)) not in given)
+    sources = (path.read_text(encoding="utf-8") for path in own)
     found = {name for text in sources for name in re.findall(r"hil_bench\.abilities\.(\w+)", text)}
     return found - {ability.name}
 

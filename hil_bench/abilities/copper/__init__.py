@@ -5,5 +5,5 @@ from hil_bench.ability import Ability
 ABILITY = Ability(
     "copper",
     bus_tables={"wire": "hil_bench.abilities.copper.section:read_wire"},
-    fault_kinds="hil_bench.abilities.copper.fault_kinds",
+    gives={"faults": "hil_bench.abilities.copper.fault_kinds"},
 )

@@ -5,5 +5,5 @@ from hil_bench.ability import Ability
 ABILITY = Ability(
     "j1939",
     tables={"j1939": "hil_bench.abilities.j1939.configuration.ecus:EcusSection"},
-    fault_kinds="hil_bench.abilities.j1939.fault_kinds",
+    gives={"faults": "hil_bench.abilities.j1939.fault_kinds"},
 )

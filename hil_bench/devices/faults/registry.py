@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
-from importlib import import_module
 from typing import Final
 
-from hil_bench.ability import own_abilities
+from hil_bench.ability import given_to
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.faults import line_kinds, plant_kinds, sensor_kinds
@@ -20,8 +19,7 @@ class _Own(Mapping[str, FaultKind]):
 
     @cached_property
     def _kinds(self) -> dict[str, FaultKind]:
-        modules = [sensor_kinds, plant_kinds, line_kinds]
-        modules += [import_module(each.fault_kinds) for each in own_abilities() if each.fault_kinds]
+        modules = [sensor_kinds, plant_kinds, line_kinds, *given_to("faults")]
         found = [kind for module in modules for kind in vars(module).items()]
         return {name: kind for name, kind in found if isinstance(kind, FaultKind)}
 

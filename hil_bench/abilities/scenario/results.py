@@ -107,6 +107,8 @@ def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
     root = ET.Element("testsuites")
     for result in results:
         _add_suite(root, result)
+    for element in root.iter():
+        element.attrib = {key: _xml_text(value) for key, value in element.items()}
     ET.indent(root)
     with about_file(path), whole_file(path) as file:
         ET.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
@@ -131,16 +133,16 @@ def _add_suite(root: ET.Element, result: ScenarioResult) -> None:
     suite = ET.SubElement(root, "testsuite", name=result.title)
     if result.problem:
         case = ET.SubElement(suite, "testcase", classname=result.path, name="run")
-        ET.SubElement(case, "error", message=_xml_text(result.problem))
+        ET.SubElement(case, "error", message=result.problem)
     for finding in result.findings:
         name = finding.requirement.id
         case = ET.SubElement(suite, "testcase", classname=result.path, name=name)
         properties = ET.SubElement(case, "properties")
         for key, value in junit_properties(result, finding):
-            ET.SubElement(properties, "property", name=key, value=_xml_text(value))
+            ET.SubElement(properties, "property", name=key, value=value)
         outcome = finding.judgement.outcome
         if outcome is not RequirementOutcome.PASSED:
-            message = _xml_text(f"{outcome}: {reason_of(finding.judgement)}")
+            message = f"{outcome}: {reason_of(finding.judgement)}"
             ET.SubElement(case, "failure", type=outcome.value, message=message)
     suite.set("tests", str(len(suite)))
     for kind, tag in (("failures", "failure"), ("errors", "error")):

@@ -91,6 +91,17 @@ def test_a_failure_stands_in_the_junit_file(tmp_path):
     assert suite.find("testcase/failure").get("message").startswith("failed: first violated at 0 s")
 
 
+def test_a_junit_file_keeps_tabs_and_loses_what_xml_cannot_hold(tmp_path):
+    path = scenario(tmp_path, "always axis1.P_A\t< 250 bar")  # as it is in TOML, too
+    text = Path(path).read_text().replace('"T"', '"Bell\\u0007"')
+    Path(path).write_text(text)
+    assert main(["test", path, "--junit", str(tmp_path / "j.xml"), "-q"]) == ExitCode.DONE
+    (suite,) = ET.parse(tmp_path / "j.xml").getroot()  # noqa: S314 - our own
+    assert suite.get("name") == "Bell\ufffd"
+    found = {each.get("name"): each.get("value") for each in suite.iter("property")}
+    assert found["expectation"] == "always axis1.P_A\t< 250 bar"
+
+
 def test_a_run_that_ends_at_a_failure_says_what_it_has_seen(tmp_path, capsys):
     """The run is looked at each 64 ticks, so that it ends early in 2 s."""
     path = tmp_path / "a.scenario.toml"

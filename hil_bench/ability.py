@@ -24,6 +24,7 @@ OWN = (
     "doctor",
     "evidence",
     "eyes",
+    "faults",
     "fmu",
     "identification",
     "j1939",

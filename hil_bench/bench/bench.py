@@ -19,7 +19,7 @@ the tick, and the tick knows nothing else of it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
@@ -44,6 +44,41 @@ class Extension(Protocol):
 
     def join(self, bench: "Bench") -> None:
         """Add what it does to the places of the tick, and its ways to the switchboard."""
+
+
+@runtime_checkable
+class Shown(Protocol):
+    """An extension that those who watch the bench see, in keys of its own."""
+
+    def greeting(self) -> Mapping[str, Any]:
+        """Return the facts that stay, for those who begin to watch."""
+
+    def state(self, now: int) -> Mapping[str, Any]:
+        """Return its present state, at `now` [ns]."""
+
+
+class Event(Protocol):
+    """Something that began or ended on a bench."""
+
+    @property
+    def time(self) -> int:
+        """The bench time [ns]."""
+
+    @property
+    def what(self) -> str:
+        """The sort of thing, in a word."""
+
+    @property
+    def name(self) -> str:
+        """The thing itself; one that ends has the name with which it began."""
+
+    @property
+    def is_begin(self) -> bool:
+        """True if it began."""
+
+    @property
+    def content(self) -> Mapping[str, object]:
+        """The event for programs, without its time."""
 
 
 class Medium(Protocol):
@@ -106,6 +141,8 @@ class Bench:
         finishes: called before the nodes send.
         served: given the frames that are to be served between two ticks.
         departures: given what was sent, in a tick and between two.
+        extensions: those of the bench, in the order in which they joined.
+        events: what began and ended on it last, oldest first, by the names of such things.
         retells: make an observer of frames into one that is told them as they passed.
     """
 
@@ -130,7 +167,8 @@ class Bench:
         self.sensors = tuple(sensors)
         self.switchboard = switchboard
         self._steps = steps
-        self._extensions: list[Extension] = []
+        self.extensions: list[Extension] = []
+        self.events: dict[str, Sequence[Event]] = {}
         self.starts: list[Act] = []
         self.arrivals: list[Sieve] = []
         self.begins: list[Act] = []
@@ -143,12 +181,12 @@ class Bench:
 
     def extend(self, extension: Extension) -> None:
         """Let an extension act in the ticks from now on, after those that are there."""
-        self._extensions.append(extension)
+        self.extensions.append(extension)
         extension.join(self)
 
     def find(self, kind: type[ExtensionT]) -> ExtensionT | None:
         """Return the extension of a class; None where the bench has none."""
-        for each in self._extensions:
+        for each in self.extensions:
             if isinstance(each, kind):
                 return each
         return None

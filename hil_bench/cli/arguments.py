@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.bench.configuration.keys import REALTIME_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS
@@ -169,19 +170,6 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> "argparse._ActionsCon
     return group
 
 
-def add_fault_arguments(parser: "argparse._ActionsContainer") -> None:
-    """Add `--fault`, which `load_bench_config` reads."""
-    parser.add_argument(
-        "--fault",
-        nargs="+",
-        action="append",
-        default=[],
-        metavar="WORD",
-        help="fault as KIND TARGET [KEY=VALUE ...], as in 'freeze pressure_a at_s=2 for_s=1'; "
-        "repeat it for more faults (docs/faults.md)",
-    )
-
-
 def add_column_arguments(parser: "argparse._ActionsContainer") -> None:
     """Add the options that give the quantities of a foreign table's columns."""
     parser.add_argument(
@@ -209,27 +197,6 @@ def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str
         metavar="DIR",
         help=f"folder for {what} (default: %(default)s)",
     )
-
-
-def parse_fault(words: Sequence[str], option: str = "--fault") -> dict[str, object]:
-    """Return the table of `[[faults]]` that the words of `--fault` stand for.
-
-    Args:
-        words: given to it.
-        option: how messages name it.
-
-    Raises:
-        ConfigError: they are not KIND TARGET [KEY=VALUE ...].
-    """
-    pairs = [word.partition("=") for word in words[2:]]
-    if len(words) < 2 or "=" in "".join(words[:2]) or not all(sign for _, sign, _ in pairs):
-        right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
-        raise ConfigError(f"{option} {' '.join(words)}: is no fault; {right}")
-    return {
-        "kind": words[0],
-        "target": words[1],
-        **{key: parse_value(value) for key, _, value in pairs},
-    }
 
 
 def parse_value(text: str) -> object:
@@ -262,8 +229,12 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         bus_options=(getattr(args, "bus_kwargs", None) or {}) | options,
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
         modbus=modbus,
-        faults=[parse_fault(words) for words in getattr(args, "fault", [])],
         tables=getattr(args, "tables", None),
+        **{
+            name: value
+            for each in given_to("arguments")
+            for name, value in each.given(args).items()
+        },
     )
 
 

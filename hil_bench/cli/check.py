@@ -2,13 +2,14 @@
 
 import argparse
 import json
+import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Joining
-from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.devices import read_devices
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, warn_of
@@ -78,7 +79,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
-    add_fault_arguments(parser)
     add_json_argument(parser)
     add_options("check", parser)
     parser.set_defaults(run=run)
@@ -109,7 +109,8 @@ def _toml_lines(config: BenchConfig) -> Iterator[str]:
     yield f"# {config.path or 'built-in bench'}"
     for table, settings in groupby(config.settings, key=lambda setting: setting.table):
         yield ""
-        yield "[[faults]]" if table.startswith("faults[") else f"[{table}]"
+        listed = re.fullmatch(r"(\w+)\[\d+\]", table)
+        yield f"[[{listed[1]}]]" if listed else f"[{table}]"
         yield from map(_line, settings)
     for axis in config.axes:
         if lines := summary_lines(config, axis):

@@ -1,18 +1,19 @@
-"""`hil-bench ctl`: a running bench from the shell: state, faults, objects, loads."""
+"""`hil-bench ctl`: a running bench from the shell: state, objects, loads, and others'."""
 
 import argparse
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.live_words import ecu_text, fault_text, health_text, node_text
+from hil_bench.cli.live_words import ecu_text, health_text, node_text
 from hil_bench.cli.parser import Parser, add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import (
     BusError,
-    ConfigError,
     ControllerError,
     HilBenchError,
     RecordingError,
@@ -57,18 +58,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_json_argument(listing, default=argparse.SUPPRESS)
     listing.set_defaults(run=list_benches)
     _add(actions, "status", show_status, "show states, faults, values and how the loop is")
-    fault = _add(actions, "fault", begin_fault, "begin a fault with the next tick")
-    fault.add_argument(
-        "words",
-        nargs="+",
-        metavar="WORD",
-        help="fault as KIND TARGET [KEY=VALUE ...], as in [[faults]]; without at_s it begins "
-        "with the next tick",
-    )
-    clear = _add(actions, "clear", clear_faults, "end faults")
-    clear.add_argument(
-        "faults", nargs="*", metavar="FAULT", help="number, kind or target (default: all)"
-    )
+    for module in given_to("ctl"):
+        module.add_actions(partial(_add, actions))
     setting = _add(
         actions, "set", set_values, "set objects of nodes, signals of J1939 devices, and loads"
     )
@@ -150,48 +141,9 @@ def show_status(client: FeedClient, args: argparse.Namespace) -> None:
     print_results(args, status_lines(client.hello, status), {"name": client.name, **status})
 
 
-def begin_fault(client: FeedClient, args: argparse.Namespace) -> None:
-    """Begin a fault and print its number."""
-    # Here, since it knows all of the configuration, which takes longer than all the rest.
-
-    from hil_bench.cli.live_requests import read_fault  # noqa: PLC0415 - it reads configurations
-
-    fields = read_fault(args.words, client.hello)
-    number = client.request("begin_fault", **fields)
-    line = printable(f"fault {number}  {fields['kind']} {fields['target']}")
-    print_results(args, [line], {"number": number})
-
-
-def clear_faults(client: FeedClient, args: argparse.Namespace) -> None:
-    """End faults.
-
-    Raises:
-        ConfigError: one of them is not there.
-    """
-    if not args.faults:
-        client.request("clear_fault")
-        print_results(args, ["all faults cleared"], {"cleared": None})
-        return
-    active = client.request("status")["state"]["faults"]
-    numbers: list[int] = []
-    for word in args.faults:
-        found = [
-            fault["number"]
-            for fault in active
-            if word in {str(fault["number"]), fault["kind"], fault["target"]}
-        ]
-        if not found:
-            known = "; ".join(f"{each['number']} {fault_text(each)}" for each in active)
-            raise ConfigError(f"clear {word}: there is no such fault; active: {known or 'none'}")
-        numbers += [number for number in found if number not in numbers]
-    for number in numbers:
-        client.request("clear_fault", number=number)
-    print_results(args, [f"fault {number} cleared" for number in numbers], {"cleared": numbers})
-
-
 def set_values(client: FeedClient, args: argparse.Namespace) -> None:
     """Set objects and loads; nothing is set where a word is wrong."""
-    from hil_bench.cli.live_requests import read_setting  # noqa: PLC0415 - see `begin_fault`
+    from hil_bench.cli.live_requests import read_setting  # noqa: PLC0415 - and nobody else
 
     settings = [read_setting(word, client.hello) for word in args.settings]
     for setting in settings:
@@ -262,10 +214,8 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         yield f"value  {name:{width}}  {shown.text(values.get(name)):>10} {shown.symbol}"
     if work := state.get("work"):
         yield from map(printable, _work_lines(work))
-    for fault in state["faults"]:
-        yield f"fault  {fault['number']}  {fault_text(fault)}"
-    if not state["faults"]:
-        yield "fault  none"
+    for module in given_to("ctl"):
+        yield from module.state_lines(state) or [module.NOTHING]
     if recording := state.get("recording"):
         yield printable(f"record {recording['path']} since {recording['begins']:.3f} s")
     yield f"loop   {health_text(status['health'])}"

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import hil_bench
 from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
@@ -176,8 +176,12 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "seed": config.seed,
         "devices": dict(_devices(config)),
         "ecus": dict(_ecus(config, session)),
-        "fault_targets": session.bench.part(Faults).targets,
-        "defects": session.bench.part(Faults).defects,
+        **{
+            name: value
+            for each in session.bench.extensions
+            if isinstance(each, Shown)
+            for name, value in each.greeting().items()
+        },
         "machines": dict(_machines(config)),
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]
@@ -415,7 +419,7 @@ def watched_work(
         "bench": f"{verb} {title}",
         "bench_file": None,
         "channels": [list(channel) for channel in channels],
-        **{name: {} for name in ("devices", "machines", "axes", "fault_targets")},
+        **{name: {} for name in ("devices", "machines", "axes")},
         "nodes": [],
         "work": {"verb": verb, "title": title, "again": list(again)},
     }

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING, Protocol
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.events import EventWatch, event_text
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.words import emergency_text
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import HilBenchError
 
 if TYPE_CHECKING:
     import argparse
-
-    from hil_bench.devices.faults.schedule import FaultEvent
 
 
 # Watches the processes beside a loop: says when one has ended, and starts it again.
@@ -289,8 +287,7 @@ class BenchEvents:
                 config.nodes, bench.nodes, bench.fittings, strict=True
             )
         ]
-        self._faults = bench.part(Faults)
-        self._last_fault: FaultEvent | None = None
+        self._events = EventWatch(bench)
         self._sync = _SyncWatch(bench.nodes) if watches_sync else None
         self._budget = _Budget(say)
         self._look_at = 0
@@ -304,10 +301,8 @@ class BenchEvents:
         if now < self._look_at:
             return
         self._look_at = now + LOOK
-        for event in self._faults.events_since(self._last_fault):
-            self._last_fault = event
-            verb = "begins" if event.is_begin else "ends"
-            self._say(now, event.time, f"fault {event.kind} {event.target} {verb}")
+        for event in self._events.news():
+            self._say(now, event.time, f"{event.what} {event_text(event)}")
         changed: dict[str, list[str]] = {}
         for node in self._nodes:
             if change := ", ".join(node.changes()):

@@ -1,12 +1,11 @@
-"""The words of `hil-bench ctl` as requests: faults and settings with their units."""
+"""The words of `hil-bench ctl` as requests: settings with their units."""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil_bench.cli.arguments import parse_fault, parse_value
+from hil_bench.cli.arguments import parse_value
 from hil_bench.errors import ConfigError
-from hil_bench.session.live_faults import fault_fields
 from hil_bench.units import BAR, MEGAPASCAL, NEWTON, NEWTON_METRE, PASCAL, Unit
 
 _UNITS: Mapping[str, Sequence[Unit]] = {
@@ -29,16 +28,6 @@ class LiveSetting(NamedTuple):
 
     action: str
     fields: dict[str, Any]
-
-
-def read_fault(words: Sequence[str], hello: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the request for a fault.
-
-    Args:
-        words: KIND TARGET [KEY=VALUE ...], the keys those of ``[[faults]]``.
-        hello: what the bench says of itself.
-    """
-    return fault_fields(parse_fault(words, "fault"), hello)
 
 
 def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:

@@ -1,4 +1,4 @@
-"""A running bench in words: states, faults, the loop, values in the units that people use."""
+"""A running bench in words: states, the loop, values in the units that people use."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,13 +22,6 @@ def ecu_text(ecu: Mapping[str, Any]) -> str:
     codes = "".join(f", SPN {spn} FMI {fmi}" for spn, fmi in ecu["codes"])
     can = f", {can_text(ecu['can'])}" if "can" in ecu else ""
     return printable(f"{ecu['state']}{address}{codes}{can}")
-
-
-def fault_text(fault: Mapping[str, Any]) -> str:
-    """Return a fault in words."""
-    ends = "" if fault["ends"] is None else f", until {fault['ends']:.3f} s"
-    text = f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}"
-    return printable(text)
 
 
 def health_text(health: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
-from hil_bench.cli.paced_run import fault_lines, frame_lines, helper_lines, node_lines
+from hil_bench.cli.paced_run import event_lines, frame_lines, helper_lines, node_lines
 from hil_bench.cli.recording_arguments import recording_lines
 from hil_bench.cli.run_setup import RunSetup, lockstep_content, set_up
 from hil_bench.cli.status_line import (
@@ -169,6 +169,6 @@ def summary_lines(report: LockStepReport, config: BenchConfig, bench: Bench) -> 
         "summary",
         speed_line(report, config),
         *frame_lines(report.frames, bench.unrouted),
-        *fault_lines(bench),
+        *event_lines(bench),
         *node_lines(config, bench),
     ]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.events import event_text
 from hil_bench.bench.peers import peers_of
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
@@ -28,7 +29,6 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 # The figures of a loop in words, for the summary at the end of a run.
 
-_SHOWN_FAULT_EVENTS = 20
+_SHOWN_EVENTS = 20
 
 
 def loop_lines(summary: TickSummary, period_ns: int) -> list[str]:
@@ -101,12 +101,12 @@ def load_line(report: RunReport, period_ns: int, bitrate: int) -> str:
     return f"bus load  {load:.1%} of {bitrate_text(bitrate)}"
 
 
-def fault_lines(bench: Bench) -> list[str]:
-    """Return the faults that began and ended last, a line each."""
+def event_lines(bench: Bench) -> list[str]:
+    """Return the last events, as the begin of a fault, a line each."""
     return [
-        f"fault     {event.time * 1e-9:.3f} s {event.kind} {event.target} "
-        f"{'begins' if event.is_begin else 'ends'}"
-        for event in list(bench.part(Faults).events)[-_SHOWN_FAULT_EVENTS:]
+        f"{event.what:9} {event.time * 1e-9:.3f} s {event_text(event)}"
+        for log in bench.events.values()
+        for event in [*log][-_SHOWN_EVENTS:]
     ]
 
 
@@ -343,7 +343,7 @@ def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str
         *bus_lines(bus.parts),
         load_line(report, config.tick_ns, bus.bitrate),
         *wire_lines(config, bench),
-        *fault_lines(bench),
+        *event_lines(bench),
         *node_lines(config, bench),
         *helper_lines(run.helpers.lines()),
     ]

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from hil_bench.cli.arguments import (
     add_bench_arguments,
-    add_fault_arguments,
     add_loop_arguments,
     read_speed,
 )
@@ -97,7 +96,6 @@ def _add_often(group: "argparse._ActionsContainer") -> None:
         action="store_true",
         help="serve the devices on Modbus also if bench.toml has no [modbus]",
     )
-    add_fault_arguments(group)
 
 
 def _add_timing(group: "argparse._ActionsContainer") -> None:

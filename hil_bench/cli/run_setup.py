@@ -13,6 +13,7 @@ from typing import IO, Any, NamedTuple, Self
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
+from hil_bench.bench.events import event_content
 from hil_bench.bench.peers import peers_of
 from hil_bench.cli.devices import device_table
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption
@@ -20,7 +21,6 @@ from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.recording_arguments import recording_code, recording_wish
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.cli.streams import collection_put_off
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import HilBenchError, about_file, check_replaceable
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
@@ -442,15 +442,7 @@ def _common(
         "ended_by": None if report.lost is None else str(report.lost),
         "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
         "buses": {name: part.counters() for name, part in setup.bus.parts.items()},
-        "faults": [
-            {
-                "time": event.time * _S_PER_NS,
-                "kind": event.kind,
-                "target": event.target,
-                "begins": event.is_begin,
-            }
-            for event in bench.part(Faults).events
-        ],
+        **{name: [event_content(each) for each in log] for name, log in bench.events.items()},
         "nodes": [
             {
                 "name": settings.name,

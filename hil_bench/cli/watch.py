@@ -7,9 +7,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.ability import given_to
 from hil_bench.cli.ctl import add_bench_argument, bench_errors
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.live_words import ecu_text, fault_text, health_text, node_text
+from hil_bench.cli.live_words import ecu_text, health_text, node_text
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.errors import BusError, ConfigError, printable
@@ -191,7 +192,7 @@ class WatchView:
         self.is_there = self.is_moving = True
         self._hello = hello
         self._values = Values([(name, unit) for name, unit in hello["channels"]])
-        self._state: Mapping[str, Any] = {"nodes": {}, "faults": []}
+        self._state: Mapping[str, Any] = {"nodes": {}}
         self._health: Mapping[str, Any] = {}
         self._lost = 0
 
@@ -226,7 +227,7 @@ class WatchView:
             list(self._hello["axes"]), limits_of(work or {}, self._values.time)
         )
         if self._is_bench:
-            parts += [self._node_table(), self._fault_part()]
+            parts += [self._node_table(), *self._added_parts()]
             parts.append(f"loop   {health_text(self._health)}")
         parts += [f"event  {event}" for event in self._events]
         if self._lost:
@@ -260,12 +261,12 @@ class WatchView:
             table.add_row(printable(name), Text(ecu_text(ecu), style="red" if ecu["codes"] else ""))
         return table
 
-    def _fault_part(self) -> "RenderableType":
+    def _added_parts(self) -> "Iterator[RenderableType]":
         from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-        faults = self._state["faults"]
-        lines = [f"fault  {fault['number']}  {fault_text(fault)}" for fault in faults]
-        return Text("\n".join(lines), style="bold red") if lines else Text("fault  none")
+        for module in given_to("ctl"):
+            lines = module.state_lines(self._state)
+            yield Text("\n".join(lines), style="bold red") if lines else Text(module.NOTHING)
 
 
 def limits_of(work: Mapping[str, Any], now: float) -> dict[str, tuple[float | None, float | None]]:

@@ -1,7 +1,7 @@
 """The bench's sections in the report of a failed test."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
@@ -9,7 +9,8 @@ from typing import cast
 import pytest
 
 from hil_bench.ability import load, own_abilities
-from hil_bench.devices.faults.faults import Faults
+from hil_bench.bench.bench import Event
+from hil_bench.bench.events import event_spans, event_text
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -17,7 +18,7 @@ from hil_bench.outside.recording.plot import has_axis, plot_result
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus
-from hil_bench.session.virtual_bench import FrameReader, VirtualBench, fault_spans
+from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 # Artifacts of a failed test: its bus trace, its signals and their plot.
 
@@ -45,7 +46,9 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
         signals.write(bench.signals)
     if find_spec("matplotlib") is not None and bench.signals.size and has_axis(bench.signals):
         files["plot"] = directory / f"{stem}.png"
-        plot_result(bench.signals, files["plot"], title=stem, spans=fault_spans(bench))
+        plot_result(
+            bench.signals, files["plot"], title=stem, spans=event_spans(bench.bench, bench.now())
+        )
     return files
 
 
@@ -54,10 +57,9 @@ SHOWN_FRAMES = 20
 
 
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
-    """Return the sections of the report that have something to say: frames, values, faults."""
+    """Return the sections of the report that have something to say: frames, values, events."""
     sections = [*_frames(bench), ("last values", _values(bench))]
-    if bench.faults.events:
-        sections.append(("faults", _fault_events(bench.faults)))
+    sections += [(name, _events(log)) for name, log in bench.bench.events.items()]
     if firmware is not None:
         sections.append(("firmware", firmware.report()))
     return [(title, text) for title, text in sections if text]
@@ -95,12 +97,9 @@ def attach_files(
     report.sections.append(("hil-bench files", "\n".join(lines)))
 
 
-def _fault_events(faults: Faults) -> str:
-    """List the begins and ends of faults with their times, a line each."""
-    return "\n".join(
-        f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
-        for time, kind, target, is_begin in faults.events
-    )
+def _events(log: Iterable[Event]) -> str:
+    """List begins and ends, as those of faults, with their times, a line each."""
+    return "\n".join(f"({event.time * 1e-9:.6f}) {event_text(event)}" for event in log)
 
 
 def _trace(text: FrameReader, frames: Sequence[LoggedFrame]) -> str:

@@ -3,16 +3,13 @@
 import json
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from hil_bench.bench.bench import Bench
 from hil_bench.canopen_device.datatypes import Value
-from hil_bench.devices.faults.fault import Fault
-from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.registry import find_fault_kind
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.plants.quantity import Influence
 
@@ -24,9 +21,6 @@ MOST_ENTRY = 4096
 MOST_BYTES = 1 << 18
 """Most bytes of all entries; beyond, the oldest are forgotten."""
 
-ACTIONS = frozenset({"begin_fault", "clear_fault", "set_object", "set_plant", "mark"})
-"""Requests that have an entry when they have acted."""
-
 
 class Journal:
     """The record of the commands that have acted, the oldest first."""
@@ -36,7 +30,7 @@ class Journal:
         self._bytes = self._count = 0
 
     def add(
-        self, now: int, action: str, fields: Mapping[str, Any], value: object
+        self, now: int, action: str, fields: Mapping[str, Any], **answer: object
     ) -> dict[str, Any]:
         """Note a command that has acted.
 
@@ -44,15 +38,14 @@ class Journal:
             now: the tick in which it acted [ns].
             action: as in its request.
             fields: likewise.
-            value: its answer.
+            answer: what else its entry has.
 
         Returns:
             The entry.
         """
         self._count += 1
         entry = {"entry": self._count, "time": now * 1e-9, "do": action, "fields": dict(fields)}
-        if action == "begin_fault":
-            entry["number"] = value
+        entry |= answer
         size = len(json.dumps(entry))
         if size > MOST_ENTRY:
             entry["fields"], size = {}, MOST_ENTRY
@@ -72,9 +65,6 @@ class Journal:
 # The commands that a running bench accepts through its door.
 #
 # Each command is a record of plain values, so that it can come from another process.
-
-MOST_FAULTS = 256
-"""Most faults that commands may have begun, or planned, at a time: each costs every tick."""
 
 
 class Device(Protocol):
@@ -97,7 +87,6 @@ class Controls:
     Attributes:
         bench: as passed in.
         devices: as passed in.
-        faults: those that commands have begun, by their numbers.
         journal: the commands that have acted.
         is_over: whether a command has asked for the end of the run.
     """
@@ -105,37 +94,8 @@ class Controls:
     def __init__(self, bench: Bench, devices: Mapping[str, Device]) -> None:
         self.bench = bench
         self.devices = devices
-        self.faults: dict[int, Fault] = {}
         self.journal = Journal()
         self.is_over = False
-        self._last_number = 0
-
-    def keep(self, fault: Fault, now: int) -> int:
-        """Keep a fault that begins at `now` [ns] or later; return its number.
-
-        Those that have ended by themselves are forgotten.
-        """
-        self._forget(now)
-        self._last_number += 1
-        self.faults[self._last_number] = fault
-        return self._last_number
-
-    def check_room(self, now: int) -> None:
-        """Check at `now` [ns] that one more fault may begin.
-
-        Raises:
-            ConfigError: there are too many.
-        """
-        self._forget(now)
-        if len(self.faults) >= MOST_FAULTS:
-            raise ConfigError(f"fault: {MOST_FAULTS} are there or planned already; clear one")
-
-    def _forget(self, now: int) -> None:
-        self.faults = {
-            number: known
-            for number, known in self.faults.items()
-            if known.is_active or known.begins is None or known.begins >= now
-        }
 
     def device(self, name: str) -> Device:
         """Return a device.
@@ -148,75 +108,12 @@ class Controls:
             raise ConfigError(f'nodes: there is no node "{name}"; {known}')
         return self.devices[name]
 
-    def number_of(self, fault: Fault, now: int) -> int:
-        """Return the number of a fault; one that was planned gets it at `now` [ns]."""
-        for number, known in self.faults.items():
-            if known is fault:
-                return number
-        return self.keep(fault, now)
-
 
 class Command(Protocol):
     """Something to do at the start of a tick."""
 
     def act(self, controls: Controls, now: int) -> object:
         """Do it at `now` [ns] and return the answer; any exception is the answer of a failure."""
-
-
-@dataclass(frozen=True, slots=True)
-class BeginFault:
-    """Begin a fault, as `hil_bench.Faults.begin` does.
-
-    Attributes:
-        kind: of the fault.
-        target: the node or axis that it concerns.
-        arguments: further arguments of the verb, such as ``{"amount": 2e6, "duration": 0.5}``.
-    """
-
-    kind: str
-    target: str
-    arguments: Mapping[str, object] = field(default_factory=dict)
-
-    def act(self, controls: Controls, now: int) -> int:
-        """Begin it in this tick, or when its `at` says; return its number.
-
-        Raises:
-            ConfigError: no such kind, target or argument; it says what would be right.
-        """
-        find_fault_kind(self.kind)
-        controls.check_room(now)
-        begin: Callable[..., Fault] = controls.bench.part(Faults).begin
-        try:
-            fault = begin(self.kind, self.target, **self.arguments)
-        except TypeError as error:
-            raise ConfigError(f"fault {self.kind} {self.target}: {error}") from None
-        return controls.keep(fault, now)
-
-
-@dataclass(frozen=True, slots=True)
-class ClearFault:
-    """End a fault, or all.
-
-    Attributes:
-        number: the answer of its `BeginFault`; None for all faults of the bench, planned ones too.
-    """
-
-    number: int | None = None
-
-    def act(self, controls: Controls, now: int) -> None:  # noqa: ARG002 - it ends with this tick
-        """End it.
-
-        Raises:
-            ConfigError: no fault has this number.
-        """
-        if self.number is None:
-            controls.bench.part(Faults).clear()
-            controls.faults.clear()
-        elif (fault := controls.faults.pop(self.number, None)) is not None:
-            fault.clear()
-        else:
-            known = ", ".join(map(str, controls.faults)) or "no fault is there"
-            raise ConfigError(f"fault {self.number}: there is no such number; there is: {known}")
 
 
 @dataclass(frozen=True, slots=True)

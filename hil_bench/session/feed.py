@@ -9,11 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from hil_bench.ability import load
+from hil_bench.bench.bench import Shown
+from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.feed.messages import (
     ACTED,
@@ -28,6 +30,7 @@ from hil_bench.outside.feed.messages import (
     WANTS_FRAMES,
     WANTS_ROWS,
     WANTS_STATE,
+    added_actions,
     encode,
     pack_value,
     unpack_value,
@@ -36,9 +39,6 @@ from hil_bench.outside.feed.process import FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
-    ACTIONS,
-    BeginFault,
-    ClearFault,
     Command,
     GetObject,
     Mark,
@@ -54,10 +54,8 @@ from hil_bench.session.work_feed import WorkState
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from hil_bench.devices.faults.schedule import FaultEvent
-
 LOOK = 100_000_000
-"""Time between two looks at nodes and faults, and for clients [ns]."""
+"""Time between two looks at the bench, and for clients [ns]."""
 
 MOST_AT_ONCE = 4
 """Most commands taken in a tick, so that nobody can hold up the loop by their number."""
@@ -94,7 +92,7 @@ class Feed:
         self._recording = recording
         self._work = work
         self._session = session
-        self._faults = session.bench.part(Faults)
+        self._events = EventWatch(session.bench)
         self._process = process
         self._plan = plan
         self._put = plan.up.put
@@ -104,7 +102,6 @@ class Feed:
         self._is_served = False
         self._wanted = 0
         self._shown: dict[str, Any] | None = None
-        self._last_fault: FaultEvent | None = None
 
     def look(self) -> None:
         """Take commands, and publish what is due; to be called often, and between two ticks."""
@@ -146,22 +143,14 @@ class Feed:
             change(frames=self._put_frames)
         if changed & WANTS_STATE:
             self._shown = None
-            events = self._faults.events
-            self._last_fault = events[-1] if events else None
+            list(self._events.news())  # before anybody watched
             self._look_at = 0
 
     def _publish(self) -> None:
         if not self._wanted & WANTS_ROWS:
             self._put_row(self._session.row())
-        for event in self._faults.events_since(self._last_fault):
-            self._last_fault = event
-            content = {
-                "time": event.time * 1e-9,
-                "what": "fault",
-                "kind": event.kind,
-                "target": event.target,
-                "begins": event.is_begin,
-            }
+        for event in self._events.news():
+            content = {"time": event.time * 1e-9, "what": event.what, **event.content}
             self._put(EVENT, encode(content))
         health = {name: pack_value(value) for name, value in self._health().items()}
         health["time"] = self._session.now * 1e-9
@@ -174,7 +163,6 @@ class Feed:
 
     def _state(self) -> dict[str, Any]:
         session = self._session
-        controls = session.controls
         medium = session.bench.medium
         standing = (lambda _device: None) if medium is None else medium.standing
         nodes = {
@@ -193,22 +181,16 @@ class Feed:
                 session.nodes, session.bench.nodes, session.bench.fittings, strict=True
             )
         }
-        faults = [
-            {
-                "number": controls.number_of(fault, session.now),
-                "kind": fault.kind,
-                "target": fault.target,
-                "begins": _seconds(fault.begins),
-                "ends": _seconds(fault.ends),
-            }
-            for fault in self._faults.active
-        ]
         recording = None if self._recording is None else self._recording.state
         ecus = {
             name: _ecu_state(ecu, standing(ecu.ecu))
             for name, ecu in peers_of(session.bench).items()
         }
-        state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
+        state: dict[str, Any] = {"nodes": nodes, "ecus": ecus}
+        for each in session.bench.extensions:
+            if isinstance(each, Shown):
+                state |= each.state(session.now)
+        state["recording"] = recording
         return state if self._work is None else {**state, "work": self._work().content()}
 
     def _put_row(self, values: Sequence[float]) -> None:
@@ -249,9 +231,11 @@ class Feed:
             self._refuse(ticket, error)
         else:
             value = pack_value(future.result())
-            if action in ACTIONS:
+            added = added_actions().get(action)
+            if added is not None or action in _NOTED:
                 journal = self._session.controls.journal
-                entry = journal.add(self._session.now, action, content["fields"], value)
+                answer = {added.answer: value} if added is not None and added.answer else {}
+                entry = journal.add(self._session.now, action, content["fields"], **answer)
                 self._put(ACTED, encode(entry))
             if not self._put(ANSWER, encode({"ticket": ticket, "value": value})):
                 self._refuse(ticket, ControllerError("it is done, but its answer is too long"))
@@ -266,12 +250,16 @@ class Feed:
 
 def make_command(action: str, fields: Mapping[str, Any]) -> Command:
     """Return the command of a checked request."""
+    if added := added_actions().get(action):
+        make = cast("Callable[..., Command]", load(added.command))
+        return make(**fields)
     return _COMMANDS[action](fields)
 
 
+_NOTED = frozenset({"set_object", "set_plant", "mark"})
+"""Requests that have an entry in the journal when they have acted, beside those of abilities."""
+
 _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
-    "begin_fault": lambda got: BeginFault(got["kind"], got["target"], got.get("arguments", {})),
-    "clear_fault": lambda got: ClearFault(got.get("number")),
     "get_object": lambda got: GetObject(got["node"], got["name"]),
     "set_object": lambda got: SetObject(got["node"], got["name"], unpack_value(got["value"])),
     "set_plant": lambda got: SetPlant(got["axis"], got["quantity"], got["value"]),
@@ -283,7 +271,3 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
 
 def _ecu_state(ecu: Peer, can: Mapping[str, object] | None) -> dict[str, Any]:
     return ecu.standing() if can is None else {**ecu.standing(), "can": can}
-
-
-def _seconds(time: int | None) -> float | None:
-    return None if time is None else time * 1e-9

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.events import event_spans
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.schedule import FaultEvent
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.outside.recording.recorder import RecordingPlan
@@ -22,31 +21,11 @@ from hil_bench.outside.recording.spans import Span
 from hil_bench.session.session import Session
 from hil_bench.session.telemetry import recording_heading
 
-# The faults of a session as ranges of time, and as events in its recordings.
-
 logger = logging.getLogger(__name__)
 
 
-def ranges_of(events: Iterable[FaultEvent], now: float) -> list[Span]:
-    """Return begin and end of each fault by its events.
-
-    Args:
-        events: in the order of time.
-        now: the end of one that has not ended [s].
-    """
-    spans: list[Span] = []
-    begun: dict[tuple[object, str], float] = {}
-    for event in events:
-        key, time = (event.kind, event.target), event.time * 1e-9
-        if event.is_begin:
-            begun[key] = time
-        elif key in begun:
-            spans.append(Span(begun.pop(key), time, f"{event.kind} {event.target}"))
-    return spans + [Span(start, now, f"{kind} {target}") for (kind, target), start in begun.items()]
-
-
-def write_faults(report: RecordingReport, ranges: list[Span]) -> None:
-    """Append faults to the MF4 files of a recording that has ended; a problem is a line."""
+def write_spans(report: RecordingReport, ranges: list[Span]) -> None:
+    """Append named times to the MF4 files of an ended recording; a problem is a line."""
     if not ranges:
         return
     from hil_bench.outside.recording.mdf_blocks import (  # noqa: PLC0415 - takes NumPy with it
@@ -108,7 +87,7 @@ def recorded(
     finally:
         observer.leave()
         sink.stop()
-        write_faults(sink.report, ranges_of(session.bench.part(Faults).events, session.now * 1e-9))
+        write_spans(sink.report, event_spans(session.bench, session.now * 1e-9))
 
 
 def open_sink(
@@ -214,11 +193,11 @@ class LiveRecording:
         self._observer = None
         sink, now = self._sink, self._session.now * 1e-9
         begins = self._begins * 1e-9
-        faults = ranges_of(self._session.bench.part(Faults).events, now)
+        spans = event_spans(self._session.bench, now)
 
         def finish() -> None:
             sink.stop()
-            write_faults(sink.report, [each for each in faults if each.end >= begins])
+            write_spans(sink.report, [each for each in spans if each.end >= begins])
 
         return self._begin(finish, self._stopped)
 

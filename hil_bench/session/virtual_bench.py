@@ -25,7 +25,6 @@ from hil_bench.outside.recording.channels import Channel, ChannelRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
-from hil_bench.outside.recording.spans import Span
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.joined import (
@@ -37,7 +36,7 @@ from hil_bench.session.joined import (
     advance,
 )
 from hil_bench.session.lockstep import LockStep
-from hil_bench.session.recording import NO_RECORDING, RecordingWish, ranges_of, recorded
+from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
@@ -270,14 +269,6 @@ class VirtualBench:
                 method: Any = load(place)
                 return partial(method, self)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
-
-# The times of faults of a virtual bench, for figures.
-
-
-def fault_spans(bench: VirtualBench) -> list[Span]:
-    """Return begin and end of each fault of a bench; one that has not ended lasts until now."""
-    return ranges_of(bench.faults.events, bench.now())
 
 
 # The reader of a bench's frames that an ability brings, for reports.

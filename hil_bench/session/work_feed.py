@@ -276,7 +276,7 @@ class WorkFeed:
         action, ticket = content["do"], content["ticket"]
         answer: dict[str, object] = {"ticket": ticket, "value": None}
         if action == "mark":
-            entry = self._journal.add(round(self._now() * 1e9), action, content["fields"], None)
+            entry = self._journal.add(round(self._now() * 1e9), action, content["fields"])
             self._put(ACTED, encode(entry))
         elif action == "journal":
             answer["value"] = self._journal.content()

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
+from hil_bench.abilities.faults.live import fault_keys
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
 from hil_bench.devices.faults.kind import FaultKind
@@ -15,7 +16,6 @@ from hil_bench.errors import BusError, WaitTimeoutError, printable
 from hil_bench.outside.feed.client import TIMEOUT
 from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of
 from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
-from hil_bench.session.live_faults import fault_keys
 
 # A connection to the feed of a bench in asyncio: what arrives, and requests with their answers.
 

@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.faults.live import fault_fields
 from hil_bench.abilities.panel.hub import Hub, Viewer
 from hil_bench.abilities.panel.layouts import (
     check_layout,
@@ -33,7 +34,6 @@ from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.config.objects import name_object
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.feed.messages import (
-    ACTIONS,
     NUMBER,
     SWITCH,
     TABLE,
@@ -42,9 +42,9 @@ from hil_bench.outside.feed.messages import (
     Field,
     RequestError,
     encode,
+    known_actions,
     parse_request,
 )
-from hil_bench.session.live_faults import fault_fields
 
 # The objects of a node for a page: the list of its EDS, and which PDOs carry what at present.
 
@@ -161,7 +161,7 @@ _BY_BENCH = (
 _RECORDING = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,60}\.mf4")
 
 PAGE_ACTIONS: Actions = {
-    **{name: ACTIONS[name] for name in (*_BY_BENCH, "set_plant")},
+    **{name: known_actions()[name] for name in (*_BY_BENCH, "set_plant")},
     "fault": {"kind": TEXT, "target": TEXT, "keys": TABLE._replace(is_needed=False)},
     "want": {
         "frames": SWITCH._replace(is_needed=False),

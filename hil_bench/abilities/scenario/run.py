@@ -34,6 +34,7 @@ from hil_bench.abilities.scenario.targets import Targets
 from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
 from hil_bench.abilities.scenario.witness import bench_vocabulary
 from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
+from hil_bench.bench.events import event_spans
 from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
@@ -42,7 +43,7 @@ from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
-from hil_bench.session.virtual_bench import FrameReader, VirtualBench, fault_spans
+from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 # Controllers of a run, and its time, which the runner lets pass.
 
@@ -323,7 +324,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
                 witness.columns(),
                 witness.ticks,
                 config.tick_ns,
-                tuple(fault_spans(bench)),
+                tuple(event_spans(bench.bench, bench.now())),
                 tuple(bench.frames),
                 options.reader(bench) if options.reader is not None else None,
                 last_tick + 1,

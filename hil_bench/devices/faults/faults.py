@@ -76,6 +76,25 @@ class Faults(FaultSchedule, Verbs[Fault]):
 
         board.lay(self, self.lines)
         bench.begins.append(begin)
+        bench.events["faults"] = self.events
+
+    def greeting(self) -> dict[str, object]:
+        """Return the targets of faults, and the defects, for those who begin to watch."""
+        return {"fault_targets": self.targets, "defects": self.defects}
+
+    def state(self, now: int) -> dict[str, object]:
+        """Return the faults that are active at `now` [ns], with their times [s]."""
+        faults = [
+            {
+                "number": self.number_of(fault, now),
+                "kind": fault.kind,
+                "target": fault.target,
+                "begins": _seconds(fault.begins),
+                "ends": _seconds(fault.ends),
+            }
+            for fault in self.active
+        ]
+        return {"faults": faults}
 
     def rehearsal(self) -> "Faults":
         """Faults of the same bench to try a schedule on; those that are tried here never begin."""
@@ -156,3 +175,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
         """Return the random stream of the target's next fault that needs one."""
         self._streams[target] += 1
         return random_stream(self._seed, target, f"fault {self._streams[target]}")
+
+
+def _seconds(time: int | None) -> float | None:
+    return None if time is None else time * 1e-9

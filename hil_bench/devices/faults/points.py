@@ -31,11 +31,13 @@ class Places(Protocol):
         begins: called before frames are received.
         holds: called before the plants move.
         finishes: called before the nodes send.
+        events: what began and ended, by the names of such things.
     """
 
     begins: list[Act]
     holds: list[Act]
     finishes: list[Act]
+    events: dict[str, Any]
 
     @property
     def switchboard(self) -> Board:

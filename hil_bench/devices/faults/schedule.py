@@ -1,12 +1,16 @@
 """When faults begin and end."""
 
 from collections import deque
-from itertools import takewhile
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.checks import to_ns
 from hil_bench.devices.faults.fault import Effect, Fault
+from hil_bench.errors import ConfigError
+
+MOST_FAULTS = 256
+"""Most faults that commands may have begun, or planned, at a time: each costs every tick."""
 
 _KEPT_EVENTS = 1000
 
@@ -26,6 +30,21 @@ class FaultEvent(NamedTuple):
     target: str
     is_begin: bool
 
+    @property
+    def what(self) -> str:
+        """The word "fault"."""
+        return "fault"
+
+    @property
+    def name(self) -> str:
+        """The kind and the target."""
+        return f"{self.kind} {self.target}"
+
+    @property
+    def content(self) -> Mapping[str, object]:
+        """The event for programs, without its time."""
+        return {"kind": self.kind, "target": self.target, "begins": self.is_begin}
+
 
 class FaultSchedule:
     """The faults that are there or are to come; past ones are in `events` only.
@@ -34,23 +53,21 @@ class FaultSchedule:
         due: when `advance` has something to do [ns]: in each tick while a fault is there, since
             somebody may clear it after any of them, which is then its end.
         events: what began and ended last, oldest first.
+        kept: the faults that commands have begun, by their numbers.
     """
 
     def __init__(self) -> None:
         self.due = NEVER
         self.events: deque[FaultEvent] = deque(maxlen=_KEPT_EVENTS)
         self._now = 0
+        self.kept: dict[int, Fault] = {}
+        self._last_number = 0
         self._faults: list[Fault] = []
 
     @property
     def active(self) -> tuple[Fault, ...]:
         """The faults that are active."""
         return tuple(fault for fault in self._faults if fault.is_active)
-
-    def events_since(self, last: FaultEvent | None) -> list[FaultEvent]:
-        """Return the events after `last`, oldest first; all that are kept where it is None."""
-        newest = takewhile(lambda event: event is not last, reversed(self.events))
-        return list(newest)[::-1]
 
     def advance(self, now: int) -> None:
         """Begin and end the faults that are due at `now` [ns]."""
@@ -98,6 +115,34 @@ class FaultSchedule:
         self._faults.append(fault)
         self._set_due()
         return fault
+
+    def check_room(self, now: int) -> None:
+        """Refuse that a command begins another one at `now` [ns].
+
+        Raises:
+            ConfigError: there are too many.
+        """
+        self._forget(now)
+        if len(self.kept) >= MOST_FAULTS:
+            raise ConfigError(f"fault: {MOST_FAULTS} are there or planned already; clear one")
+
+    def number_of(self, fault: Fault, now: int) -> int:
+        """Return the number of a fault; one that has none gets it at `now` [ns]."""
+        for number, known in self.kept.items():
+            if known is fault:
+                return number
+        self._forget(now)
+        self._last_number += 1
+        self.kept[self._last_number] = fault
+        return self._last_number
+
+    def _forget(self, now: int) -> None:
+        """Forget the numbers of those that have ended by themselves."""
+        self.kept = {
+            number: known
+            for number, known in self.kept.items()
+            if known.is_active or known.begins is None or known.begins >= now
+        }
 
     def _begin(self, fault: Fault) -> None:
         if fault.begins is None:

@@ -7,8 +7,10 @@ syntax, its action, and the name and type of each field.
 import json
 import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, NamedTuple, NoReturn
 
+from hil_bench.ability import given_to
 from hil_bench.errors import BusError, ConfigError, ControllerError, printable
 
 VERSION = 1
@@ -109,31 +111,40 @@ def _is_interval(value: object) -> bool:
     return value is None or (_is_number(value) and value >= 0)  # type: ignore[operator]
 
 
-def _is_fault_number(value: object) -> bool:
-    return value is None or (isinstance(value, int) and not isinstance(value, bool))
-
-
 Actions = Mapping[str, Mapping[str, Field]]
 """What may be asked for, with its fields."""
+
+
+class AddedAction(NamedTuple):
+    """Something that an ability lets people ask for; it acts at the start of a tick.
+
+    Attributes:
+        fields: of the request.
+        command: ``module:name`` of what makes the command of these fields, by name.
+        answer: the name of its answer in the journal; empty where that has none.
+    """
+
+    fields: Mapping[str, Field]
+    command: str
+    answer: str = ""
+
+
+@cache
+def added_actions() -> Mapping[str, AddedAction]:
+    """Return the actions that abilities add."""
+    return {name: action for each in given_to("feed") for name, action in each.ACTIONS.items()}
+
 
 TEXT = Field(_is_text, "a text")
 TABLE = Field(_is_table, "a table of numbers and texts")
 SWITCH = Field(lambda value: isinstance(value, bool), "true or false")
 NUMBER = Field(_is_number, "a number")
 
-ACTIONS: Actions = {
+_ACTIONS: Actions = {
     "status": {},
     "watch": {
         "rows_every_s": Field(_is_interval, "seconds, 0 for every tick, or null", is_needed=False),
         "frames": SWITCH._replace(is_needed=False),
-    },
-    "begin_fault": {
-        "kind": TEXT,
-        "target": TEXT,
-        "arguments": TABLE._replace(is_needed=False),
-    },
-    "clear_fault": {
-        "number": Field(_is_fault_number, "its number, or null for all", is_needed=False)
     },
     "get_object": {"node": TEXT, "name": TEXT},
     "set_object": {
@@ -158,16 +169,25 @@ PATIENCE = {"start_recording": 60.0, "stop_recording": 60.0}
 """Longest wait for answers that take longer than others [s]."""
 
 
-def parse_request(line: bytes, actions: Actions = ACTIONS) -> Request:
+@cache
+def known_actions() -> Actions:
+    """Return all that may be asked for, with its fields."""
+    added = {name: action.fields for name, action in added_actions().items()}
+    first = {name: _ACTIONS[name] for name in ("status", "watch")}
+    return {**first, **added, **_ACTIONS}
+
+
+def parse_request(line: bytes, actions: Actions | None = None) -> Request:
     """Return the request of a line.
 
     Args:
         line: as it came.
-        actions: what may be asked for.
+        actions: what may be asked for; without it, what a bench may be.
 
     Raises:
         RequestError: it is wrong; its text says what would be right.
     """
+    actions = known_actions() if actions is None else actions
     content = _load(line)
     number = content.pop("id", None)
     if isinstance(number, bool) or not isinstance(number, int) or abs(number) >= 1 << 63:

@@ -3,10 +3,10 @@
 import pytest
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.faults.live import fault_fields, fault_table
 from hil_bench.errors import ConfigError
 from hil_bench.session import attached
 from hil_bench.session.commands import MOST_BYTES, MOST_ENTRY, Journal
-from hil_bench.session.live_faults import fault_fields, fault_table
 
 HELLO = {"channels": [["pressure_a.measured", "Pa"], ["position.measured", "m"]]}
 
@@ -73,7 +73,7 @@ def test_a_loop_without_real_time_has_no_histograms(loop):
 def test_the_journal_stays_within_its_bytes():
     journal = Journal()
     for number in range(MOST_BYTES // 100):
-        journal.add(number, "mark", {"text": "x" * 100}, None)
+        journal.add(number, "mark", {"text": "x" * 100})
     content = journal.content()
     assert content["forgotten"] > 0
     assert content["entries"][-1]["entry"] == MOST_BYTES // 100
@@ -81,7 +81,7 @@ def test_the_journal_stays_within_its_bytes():
 
 
 def test_a_long_entry_is_kept_without_its_values():
-    assert Journal().add(0, "set_object", {"value": "x" * MOST_ENTRY}, None)["fields"] == {}
+    assert Journal().add(0, "set_object", {"value": "x" * MOST_ENTRY})["fields"] == {}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,79 @@
+"""The faults of a running bench from the shell: the actions of `hil-bench ctl`, and their words."""
+
+import argparse
+from collections.abc import Mapping
+from typing import Any, Final
+
+from hil_bench.cli.results import print_results
+from hil_bench.errors import ConfigError, printable
+from hil_bench.outside.feed.client import FeedClient
+
+NOTHING: Final = "fault  none"
+"""The line of a bench on which nothing is wrong."""
+
+
+def state_lines(state: Mapping[str, Any]) -> list[str]:
+    """Return the faults in the state of a bench, a line each."""
+    faults = state.get("faults", ())
+    return [f"fault  {fault['number']}  {fault_text(fault)}" for fault in faults]
+
+
+def fault_text(fault: Mapping[str, Any]) -> str:
+    """Return a fault in words."""
+    ends = "" if fault["ends"] is None else f", until {fault['ends']:.3f} s"
+    return printable(f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}")
+
+
+def add_actions(add: Any) -> None:  # noqa: ANN401 - `hil_bench.cli.ctl.Add`
+    """Add the actions, each a name, what it does and its line in the help."""
+    fault = add("fault", begin_fault, "begin a fault with the next tick")
+    fault.add_argument(
+        "words",
+        nargs="+",
+        metavar="WORD",
+        help="fault as KIND TARGET [KEY=VALUE ...], as in [[faults]]; without at_s it begins "
+        "with the next tick",
+    )
+    clear = add("clear", clear_faults, "end faults")
+    clear.add_argument(
+        "faults", nargs="*", metavar="FAULT", help="number, kind or target (default: all)"
+    )
+
+
+def begin_fault(client: FeedClient, args: argparse.Namespace) -> None:
+    """Begin a fault and print its number."""
+    # Here, since they know all of the configuration, which takes longer than all the rest.
+    from hil_bench.abilities.faults.live import fault_fields  # noqa: PLC0415
+    from hil_bench.abilities.faults.options import parse_fault  # noqa: PLC0415
+
+    fields = fault_fields(parse_fault(args.words, "fault"), client.hello)
+    number = client.request("begin_fault", **fields)
+    line = printable(f"fault {number}  {fields['kind']} {fields['target']}")
+    print_results(args, [line], {"number": number})
+
+
+def clear_faults(client: FeedClient, args: argparse.Namespace) -> None:
+    """End faults.
+
+    Raises:
+        ConfigError: one of them is not there.
+    """
+    if not args.faults:
+        client.request("clear_fault")
+        print_results(args, ["all faults cleared"], {"cleared": None})
+        return
+    active = client.request("status")["state"]["faults"]
+    numbers: list[int] = []
+    for word in args.faults:
+        found = [
+            fault["number"]
+            for fault in active
+            if word in {str(fault["number"]), fault["kind"], fault["target"]}
+        ]
+        if not found:
+            known = "; ".join(f"{each['number']} {fault_text(each)}" for each in active)
+            raise ConfigError(f"clear {word}: there is no such fault; active: {known or 'none'}")
+        numbers += [number for number in found if number not in numbers]
+    for number in numbers:
+        client.request("clear_fault", number=number)
+    print_results(args, [f"fault {number} cleared" for number in numbers], {"cleared": numbers})

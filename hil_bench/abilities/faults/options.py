@@ -1,0 +1,50 @@
+"""The option `--fault` of the verbs that load a bench and let it run."""
+
+import argparse
+from collections.abc import Sequence
+
+from hil_bench.cli.arguments import parse_value
+from hil_bench.errors import ConfigError
+
+
+def add_options(parser: "argparse._ActionsContainer") -> None:
+    """Add `--fault`."""
+    parser.add_argument(
+        "--fault",
+        nargs="+",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="fault as KIND TARGET [KEY=VALUE ...], as in 'freeze pressure_a at_s=2 for_s=1'; "
+        "repeat it for more faults (docs/faults.md)",
+    )
+
+
+def take_over(_args: argparse.Namespace, *_known: object) -> None:
+    """Leave the verb as it is."""
+
+
+def given(args: argparse.Namespace) -> dict[str, object]:
+    """Return the arguments of a command line for `load_config`."""
+    return {"faults": [parse_fault(words) for words in getattr(args, "fault", ())]}
+
+
+def parse_fault(words: Sequence[str], option: str = "--fault") -> dict[str, object]:
+    """Return the table of `[[faults]]` that the words of `--fault` stand for.
+
+    Args:
+        words: given to it.
+        option: how messages name it.
+
+    Raises:
+        ConfigError: they are not KIND TARGET [KEY=VALUE ...].
+    """
+    pairs = [word.partition("=") for word in words[2:]]
+    if len(words) < 2 or "=" in "".join(words[:2]) or not all(sign for _, sign, _ in pairs):
+        right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
+        raise ConfigError(f"{option} {' '.join(words)}: is no fault; {right}")
+    return {
+        "kind": words[0],
+        "target": words[1],
+        **{key: parse_value(value) for key, _, value in pairs},
+    }

@@ -51,7 +51,7 @@ AREAS: Final = {
         *_files("hil_bench/abilities/commissioning", "plan rig"),
         *_files("drivers/hil_drivers", "valve"),
     ],
-    "lock-step": _files("hil_bench/session", "lockstep joined"),
+    "lock-step": _files("hil_bench/abilities/lockstep", "lockstep links"),
     "verdict": [
         *_files(
             "hil_bench/abilities/scenario",
@@ -111,7 +111,7 @@ TESTS: Final = {
     "hil_bench/abilities/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
     "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
     "hil_bench/abilities/scenario/verbs/scenario_report.py": _tests("cli", "test scenario_run"),
-    "lock-step": _tests("session", "lockstep_ends joined lockstep"),
+    "lock-step": _tests("lockstep", "ends links lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),
         *_tests("modbus/server", "pdu framing session readers register_server connections"),

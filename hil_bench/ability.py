@@ -28,6 +28,7 @@ OWN = (
     "fmu",
     "identification",
     "j1939",
+    "lockstep",
     "modbus",
     "panel",
     "replay",

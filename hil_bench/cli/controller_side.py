@@ -90,8 +90,8 @@ def _open_lockstep(config: BenchConfig) -> Iterator[OpenNetwork]:
     Yields:
         The open network.
     """
+    from hil_bench.abilities.lockstep.controller import LockStepController  # noqa: PLC0415
     from hil_bench.outside.transports.embedded import EmbeddedBus  # noqa: PLC0415 - see above
-    from hil_bench.session.lockstep_controller import LockStepController  # noqa: PLC0415
 
     transport = open_transport(*config.bus.address)
     with contextlib.closing(transport):

@@ -152,7 +152,7 @@ def run(args: argparse.Namespace) -> int:
         return code
     # Each brings much that the other does not need.
     if args.lockstep:
-        from hil_bench.cli import lockstep_run  # noqa: PLC0415
+        from hil_bench.abilities.lockstep import run as lockstep_run  # noqa: PLC0415
 
         return lockstep_run.run(args)
     from hil_bench.cli import paced_run  # noqa: PLC0415

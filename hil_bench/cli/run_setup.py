@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
+from hil_bench.abilities.lockstep.lockstep import LockStepReport
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
@@ -34,7 +35,6 @@ from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.lockstep import LockStepReport
 from hil_bench.session.paced import RunReport
 from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session

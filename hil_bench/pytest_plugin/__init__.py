@@ -36,10 +36,10 @@ from hil_bench.pytest_plugin.options import (
 if TYPE_CHECKING:
     import can
 
+    from hil_bench.abilities.lockstep.firmware import Firmware, FirmwareBus
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
-    from hil_bench.session.firmware import Firmware, FirmwareBus
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
@@ -270,9 +270,9 @@ def _firmware(
     """
     if option(request.config, "interface"):
         pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
+    from hil_bench.abilities.lockstep.firmware import HUB, FirmwareBus
+    from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, Patience
     from hil_bench.errors import HilBenchError
-    from hil_bench.session.firmware import HUB, FirmwareBus
-    from hil_bench.session.joined import USUAL_PATIENCE, Patience
 
     longest = positive_option(request.config, "firmware-patience") or USUAL_PATIENCE.longest
     patience = Patience(longest, _REMEDY)

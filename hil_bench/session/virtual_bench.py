@@ -14,6 +14,15 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self
 
+from hil_bench.abilities.lockstep.links import (
+    USUAL_PATIENCE,
+    ControllerLink,
+    LockStepLink,
+    Patience,
+    RealTimeLink,
+    advance,
+)
+from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
@@ -27,15 +36,6 @@ from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.joined import (
-    USUAL_PATIENCE,
-    ControllerLink,
-    LockStepLink,
-    Patience,
-    RealTimeLink,
-    advance,
-)
-from hil_bench.session.lockstep import LockStep
 from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
 

@@ -8,7 +8,7 @@ import shutil
 import pytest
 from support.firmware import build_controller, run_session
 
-from hil_bench.session.firmware import HUB
+from hil_bench.abilities.lockstep.firmware import HUB
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("make") and shutil.which("cc")),

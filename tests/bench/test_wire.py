@@ -118,7 +118,7 @@ def test_a_wrong_table_is_one_line(wire, message):
 
 
 def test_lock_step_is_refused():
-    from hil_bench.session.lockstep import LockStep  # noqa: PLC0415
+    from hil_bench.abilities.lockstep.lockstep import LockStep  # noqa: PLC0415
 
     with bench() as b, pytest.raises(ConfigError, match="lock-step"):
         LockStep(b.session, tick_ns=MS)

@@ -18,9 +18,9 @@ from pathlib import Path
 import can
 from support.firmware import build_controller, run_session
 
+from hil_bench.abilities.lockstep.firmware import HUB
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.session.firmware import HUB
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.framing import TcpFraming

@@ -2,7 +2,7 @@
 
 from collections import deque
 
-from hil_bench.session.lockstep import LockStep
+from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.session.session import open_session
 
 

@@ -3,7 +3,7 @@
 import subprocess
 from pathlib import Path
 
-from hil_bench.session.firmware import FirmwareBus
+from hil_bench.abilities.lockstep.firmware import FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "firmware"

@@ -10,11 +10,11 @@ from collections import deque
 from collections.abc import Sequence
 
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
+from hil_bench.abilities.lockstep.links import Silence
+from hil_bench.abilities.lockstep.lockstep import FRAMES_AT_ONCE, PATIENCE, SYNC_COB_ID
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.transports.hosted_bus import HostedBus
-from hil_bench.session.joined import Silence
-from hil_bench.session.lockstep import FRAMES_AT_ONCE, PATIENCE, SYNC_COB_ID
 from hil_bench.session.program import Program, environment
 
 GRACE = 10.0

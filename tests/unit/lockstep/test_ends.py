@@ -5,19 +5,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError, ControllerError
-from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.joined import LockStepLink, RealTimeLink, advance
-from hil_bench.session.lockstep import (
+from hil_bench.abilities.lockstep.links import LockStepLink, RealTimeLink, advance
+from hil_bench.abilities.lockstep.lockstep import (
     FRAMES_AT_ONCE,
     LockStep,
     LockStepBus,
     SyncWatch,
     run_lockstep,
 )
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError, ControllerError
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.paced import frames_per_tick
 
 MILLISECOND, SECOND = 1_000_000, 1_000_000_000

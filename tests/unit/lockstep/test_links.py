@@ -2,13 +2,13 @@
 
 import pytest
 
+from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, LockStepLink, Patience
+from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.joined import USUAL_PATIENCE, LockStepLink, Patience
-from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
 
 SYNC = Frame(0x080)

@@ -9,8 +9,8 @@ import sys
 import pytest
 from support.bus_programs import JOIN
 
+from hil_bench.abilities.lockstep.firmware import HUB, FirmwareBus
 from hil_bench.errors import ControllerError, WaitTimeoutError
-from hil_bench.session.firmware import HUB, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
 
 

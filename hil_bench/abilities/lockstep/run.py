@@ -5,6 +5,7 @@ import contextlib
 import logging
 import math
 
+from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import Serving
@@ -29,7 +30,6 @@ from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
 
 # The status lines of a bench in lock-step.
 

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from operator import methodcaller
 from typing import NamedTuple, Protocol
 
+from hil_bench.abilities.lockstep.lockstep import PATIENCE, LockStep, LockStepBus
 from hil_bench.errors import ControllerError, HilBenchError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.lockstep import PATIENCE, LockStep, LockStepBus
 from hil_bench.session.paced import frames_per_tick
 from hil_bench.session.session import Session
 

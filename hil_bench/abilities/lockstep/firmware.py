@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
 
+from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, ControllerLink, Patience
+from hil_bench.abilities.lockstep.lockstep import PATIENCE
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -14,8 +16,6 @@ from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.joined import USUAL_PATIENCE, ControllerLink, Patience
-from hil_bench.session.lockstep import PATIENCE
 from hil_bench.session.program import Program, environment
 from hil_bench.session.virtual_bench import VirtualBench
 

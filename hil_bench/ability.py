@@ -69,10 +69,12 @@ class Ability(NamedTuple):
         name: by which other abilities need it.
         needs: the abilities that it imports.
         verbs: of the command line, by name.
-        options: what it adds to verbs of the core: modules by verb, each with
-            ``add_options(group)`` and ``take_over(args, *known) -> int | None``, which runs the
-            verb where one of its options asks for it, and returns None where none does; known is
-            what the verb has read by then: the `BenchConfig` of ``check``.
+        options: what it adds to verbs of others: modules by verb, each with
+            ``add_options(parser, often)``; often is the group of the options that are most used, or
+            the parser. What else it may have: ``check_options(args)`` refuses what cannot be meant;
+            ``take_over(args, *known) -> int | None`` runs the verb where one of the options asks
+            for it, and returns None where none does; known is what the verb has read by then: the
+            `BenchConfig` of ``check``; ``EXAMPLES`` are lines for the end of its help.
         collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
             that it makes tests of.
         frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
@@ -90,7 +92,7 @@ class Ability(NamedTuple):
             gets the bench first.
         gives: modules for others by the name of who takes them: an ability, which need not be there
             and alone imports its module, or a part of the core. docs/abilities.md has them all.
-        fixtures: a module with fixtures for pytest; it is imported in each of its runs.
+        fixtures: a plugin of pytest, with fixtures, options and hooks; imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """

@@ -15,6 +15,9 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.service import NodeCounters
 
+SYNC_COB_ID: Final = 0x080
+"""Identifier of SYNC in the predefined connection set."""
+
 _COB_ID: Final = 0x1005
 _PERIOD: Final = 0x1006
 _WINDOW: Final = 0x1007
@@ -22,7 +25,6 @@ _OVERFLOW: Final = 0x1019
 
 _MICROSECOND: Final = 1000
 _CAN_ID: Final = 0x7FF
-_PREDEFINED: Final = 0x080
 _FIRST_COUNT: Final = 1
 
 
@@ -68,7 +70,7 @@ class SyncConsumer:
     @property
     def can_id(self) -> int | None:
         """The identifier of SYNC; of a device without 0x1005, that of CiA 301."""
-        value = self._object_dictionary.number(_COB_ID, absent=_PREDEFINED)
+        value = self._object_dictionary.number(_COB_ID, absent=SYNC_COB_ID)
         # Bit 31 of 0x1005 means nothing (CiA 301), unlike that of the other COB-IDs.
         return can_id(value & ~DISABLED)
 

@@ -317,8 +317,6 @@ def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
         )
     if name != FIRST_BUS and ("interface" in args or "channel" in args):
         raise ConfigError(f"--on {name}: -i and -c are for [bus]; give either")
-    if name != FIRST_BUS and getattr(args, "lockstep", False):
-        raise ConfigError(f"--on {name}: in lock-step SYNC on [bus] lets time pass; leave --on out")
     return config.seen_from(name)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench import __version__
+from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.cli.arguments import seen_from_bus
@@ -17,7 +18,7 @@ from hil_bench.outside.recording.formats import Heading
 from hil_bench.outside.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
-from hil_bench.outside.transports.opening import open_can_bus, open_transport
+from hil_bench.outside.transports.opening import open_can_bus
 from hil_drivers import BusLostError, Network
 
 if TYPE_CHECKING:
@@ -34,13 +35,13 @@ class OpenNetwork(NamedTuple):
         network: the drivers' network.
         description: the bus for people: "socketcan can0".
         virtual: the bench behind it, None on a bus of its own.
-        is_lockstep: whether our SYNC lets the bench's time pass.
+        is_stepped: whether our SYNC lets the bench's time pass.
     """
 
     network: Network
     description: str
     virtual: "VirtualBench | None"
-    is_lockstep: bool = False
+    is_stepped: bool = False
 
 
 @contextlib.contextmanager
@@ -71,8 +72,8 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
             )
             bench.pump = network.pump
             opened = OpenNetwork(network, "virtual bench", bench)
-        elif getattr(args, "lockstep", False):
-            opened = stack.enter_context(_open_lockstep(seen))
+        elif (other := _open_otherwise(args, seen)) is not None:
+            opened = stack.enter_context(other)
         else:
             bus, what = open_can_bus(*seen.bus.address)
             stack.enter_context(bus)
@@ -83,26 +84,15 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
             raise BusError(str(error)) from error
 
 
-@contextlib.contextmanager
-def _open_lockstep(config: BenchConfig) -> Iterator[OpenNetwork]:
-    """Open the bus of the configuration, whose bench our SYNC moves.
-
-    Yields:
-        The open network.
-    """
-    from hil_bench.abilities.lockstep.controller import LockStepController  # noqa: PLC0415
-    from hil_bench.outside.transports.embedded import EmbeddedBus  # noqa: PLC0415 - see above
-
-    transport = open_transport(*config.bus.address)
-    with contextlib.closing(transport):
-        producer = LockStepController(transport, [node.node_id for node in config.nodes])
-        producer.join()
-        description = f"{transport.description} in lock-step"
-        with (
-            EmbeddedBus(producer.tick, config.sync_period_ns, description=description) as stepped,
-            Network(stepped, clock=stepped.now) as network,
-        ):
-            yield OpenNetwork(network, description, None, is_lockstep=True)
+def _open_otherwise(
+    args: argparse.Namespace, config: BenchConfig
+) -> contextlib.AbstractContextManager[OpenNetwork] | None:
+    """Open the bus as an ability does whose options are given; None where none are."""
+    for module in given_to("network"):
+        opened: contextlib.AbstractContextManager[OpenNetwork] | None
+        if (opened := module.open_network(args, config)) is not None:
+            return opened
+    return None
 
 
 # The recording of what a machine does under `hil-bench commission` and `hil-bench test`.
@@ -123,7 +113,7 @@ def recorded_work(
     Yields:
         What takes the samples, and its time 0 on the network's clock [s].
     """
-    is_real_time = opened.virtual is None and not opened.is_lockstep
+    is_real_time = opened.virtual is None and not opened.is_stepped
     started = datetime.now(UTC) if is_real_time else None
     heading = Heading(f"hil-bench {__version__}, {what}", started)
     plan = RecordingPlan((path,), tuple(channels), heading=heading)

@@ -270,7 +270,8 @@ class BenchEvents:
         config: of the bench.
         bench: the bench.
         say: takes each line.
-        watches_sync: whether SYNC is missed when it stays away; in lock-step somebody else says so.
+        watches_sync: whether SYNC is missed when it stays away; others say so where it lets time
+            pass.
     """
 
     def __init__(

@@ -16,7 +16,7 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
-from hil_bench.cli.verbs import add_options, take_over
+from hil_bench.cli.verbs import add_options, check_options, take_over
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -38,11 +38,6 @@ examples:
                 --fault freeze pressure_a at_s=10
   hil-bench run -i socketcan -c vcan0 --duration 60 --json > summary.json
                                        the summary for a program; all else on standard error
-  hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
-  hil-bench run --scenario examples/scenarios/settling.scenario.toml
-                                       in real time, for people who watch; then the verdicts
-  hil-bench run --scenario sag.scenario.toml -i socketcan -c can0
-                                       the same, driven by the controller on the bus
 """
 
 
@@ -50,18 +45,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "run",
-        description="Run the bench on a CAN bus, until Ctrl-C or --duration: in real time, or in\n"
-        "lock-step with a controller, whose SYNC moves the bench by one period.",
+        description="Run the bench on a CAN bus in real time, until Ctrl-C or --duration.",
         epilog=_EXAMPLES,
     )
     often = parser.add_argument_group("most used")
     add_bench_arguments(parser)
     _add_often(often)
     add_recording_arguments(parser, often)
-    add_options("run", often)
+    add_options("run", parser, often)
     add_feed_arguments(parser, often)
     add_json_argument(often)
-    add_lockstep_arguments(parser)
     _add_timing(add_loop_arguments(parser))
     seldom = parser.add_argument_group("seldom used")
     _add_seldom(seldom)
@@ -128,34 +121,14 @@ def _add_seldom(group: "argparse._ActionsContainer") -> None:
     )
 
 
-def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns a bench that the controller's SYNC moves."""
-    group = parser.add_argument_group("lock-step")
-    group.add_argument(
-        "--lockstep",
-        action="store_true",
-        help="let bench time pass only with the controller's SYNC (0x080), as fast as both can",
-    )
-    group.add_argument(
-        "--sync-period-us",
-        type=int,
-        metavar="US",
-        help="period of a SYNC in us (default: bench.sync_period_us, else one tick)",
-    )
-
-
 def run(args: argparse.Namespace) -> int:
     """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
+    check_options("run", args)
     code = take_over("run", args)
     if code is not None:
         return code
-    # Each brings much that the other does not need.
-    if args.lockstep:
-        from hil_bench.abilities.lockstep import run as lockstep_run  # noqa: PLC0415
-
-        return lockstep_run.run(args)
-    from hil_bench.cli import paced_run  # noqa: PLC0415
+    from hil_bench.cli import paced_run  # noqa: PLC0415 - brings much
 
     return paced_run.run(args)
 
@@ -170,19 +143,29 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--duration {args.duration:g}: give a positive number of seconds")
     if args.hub is not None and not 0 <= args.hub <= 65535:
         raise ConfigError(f"--hub {args.hub}: give a port from 1 to 65535, or 0 for a free one")
-    if args.lockstep and args.speed != 1:
-        raise ConfigError("--speed: in lock-step the controller's SYNC is the pace; leave it out")
-    for option in ("strict_timing", "histograms", "realtime", "overrun"):
-        if (args.lockstep or math.isinf(args.speed)) and getattr(args, option):
-            flag, where = f"--{option.replace('_', '-')}", "in lock-step"
-            where = where if args.lockstep else "at --speed max"
-            raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
+    if math.isinf(args.speed):
+        refuse_timing(args, "at --speed max")
     check_recording_arguments(args)
     check_feed_arguments(args)
     if args.whole_bus and not args.record:
         raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")
-    if args.hub_unlimited and (args.hub is None or args.lockstep):
-        why = "in lock-step nothing is limited" if args.lockstep else "belongs to --hub"
-        raise ConfigError(f"--hub-unlimited: {why}; leave it out")
+    if args.hub_unlimited and args.hub is None:
+        raise ConfigError("--hub-unlimited: belongs to --hub; leave it out")
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
+
+
+def refuse_timing(args: argparse.Namespace, when: str) -> None:
+    """Refuse options of the clock.
+
+    Args:
+        args: the command line.
+        when: the run has none.
+
+    Raises:
+        ConfigError: one is given.
+    """
+    for option in ("strict_timing", "histograms", "realtime", "overrun"):
+        if getattr(args, option):
+            flag = f"--{option.replace('_', '-')}"
+            raise ConfigError(f"{flag}: {when} there is no real time to miss; leave it out")

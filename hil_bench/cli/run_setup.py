@@ -6,11 +6,11 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
-from hil_bench.abilities.lockstep.lockstep import LockStepReport
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
@@ -28,13 +28,12 @@ from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE, load_of
 from hil_bench.outside.transports.can_interfaces import bitrate_of
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.hub_transport import HubTransport
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
-from hil_bench.outside.transports.transport import Transport
+from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport
 from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session
@@ -60,6 +59,10 @@ class OpenBus(NamedTuple):
     lines: tuple[str, ...]
     helpers: Sequence[Helper]
     bitrate: int
+
+
+OpenBuses = Callable[[argparse.Namespace, BenchConfig], AbstractContextManager[OpenBus]]
+"""Opens the buses of a bench by the command line."""
 
 
 class HubHelper:
@@ -108,18 +111,6 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
     with contextlib.ExitStack() as stack:
         if args.hub is None:
             yield _open_configured(config, stack)
-        elif args.lockstep:
-            channels = hub_channels(config)
-            hosted = HostedBus(
-                port=args.hub, channels=list(channels.values()), fd=_fd_speedups(config)
-            )
-            stack.callback(hosted.close)
-            lines = (
-                f"bus    {hosted.description}",
-                *_join_lines(channels, hosted.host, hosted.port),
-            )
-            bitrate = USUAL_BITRATE * len(channels)
-            yield OpenBus(hosted, {"bus": hosted}, lines, (), bitrate)
         else:
             yield _open_hub(args, config, stack)
 
@@ -147,14 +138,14 @@ def _open_hub(
         port=args.hub,
         channels=tuple(channels.values()),
         bitrate=max(bitrates) * args.speed if is_limited else None,
-        fd=_fd_speedups(config),
+        fd=fd_speedups(config),
     )
     stack.enter_context(hub)
     parts = {}
     for name, channel in channels.items():
         parts[name] = hub.join(channel)
         stack.callback(parts[name].close)
-    lines = (*_bus_lines(parts), *_join_lines(channels, hub.host, hub.port))
+    lines = (*_bus_lines(parts), *join_lines(channels, hub.host, hub.port))
     helpers = [HubHelper(hub, list(parts.values()))]
     return OpenBus(_joined(parts), parts, lines, helpers, sum(bitrates))
 
@@ -182,13 +173,13 @@ def hub_channels(config: BenchConfig) -> dict[str, str]:
     return {name: f"can{number}" for number, name in enumerate(config.buses)}
 
 
-def _fd_speedups(config: BenchConfig) -> dict[str, float]:
+def fd_speedups(config: BenchConfig) -> dict[str, float]:
     """Return the channels of CAN FD on a hub, with `BusConfig.speedup` of each."""
     channels = hub_channels(config)
     return {channels[name]: bus.speedup for name, bus in config.buses.items() if bus.fd}
 
 
-def _join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:
+def join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:
     """Return python-can's flags for another program on each bus of a hub."""
     return tuple(
         f"join   -i socketcand -c {channel} --bus-kwargs host={host} port={port}"
@@ -265,7 +256,11 @@ class RunSetup(NamedTuple):
 
 @contextlib.contextmanager
 def set_up(
-    args: argparse.Namespace, config: BenchConfig, *, is_real_time: bool
+    args: argparse.Namespace,
+    config: BenchConfig,
+    *,
+    is_real_time: bool,
+    open_buses: OpenBuses = open_bus,
 ) -> Iterator[RunSetup]:
     """Build the bench and open its recording, its buses, and what its parts serve.
 
@@ -273,6 +268,7 @@ def set_up(
         args: the command line.
         config: of the bench.
         is_real_time: whether ticks must not wait for the recording.
+        open_buses: opens its buses.
 
     Yields:
         All that.
@@ -285,7 +281,7 @@ def set_up(
         wish = stack.enter_context(interruption())
         files = recording_wish(args)
         recording = stack.enter_context(recorded(session, files, config, is_real_time=is_real_time))
-        bus = stack.enter_context(open_bus(args, config))
+        bus = stack.enter_context(open_buses(args, config))
         served = []
         for part in config.parts:
             if isinstance(part, Serving):
@@ -409,38 +405,27 @@ def paced_content(
         "held": list(report.held),
         "bus_load": load_of(report.frames.bits, elapsed, bitrate),
         "bitrate": bitrate,
-        **_common(report, setup, helpers),
+        **common_content(report.frames, report.lost, setup, helpers),
     }
 
 
-def lockstep_content(
-    report: LockStepReport, setup: RunSetup, helpers: Helpers
+def common_content(
+    frames: TransportCounters, lost: HilBenchError | None, setup: RunSetup, helpers: Helpers
 ) -> dict[str, object]:
-    """Return the figures of a run in lock-step.
+    """Return the figures of a run, whatever made its ticks.
 
     Args:
-        report: of the run.
+        frames: that passed the bus.
+        lost: why it ended early; None where it did not.
         setup: the bench, and what was open around it.
         helpers: the processes beside the loop.
     """
-    return {
-        "bench_time": report.now * _S_PER_NS,
-        "wall_time": report.moved,
-        "syncs": report.syncs,
-        "sync_period": setup.config.sync_period_ns * _S_PER_NS,
-        **_common(report, setup, helpers),
-    }
-
-
-def _common(
-    report: RunReport | LockStepReport, setup: RunSetup, helpers: Helpers
-) -> dict[str, object]:
     bench = setup.session.bench
     medium = bench.medium
     standing = (lambda _device: None) if medium is None else medium.standing
     return {
-        "ended_by": None if report.lost is None else str(report.lost),
-        "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
+        "ended_by": None if lost is None else str(lost),
+        "frames": asdict(frames) | {"for_nobody": bench.unrouted},
         "buses": {name: part.counters() for name, part in setup.bus.parts.items()},
         **{name: [event_content(each) for each in log] for name, log in bench.events.items()},
         "nodes": [

@@ -69,24 +69,47 @@ def _in_order(verbs: Mapping[str, Verb]) -> dict[str, Verb]:
     return dict(by_place)
 
 
-# The options that abilities add to the verbs of the core.
+# The options that abilities add to verbs of the core, or of one another.
 
 
-def add_options(verb: str, group: "argparse._ActionsContainer") -> None:
-    """Add the options of all abilities to a verb of the core."""
+def add_options(
+    verb: str, parser: argparse.ArgumentParser, often: "argparse._ActionsContainer | None" = None
+) -> None:
+    """Add the options of all abilities to a verb.
+
+    Args:
+        verb: its name.
+        parser: takes the options.
+        often: the group of those that are most used; None where the verb has no groups.
+    """
     for module in _modules(verb):
-        module.add_options(group)
+        module.add_options(parser, parser if often is None else often)
+        if parser.epilog and (examples := getattr(module, "EXAMPLES", "")):
+            parser.epilog += examples
+
+
+def check_options(verb: str, args: argparse.Namespace) -> None:
+    """Let each ability refuse what cannot be meant of its options, by a `ConfigError`.
+
+    Args:
+        verb: to which they were added.
+        args: the command line.
+    """
+    for module in _modules(verb):
+        if check := getattr(module, "check_options", None):
+            check(args)
 
 
 def take_over(verb: str, args: argparse.Namespace, *known: object) -> int | None:
     """Run a verb as the ability whose options are given; None where none is.
 
     Args:
-        verb: of the core.
+        verb: to which they were added.
         args: the command line.
         known: what the verb has read of it by now.
     """
-    codes = (module.take_over(args, *known) for module in _modules(verb))
+    modules = (module for module in _modules(verb) if hasattr(module, "take_over"))
+    codes = (module.take_over(args, *known) for module in modules)
     return next((code for code in codes if code is not None), None)
 
 

@@ -15,56 +15,51 @@ fixture asks.
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import partial
-from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from hil_bench.pytest_plugin.options import (
+    OPTIONS,
+    SWITCHES,
     add_options,
     chosen_options,
     is_on,
     option,
     path_option,
-    positive_option,
     shown_path,
     versions,
-    worker,
 )
 
 if TYPE_CHECKING:
     import can
 
-    from hil_bench.abilities.lockstep.firmware import Firmware, FirmwareBus
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
-_REMEDY = (
-    ", wait longer with --hil-firmware-patience, or let the clock move the bench with "
-    "--hil-realtime"
-)
-_FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
 _CONFIG: "pytest.StashKey[BenchConfig]" = pytest.StashKey()
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options, each with an ini key of its name."""
-    add_options(parser)
+def pytest_addoption(parser: pytest.Parser, pluginmanager: pytest.PytestPluginManager) -> None:
+    """Add the options, each with an ini key of its name, and what abilities bring."""
+    from importlib import import_module
+
+    from hil_bench.ability import own_abilities
+
+    add_options(parser, OPTIONS, SWITCHES)
+    for ability in own_abilities():
+        if ability.fixtures:
+            pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers, and refuse options that cannot be meant.
-
-    Raises:
-        pytest.UsageError: --hil-config is no bench, or workers of pytest-xdist would share one
-            SocketCAN interface.
-    """
+    """Register the markers, and read the bench that the options name."""
     config.addinivalue_line(
         "markers",
         "hil(**tables): tables of bench.toml for one test, over those of --hil-config: "
@@ -78,27 +73,9 @@ def pytest_configure(config: pytest.Config) -> None:
         "hil_requires(profile, ..., axes=1): needs nodes of these profiles on the first axis, and "
         "as many axes; skipped on a bench without",
     )
-    bus = option(config, "firmware-bus") or "hub"
-    if bus != "hub" and "{worker}" not in bus and config.getoption("numprocesses", None):
-        raise pytest.UsageError(
-            f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
-        )
-    positive_option(config, "firmware-patience")
-    _register_fixtures(config)
     if path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
-
-
-def _register_fixtures(config: pytest.Config) -> None:
-    """Add the fixtures of abilities."""
-    from importlib import import_module
-
-    from hil_bench.ability import own_abilities
-
-    for ability in own_abilities():
-        if ability.fixtures:
-            config.pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
 
 
 def _load_config(config: pytest.Config) -> "BenchConfig":
@@ -182,7 +159,7 @@ def pytest_runtest_makereport(
     if call.when == "call" and report.failed:
         from hil_bench.pytest_plugin.failure_report import attach_files, describe_bench
 
-        report.sections += describe_bench(bench, item.stash.get(_FIRMWARE_BUS, None))
+        report.sections += describe_bench(bench)
         attach_files(item, bench, item.stash[_ARTIFACTS], report)
     return report
 
@@ -252,44 +229,6 @@ def bench(
 def hil_realtime(pytestconfig: pytest.Config) -> bool:
     """Return True if bench time passes with the clock: --hil-realtime, or a physical bus."""
     return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
-
-
-@pytest.fixture(name="firmware")  # the name `firmware` in here is the module's, once imported
-def _firmware(
-    request: pytest.FixtureRequest,
-    bench: "VirtualBench",
-    hil_realtime: bool,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> "Iterator[Callable[..., Firmware]]":
-    """Starts a program on the bench's bus: ``firmware("build/controller", "--bus", "{bus}")``.
-
-    In the arguments, ``{bus}`` becomes the bus: "vcan0", or "127.0.0.1:PORT" of the bench's own
-    hub. The environment tells it too, as HIL_BENCH_BUS and in python-can's variables. From the
-    first start on the program's SYNC lets bench time pass, or the clock with --hil-realtime. At the
-    end of the test each program gets SIGTERM, and the bench serves it while it ends.
-    """
-    if option(request.config, "interface"):
-        pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
-    from hil_bench.abilities.lockstep.firmware import HUB, FirmwareBus
-    from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, Patience
-    from hil_bench.errors import HilBenchError
-
-    longest = positive_option(request.config, "firmware-patience") or USUAL_PATIENCE.longest
-    patience = Patience(longest, _REMEDY)
-    name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
-    buses: list[FirmwareBus] = []
-
-    def start(*command: str | Path) -> "Firmware":
-        __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
-        if not buses:
-            bus = FirmwareBus(bench, name, is_realtime=hil_realtime, patience=patience)
-            buses.append(bus)
-            request.node.stash[_FIRMWARE_BUS] = buses[0]
-        return buses[0].start(command, tmp_path_factory.mktemp("firmware"))
-
-    yield start
-    for bus in buses:
-        bus.close()
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from typing import cast
 
 import pytest
 
-from hil_bench.abilities.lockstep.firmware import FirmwareBus
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
@@ -56,12 +55,10 @@ SHOWN_FRAMES = 20
 """Frames that a failed test shows."""
 
 
-def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
+def describe_bench(bench: VirtualBench) -> list[tuple[str, str]]:
     """Return the sections of the report that have something to say: frames, values, events."""
     sections = [*_frames(bench), ("last values", _values(bench))]
     sections += [(name, _events(log)) for name, log in bench.bench.events.items()]
-    if firmware is not None:
-        sections.append(("firmware", firmware.report()))
     return [(title, text) for title, text in sections if text]
 
 

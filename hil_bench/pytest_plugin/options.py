@@ -2,16 +2,14 @@
 
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import pytest
 
-_FIRMWARE_BUS = (
-    "bus between bench and firmware: 'hub', the bench's own on 127.0.0.1 (the default), or a "
-    "SocketCAN interface such as vcan0; {worker} is the number of the pytest-xdist worker"
-)
-
-_OPTIONS = {
+OPTIONS = {
     "config": ("FILE", "the bench.toml of the bench; without it the built-in bench of one axis"),
     "interface": (
         "NAME",
@@ -19,32 +17,37 @@ _OPTIONS = {
     ),
     "channel": ("NAME", "channel of that interface"),
     "seed": ("N", "seed of all random generators of the bench"),
-    "firmware-bus": ("NAME", _FIRMWARE_BUS),
-    "firmware-patience": (
-        "S",
-        "seconds without SYNC from firmware in lock-step after which its test fails (20)",
-    ),
     "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
     "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
 }
 
-_SWITCHES = {
+SWITCHES = {
     "realtime": "let bench time pass with the clock, as with hardware",
 }
 
 
-def add_options(parser: pytest.Parser) -> None:
-    """Add the options, each with an ini key of its name."""
+def add_options(
+    parser: pytest.Parser,
+    options: Mapping[str, tuple[str, str]],
+    switches: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Add options, each with an ini key of its name.
+
+    Args:
+        parser: of pytest.
+        options: name of the value and text for people, by the option's name.
+        switches: text for people by the name.
+    """
     group = parser.getgroup("hil-bench", "hil-bench: hydraulic axis behind CANopen devices")
-    for name, (metavar, text) in _OPTIONS.items():
+    for name, (metavar, text) in options.items():
         group.addoption(f"--hil-{name}", metavar=metavar, help=text)
         parser.addini(_key(name), text)
-    for name, text in _SWITCHES.items():
+    for name, text in switches.items():
         group.addoption(f"--hil-{name}", action="store_true", help=text)
         parser.addini(_key(name), text, type="bool", default=False)
 
 
-def option(config: pytest.Config, name: str) -> str | None:
+def option(config: pytest.Config, name: str) -> Any:  # noqa: ANN401 - a text or, of a switch, True
     """Return an option, else the ini key of its name, else None."""
     return config.getoption(_key(name)) or config.getini(_key(name)) or None
 
@@ -93,8 +96,11 @@ def is_on(config: pytest.Config, name: str) -> bool:
 
 def chosen_options(config: pytest.Config) -> str:
     """Return the chosen options, as in "seed 5, realtime"; empty without any."""
-    chosen = [f"{name} {value}" for name in _OPTIONS if (value := option(config, name))]
-    return ", ".join([*chosen, *(name for name in _SWITCHES if is_on(config, name))])
+    names = [key[4:].replace("_", "-") for key in vars(config.option) if key.startswith("hil_")]
+    values = {name: option(config, name) for name in names}
+    return ", ".join(
+        name if value is True else f"{name} {value}" for name, value in values.items() if value
+    )
 
 
 def versions() -> str:

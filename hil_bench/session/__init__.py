@@ -1,1 +1,1 @@
-"""A bench that runs: in real time, in lock-step, in virtual time, or beside a firmware program."""
+"""A bench that runs: in real time or in virtual time, and programs beside it."""

@@ -148,7 +148,7 @@ class AttachedBench:
 
     Every command acts at the start of the bench's next tick, and its method returns after that.
     `ConfigError`: the bench refuses it. `BusError`: the bench has ended. `WaitTimeoutError`: its
-    time stands still, as in lock-step while the controller sends no SYNC.
+    time stands still, as where a controller lets it pass and waits.
 
     Args:
         client: the connection.

@@ -1,4 +1,4 @@
-"""A program under test in a process of its own, its output in files."""
+"""A program under test in a process of its own, and patience with one that sends no SYNC."""
 
 import os
 import subprocess
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.errors import ControllerError, HilBenchError
+from hil_bench.outside.realtime.clock import Clock, MonotonicClock
+from hil_bench.outside.transports.transport import PATIENCE
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
@@ -108,3 +110,68 @@ class Program:
         """Return the last lines of its output, standard error last."""
         lines = [*self.stdout.splitlines(), *self.stderr.splitlines()]
         return "\n".join(lines[-SHOWN_LINES:])
+
+
+# Patience with a program whose SYNC lets bench time pass.
+
+
+class Patience(NamedTuple):
+    """The longest time that a controller may send no SYNC where that lets time pass.
+
+    Attributes:
+        longest: time after which it is given up [s].
+        right: what else would be right, for the message.
+    """
+
+    longest: float = 20.0
+    right: str = ""
+
+
+USUAL_PATIENCE = Patience()
+
+
+class Silence:
+    """The time without SYNC, which has an end.
+
+    Args:
+        patience: with the controller.
+        clock: the machine's clock; None is the monotonic one.
+    """
+
+    def __init__(self, patience: Patience = USUAL_PATIENCE, clock: Clock | None = None) -> None:
+        self._patience = patience
+        self._clock = clock or MonotonicClock()
+        self._began = 0
+        self._has_come = False
+        self._without_sync = 0.0
+
+    def begin(self) -> None:
+        """Begin to wait for a frame, at most `transport.PATIENCE`."""
+        self._began = self._clock.now()
+
+    def end(self, *, has_come: bool, has_synced: bool) -> None:
+        """End the wait.
+
+        Args:
+            has_come: whether a frame came.
+            has_synced: whether it was SYNC.
+
+        Raises:
+            ControllerError: no SYNC has come for as long as the patience lasts.
+        """
+        if has_synced:
+            self._has_come, self._without_sync = False, 0.0
+            return
+        # At most what was waited for: a machine that was suspended is not the controller's fault.
+        self._without_sync += min((self._clock.now() - self._began) * 1e-9, PATIENCE)
+        self._has_come |= has_come
+        if self._without_sync > self._patience.longest:
+            raise ControllerError(self._standstill())
+
+    def _standstill(self) -> str:
+        what = "frames, but no SYNC (0x080)" if self._has_come else "nobody has sent a frame"
+        right = "let the controller on this bus send SYNC (as producer: bit 30 of 0x1005, 0x1006)"
+        return (
+            f"{what} for {self._patience.longest:g} s, and without SYNC bench time stands still; "
+            f"{right}{self._patience.right}"
+        )

@@ -14,15 +14,6 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from hil_bench.abilities.lockstep.links import (
-    USUAL_PATIENCE,
-    ControllerLink,
-    LockStepLink,
-    Patience,
-    RealTimeLink,
-    advance,
-)
-from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
@@ -35,7 +26,6 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
-from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
 
@@ -199,48 +189,18 @@ class VirtualBench:
             self.pump(tick)
         return self.now() - start
 
-    def join(
-        self,
-        transport: Transport,
-        *,
-        pacer: Pacer | None = None,
-        patience: Patience = USUAL_PATIENCE,
-        check: Callable[[], None],
-    ) -> ControllerLink:
-        """Put the bench on a bus where another program controls it, in place of its own `buses`.
+    def leave_buses(self, pump: Callable[[float], None]) -> None:
+        """Shut down `buses`, as another program is to control the bench on a bus of its own.
 
-        From now on bench time passes in `run` and `run_until` as before, and in the link's `step`:
-        by that program's SYNC, `config.sync_period_ns` each; or by the clock where there is a
-        pacer.
+        From now on bench time is the session's, and passes in `run` and `run_until` as before.
 
         Args:
-            transport: the bus, or a `JoinedTransport`; it stays the caller's.
-            pacer: paces the bench in real time; None is lock-step.
-            patience: with a controller in lock-step.
-            check: called in `run` and `run_until` when nothing came from the bus; raises where
-                nothing will come any more.
-
-        Returns:
-            Bench and bus as one.
+            pump: lets bench time pass [s].
         """
         self._shut_down()
-        session = self.session
-        session.now = round(self.now() * 1e9)  # a wait may have ended between two ticks
-        if not session.now:
-            transport.send(session.tick((), 0))  # all boot
-        link: ControllerLink
-        if pacer is None:
-            lockstep = LockStep(
-                session,
-                tick_ns=self.config.tick_ns,
-                ticks_per_sync=self.config.ticks_per_sync,
-            )
-            link = LockStepLink(lockstep, transport, patience)
-        else:
-            link = RealTimeLink(session, transport, pacer)
-        self._clock = lambda: session.now * 1e-9
-        self.pump = lambda duration: advance(link, round(duration * 1e9), check)
-        return link
+        self.session.now = round(self.now() * 1e9)  # a wait may have ended between two ticks
+        self._clock = lambda: self.session.now * 1e-9
+        self.pump = pump
 
     def _shut_down(self) -> None:
         for bus in self.buses.values():

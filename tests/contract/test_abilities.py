@@ -27,6 +27,7 @@ GOLDEN = {
     "commissioning": "commissioning",
     "demo": "demo",
     "demo_modbus": "demo",
+    "lockstep_firmware": "lockstep",
     "modbus": "modbus",
     "shadow": "shadow",
 }

@@ -16,9 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import can
-from support.firmware import build_controller, run_session
 
-from hil_bench.abilities.lockstep.firmware import HUB
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
@@ -302,6 +300,10 @@ def frame_lines(frames: Iterable[object]) -> str:
 
 def lockstep_firmware(directory: Path) -> None:
     """Let the example's controller in C move the axis in lock-step over the hub."""
+    from support.firmware import build_controller, run_session  # noqa: PLC0415 - of an ability
+
+    from hil_bench.abilities.lockstep.firmware import HUB  # noqa: PLC0415 - likewise
+
     frames, signals = run_session(build_controller(directory), HUB, "30,-10", directory)
     for path in directory.iterdir():
         path.unlink()

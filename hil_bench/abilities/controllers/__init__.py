@@ -6,7 +6,6 @@ _SEAM = "hil_bench.abilities.controllers.seam"
 
 ABILITY = Ability(
     "controllers",
-    needs=("lockstep",),
     options={"run": "hil_bench.abilities.controllers.verbs.run_options"},
     fixtures="hil_bench.abilities.controllers.fixtures",
     registries={"kind of controller": "hil_bench.abilities.controllers.kinds:CONTROLLERS"},

@@ -9,6 +9,7 @@ from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.abilities.eyes.response_times import Message
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
 from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
 from hil_bench.frame import FD_LENGTHS
 from hil_bench.outside.bits import worst_bits, worst_fd_bits
@@ -20,7 +21,6 @@ _NS_PER_S: Final = 1_000_000_000
 _NS_PER_MS: Final = 1_000_000
 _INHIBIT_UNIT: Final = 100_000
 _CYCLIC: Final = range(1, 241)
-_SYNC_ID: Final = 0x080
 _HEARTBEAT_ID: Final = 0x700
 
 SDO_BLOCKING: Final = worst_bits(8)
@@ -69,7 +69,7 @@ def find_streams(nodes: Iterable[KnownNode], given: Assumptions) -> list[Stream]
             if known is None or stream.message.period < known.message.period:
                 found[stream.frame.can_id] = stream
     if any("SYNC" in stream.why for stream in found.values()):
-        found[_SYNC_ID] = _stream("SYNC", _SYNC_ID, 0, (given.cycle, "cycle"), given)
+        found[SYNC_COB_ID] = _stream("SYNC", SYNC_COB_ID, 0, (given.cycle, "cycle"), given)
     return [found[can_id] for can_id in sorted(found)]
 
 

@@ -7,9 +7,9 @@ from hil_bench.cli.arguments import parse_value
 from hil_bench.errors import ConfigError
 
 
-def add_options(parser: "argparse._ActionsContainer") -> None:
+def add_options(_: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:
     """Add `--fault`."""
-    parser.add_argument(
+    often.add_argument(
         "--fault",
         nargs="+",
         action="append",
@@ -18,10 +18,6 @@ def add_options(parser: "argparse._ActionsContainer") -> None:
         help="fault as KIND TARGET [KEY=VALUE ...], as in 'freeze pressure_a at_s=2 for_s=1'; "
         "repeat it for more faults (docs/faults.md)",
     )
-
-
-def take_over(_args: argparse.Namespace, *_known: object) -> None:
-    """Leave the verb as it is."""
 
 
 def given(args: argparse.Namespace) -> dict[str, object]:

@@ -2,4 +2,12 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("lockstep")
+_HERE = "hil_bench.abilities.lockstep"
+
+ABILITY = Ability(
+    "lockstep",
+    options={"run": f"{_HERE}.run_options", "commission": f"{_HERE}.commission_options"},
+    gives={"network": f"{_HERE}.commission_options"},
+    bench_methods={"join": f"{_HERE}.links:join"},
+    fixtures=f"{_HERE}.fixtures",
+)

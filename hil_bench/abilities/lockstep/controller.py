@@ -15,8 +15,9 @@ from collections.abc import Callable, Iterable, Sequence
 import can
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.transport import Transport
+from hil_bench.outside.transports.transport import FRAMES_AT_ONCE, Transport
 
 START_TIMEOUT = 10.0
 """Longest wait for the first answer [s]: the bench may just be starting."""
@@ -27,13 +28,10 @@ ANSWER_TIMEOUT = 2.0
 QUIET = 0.3
 """Time without a frame that shows that nothing happens by itself [s]."""
 
-FRAMES_AT_ONCE = 64
-"""Most frames taken from the bus before the bus is asked again."""
-
 MOST_ASKED = 3
 """Nodes that are asked for one end mark, one after the other, before the bench is given up."""
 
-_SYNC = Frame(0x080)
+_SYNC = Frame(SYNC_COB_ID)
 _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600, 0x580, 0x700
 _REQUEST = bytes.fromhex("4018100000000000")
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
 
-from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, ControllerLink, Patience
-from hil_bench.abilities.lockstep.lockstep import PATIENCE
+from hil_bench.abilities.lockstep.links import ControllerLink, join
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -15,8 +14,8 @@ from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
-from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.program import Program, environment
+from hil_bench.outside.transports.transport import PATIENCE, Transport
+from hil_bench.session.program import USUAL_PATIENCE, Patience, Program, environment
 from hil_bench.session.virtual_bench import VirtualBench
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
@@ -59,7 +58,7 @@ class FirmwareBus:
         )
         self.variables = environment(self.address)
         pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
-        self.link = bench.join(self._transport, pacer=pacer, patience=patience, check=self._check)
+        self.link = join(bench, self._transport, pacer=pacer, patience=patience, check=self._check)
 
     def start(self, command: Sequence[str | Path], directory: Path) -> "Firmware":
         """Start a program; see the `firmware` fixture."""

@@ -6,33 +6,20 @@ Both are the same to who waits: `advance` returns when bench time has come to a 
 
 from collections.abc import Callable
 from operator import methodcaller
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from hil_bench.abilities.lockstep.lockstep import PATIENCE, LockStep, LockStepBus
-from hil_bench.errors import ControllerError, HilBenchError
-from hil_bench.outside.realtime.clock import Clock, MonotonicClock
+from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepBus
+from hil_bench.errors import HilBenchError
+from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.paced import frames_per_tick
+from hil_bench.session.program import USUAL_PATIENCE, Patience, Silence
 from hil_bench.session.session import Session
+from hil_bench.session.virtual_bench import VirtualBench
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
-
-
-class Patience(NamedTuple):
-    """The longest time that a controller in lock-step may send no SYNC.
-
-    Attributes:
-        longest: time after which it is given up [s].
-        right: what else would be right, for the message.
-    """
-
-    longest: float = 20.0
-    right: str = ""
-
-
-USUAL_PATIENCE = Patience()
 
 
 class ControllerLink(Protocol):
@@ -47,53 +34,6 @@ class ControllerLink(Protocol):
 
     def drain(self) -> None:
         """Answer what has arrived already, without waiting for more."""
-
-
-class Silence:
-    """The time without SYNC, which has an end.
-
-    Args:
-        patience: with the controller.
-        clock: the machine's clock; None is the monotonic one.
-    """
-
-    def __init__(self, patience: Patience = USUAL_PATIENCE, clock: Clock | None = None) -> None:
-        self._patience = patience
-        self._clock = clock or MonotonicClock()
-        self._began = 0
-        self._has_come = False
-        self._without_sync = 0.0
-
-    def begin(self) -> None:
-        """Begin to wait for a frame, at most `lockstep.PATIENCE`."""
-        self._began = self._clock.now()
-
-    def end(self, *, has_come: bool, has_synced: bool) -> None:
-        """End the wait.
-
-        Args:
-            has_come: whether a frame came.
-            has_synced: whether it was SYNC.
-
-        Raises:
-            ControllerError: no SYNC has come for as long as the patience lasts.
-        """
-        if has_synced:
-            self._has_come, self._without_sync = False, 0.0
-            return
-        # At most what was waited for: a machine that was suspended is not the controller's fault.
-        self._without_sync += min((self._clock.now() - self._began) * 1e-9, PATIENCE)
-        self._has_come |= has_come
-        if self._without_sync > self._patience.longest:
-            raise ControllerError(self._standstill())
-
-    def _standstill(self) -> str:
-        what = "frames, but no SYNC (0x080)" if self._has_come else "nobody has sent a frame"
-        right = "let the controller on this bus send SYNC (as producer: bit 30 of 0x1005, 0x1006)"
-        return (
-            f"{what} for {self._patience.longest:g} s, and without SYNC bench time stands still; "
-            f"{right}{self._patience.right}"
-        )
 
 
 class LockStepLink:
@@ -124,7 +64,7 @@ class LockStepLink:
         return self._lockstep.now
 
     def step(self) -> bool:
-        """Take the next frame; return whether one came within `lockstep.PATIENCE`.
+        """Take the next frame; return whether one came within `transport.PATIENCE`.
 
         A `ControllerError` says that no SYNC has come for as long as its patience lasts.
         """
@@ -182,3 +122,40 @@ def advance(link: ControllerLink, duration: int, check: Callable[[], None]) -> N
     while link.now < end:
         if not link.step():
             check()
+
+
+def join(
+    bench: VirtualBench,
+    transport: Transport,
+    *,
+    pacer: Pacer | None = None,
+    patience: Patience = USUAL_PATIENCE,
+    check: Callable[[], None],
+) -> ControllerLink:
+    """Put a bench on a bus where another program controls it, in place of its own `buses`.
+
+    From now on bench time passes in `run` and `run_until` as before, and in the link's `step`: by
+    that program's SYNC, `config.sync_period_ns` each; or by the clock where there is a pacer.
+
+    Args:
+        bench: it.
+        transport: the bus, or a `JoinedTransport`; it stays the caller's.
+        pacer: paces the bench in real time; None is lock-step.
+        patience: with a controller in lock-step.
+        check: called in `run` and `run_until` when nothing came from the bus; raises where nothing
+            will come any more.
+
+    Returns:
+        Bench and bus as one.
+    """
+    bench.leave_buses(lambda duration: advance(link, round(duration * 1e9), check))
+    session, config = bench.session, bench.config
+    if not session.now:
+        transport.send(session.tick((), 0))  # all boot
+    link: ControllerLink
+    if pacer is None:
+        lockstep = LockStep(session, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync)
+        link = LockStepLink(lockstep, transport, patience)
+    else:
+        link = RealTimeLink(session, transport, pacer)
+    return link

@@ -13,23 +13,21 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import BusError, ConfigError, ControllerError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
-from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
+from hil_bench.outside.transports.transport import (
+    FRAMES_AT_ONCE,
+    PATIENCE,
+    Transport,
+    TransportCounters,
+    outage_at_end,
+)
 
 logger = logging.getLogger(__name__)
 
-SYNC_COB_ID: Final = 0x080
-"""Identifier of SYNC in the predefined connection set (CiA 301)."""
-
-PATIENCE: Final = 0.1
-"""Longest wait for a frame before `stopped` is asked again [s]."""
-
 LONG_SILENCE: Final = 5_000_000_000
 """Time without SYNC after which it is said that bench time stands still [ns]."""
-
-FRAMES_AT_ONCE: Final = 64
-"""Most frames taken from the bus before the bus is asked again."""
 
 
 class Stepped(Protocol):

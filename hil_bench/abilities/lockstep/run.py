@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import logging
 import math
+from collections.abc import Iterator
 
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
@@ -15,7 +16,16 @@ from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import event_lines, frame_lines, helper_lines, node_lines
 from hil_bench.cli.recording_arguments import recording_lines
-from hil_bench.cli.run_setup import RunSetup, lockstep_content, set_up
+from hil_bench.cli.run_setup import (
+    OpenBus,
+    RunSetup,
+    common_content,
+    fd_speedups,
+    hub_channels,
+    join_lines,
+    open_bus,
+    set_up,
+)
 from hil_bench.cli.status_line import (
     REFRESH,
     Field,
@@ -29,6 +39,8 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.transport import Transport
 
 # The status lines of a bench in lock-step.
@@ -102,8 +114,9 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args, modbus=args.modbus)
     for part in config.parts:
         if isinstance(part, Serving):
-            raise ConfigError(f"--lockstep: {part.no_lockstep}")
-    with set_up(args, config, is_real_time=False) as setup:
+            raise ConfigError(f"--lockstep: {part.real_time_only}, or --lockstep")
+    opens = open_bus if args.hub is None else host_bus
+    with set_up(args, config, is_real_time=False, open_buses=opens) as setup:
         announce = setup.announcement()
         setup.session.start()
         setup.bus.transport.send(setup.session.tick((), 0))
@@ -113,6 +126,20 @@ def run(args: argparse.Namespace) -> int:
     lines += helper_lines(helpers.lines())
     content = lockstep_content(report, setup, helpers)
     return setup.finish(Ending(args), helpers, report.lost, lines, content)
+
+
+@contextlib.contextmanager
+def host_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
+    """Host the buses of the configuration in this process, which waits for nobody in real time.
+
+    Yields:
+        The buses.
+    """
+    channels = hub_channels(config)
+    hosted = HostedBus(port=args.hub, channels=list(channels.values()), fd=fd_speedups(config))
+    with contextlib.closing(hosted):
+        lines = (f"bus    {hosted.description}", *join_lines(channels, hosted.host, hosted.port))
+        yield OpenBus(hosted, {"bus": hosted}, lines, (), USUAL_BITRATE * len(channels))
 
 
 def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
@@ -172,3 +199,22 @@ def summary_lines(report: LockStepReport, config: BenchConfig, bench: Bench) -> 
         *event_lines(bench),
         *node_lines(config, bench),
     ]
+
+
+def lockstep_content(
+    report: LockStepReport, setup: RunSetup, helpers: Helpers
+) -> dict[str, object]:
+    """Return the figures of a run in lock-step.
+
+    Args:
+        report: of the run.
+        setup: the bench, and what was open around it.
+        helpers: the processes beside the loop.
+    """
+    return {
+        "bench_time": report.now * 1e-9,
+        "wall_time": report.moved,
+        "syncs": report.syncs,
+        "sync_period": setup.config.sync_period_ns * 1e-9,
+        **common_content(report.frames, report.lost, setup, helpers),
+    }

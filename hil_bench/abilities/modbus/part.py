@@ -20,12 +20,12 @@ class ModbusPart(ModbusConfig):
     """The part that the table ``[modbus]`` describes; `ModbusConfig` is its data.
 
     Attributes:
-        no_lockstep: why clients cannot be served in lock-step.
+        real_time_only: why clients can be served in real time only.
     """
 
-    no_lockstep: ClassVar[str] = (
+    real_time_only: ClassVar[str] = (
         "Modbus clients ask in real time, and bench time would stand while they do; "
-        "leave --modbus and [modbus] out, or --lockstep"
+        "leave --modbus and [modbus] out"
     )
 
     @property

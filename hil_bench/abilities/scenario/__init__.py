@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=("commissioning", "controllers", "eyes", "faults", "j1939", "lockstep", "modbus"),
+    needs=("commissioning", "controllers", "eyes", "faults", "j1939", "modbus"),
     verbs={
         "test": Verb(
             "test",

@@ -15,7 +15,6 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     pack_command,
 )
 from hil_bench.abilities.j1939.protocol.identifier import join
-from hil_bench.abilities.lockstep.lockstep import SYNC_COB_ID
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding, Trace, judge_trace
@@ -41,6 +40,7 @@ from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
 from hil_bench.session.commands import Command, SetObject, SetPlant
 from hil_bench.session.session import Session

@@ -139,10 +139,10 @@ class Serving(Protocol):
     """A `Part` that serves others in real time, by processes beside the loop.
 
     Attributes:
-        no_lockstep: why it cannot do so in lock-step, and what to leave out.
+        real_time_only: why it can do so in real time only, and what else to leave out.
     """
 
-    no_lockstep: str
+    real_time_only: str
 
     def served(self, session: Any, config: "BenchConfig") -> AbstractContextManager[Served]:  # noqa: ANN401
         """Return the part at work on a session that runs by the clock, in place of `attached`."""
@@ -159,8 +159,8 @@ class BenchConfig:
         path: the file that it came from; None for the built-in bench.
         tick_ns: period of the loop [ns], an integer multiple of `step_ns`.
         step_ns: step of the plant's solver [ns].
-        sync_period_ns: how far each SYNC moves a bench in lock-step [ns], an integer multiple of
-            `tick_ns`.
+        sync_period_ns: how far each SYNC moves a bench whose time is its count [ns], an integer
+            multiple of `tick_ns`.
         seed: seed of every random generator of the bench.
         bus: the first CAN bus, and mostly the only one.
         axes: the axes, in the order of the file.
@@ -247,7 +247,7 @@ class BenchConfig:
 
     @property
     def ticks_per_sync(self) -> int:
-        """Ticks from SYNC to SYNC in lock-step."""
+        """Ticks from SYNC to SYNC, where each moves the bench."""
         return self.sync_period_ns // self.tick_ns
 
     @property

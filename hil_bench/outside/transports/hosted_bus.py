@@ -1,8 +1,8 @@
 """Buses that the bench's own thread hosts, for programs that join over TCP: socketcand's protocol.
 
 A frame reaches the bench without another process in between, and nothing happens but inside the
-calls of this transport. That suits a bench in lock-step; one in real time is better served by
-`hub_process`, which relays frames between clients while the bench is at work.
+calls of this transport. That suits a bench that waits for nobody in real time; another is better
+served by `hub_process`, which relays frames between clients while the bench is at work.
 """
 
 import errno

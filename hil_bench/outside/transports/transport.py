@@ -2,12 +2,18 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 
 # The interface of a bus to the bench.
+
+PATIENCE: Final = 0.1
+"""Longest wait for a frame of who has nothing else to do, before it looks at its own end [s]."""
+
+FRAMES_AT_ONCE: Final = 64
+"""Most frames that it takes from the bus before the bus is asked again."""
 
 
 @dataclass(slots=True)

@@ -10,6 +10,7 @@ from hil_bench.cli import main
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
 
+LOCKSTEP = "hil_bench.abilities.lockstep.commission_options"
 PLAN = """
 [plan]
 bench = "sheet.toml"
@@ -97,7 +98,10 @@ def test_in_lockstep_every_run_leaves_the_same_recording(folder, monkeypatch, ca
     recordings = []
     for name in ("first", "second"):
         bus = DirectLockStep(load_config(folder / "sheet.toml"))
-        monkeypatch.setattr("hil_bench.cli.controller_side.open_transport", lambda *_, bus=bus: bus)
+        monkeypatch.setattr(
+            f"{LOCKSTEP}.open_transport",
+            lambda *_, bus=bus: bus,
+        )
         arguments = ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", name]
         assert main(["commission", *arguments]) == 0, capsys.readouterr()
         recordings.append((folder / name / "commissioning.mf4").read_bytes())
@@ -165,7 +169,7 @@ LEFT = (
 def lockstep_bus(folder, monkeypatch):
     """A bench in lock-step that the verb is joined with, and the words that say so."""
     bus = DirectLockStep(load_config(folder / "sheet.toml"))
-    monkeypatch.setattr("hil_bench.cli.controller_side.open_transport", lambda *_: bus)
+    monkeypatch.setattr(f"{LOCKSTEP}.open_transport", lambda *_: bus)
     return bus, ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", "out"]
 
 

@@ -8,9 +8,9 @@ from hil_bench.cli.arguments import add_network_arguments
 from hil_bench.errors import ConfigError
 
 
-def add_options(container: "argparse._ActionsContainer") -> None:
+def add_options(parser: argparse.ArgumentParser, _: "argparse._ActionsContainer") -> None:
     """Add the arguments of the check of a bus."""
-    group = container.add_argument_group("devices on a bus")
+    group = parser.add_argument_group("devices on a bus")
     group.add_argument(
         "--bus",
         action="store_true",

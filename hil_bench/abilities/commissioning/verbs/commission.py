@@ -51,6 +51,7 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import Work, shown_work
+from hil_bench.cli.verbs import add_options, check_options
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.report import RecordingReport
@@ -66,10 +67,6 @@ def check_arguments(args: argparse.Namespace) -> None:
     """
     if args.machine and not args.virtual:
         raise ConfigError("--machine: is for a virtual machine; give --virtual too")
-    if args.lockstep and args.virtual:
-        raise ConfigError("--lockstep: --virtual has virtual time already; give one of both")
-    if args.sync_period_us is not None and not args.lockstep:
-        raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
     if args.restore and args.virtual:
         raise ConfigError("--restore: a virtual machine is new in every run; give a bus")
 
@@ -80,7 +77,7 @@ def check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: Ben
     Raises:
         ConfigError: it says which period would be right.
     """
-    if not (args.virtual or args.lockstep):
+    if not (args.virtual or getattr(args, "lockstep", False)):
         return
     step = machine.tick_ns if args.virtual else machine.sync_period_ns
     name = "tick_us" if args.virtual else "sync_period_us"
@@ -113,8 +110,6 @@ examples:
                                                        virtual machine that differs from bench.toml
   hil-bench commission plan.toml -i socketcan -c can0 --panel                 with a web page: the
                                                        step, its limits, live values, stop
-  hil-bench commission plan.toml -i socketcan -c vcan0 --lockstep --yes       beside
-                                                       'hil-bench run other.toml ... --lockstep'
 """
 
 
@@ -138,17 +133,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FILE",
         help="with --virtual: the bench.toml of the machine, where it differs from the data sheet",
     )
-    parser.add_argument(
-        "--lockstep",
-        action="store_true",
-        help="the bench on the bus runs with --lockstep: our SYNC lets its time pass",
-    )
-    parser.add_argument(
-        "--sync-period-us",
-        type=int,
-        metavar="US",
-        help="with --lockstep: the period that the bench was given",
-    )
+    add_options("commission", parser)
     parser.add_argument(
         "--yes", action="store_true", help="move without asking; --virtual never asks"
     )
@@ -171,6 +156,7 @@ def run(args: argparse.Namespace) -> int:
     A bus that is lost is said last; the report shows how far the plan came.
     """
     check_arguments(args)
+    check_options("commission", args)
     plan = load_plan(args.plan)
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)

@@ -56,7 +56,7 @@ def restore_command(args: argparse.Namespace) -> str:
     words = ["hil-bench", "commission", str(args.plan)]
     words += [args.config] if args.config else []
     words += bus_words(args)
-    words += ["--lockstep"] if args.lockstep else []
+    words += ["--lockstep"] if getattr(args, "lockstep", False) else []
     return shlex.join([*words, "--output", str(args.output), "--restore"])
 
 

@@ -7,9 +7,9 @@ from hil_bench.cli.arguments import parse_value
 from hil_bench.errors import ConfigError
 
 
-def add_options(group: "argparse._ActionsContainer") -> None:
+def add_options(_: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:
     """Add what puts a controller on the buses of the bench."""
-    group.add_argument(
+    often.add_argument(
         "--controller",
         nargs="+",
         action="append",

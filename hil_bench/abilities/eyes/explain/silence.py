@@ -6,6 +6,7 @@ from typing import Final
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.sync import SYNC_COB_ID
 
 _SHORTEST: Final = 250_000_000
 """Time without a frame from which on the senders that are due are counted [ns]."""
@@ -133,4 +134,4 @@ def _new(frame: Frame, now: int) -> _Rhythm:
     if frame.is_extended:
         return _Rhythm(now, -1 - (frame.can_id & 0xFF), is_heartbeat=False, is_sync=False)
     is_heartbeat = 0x700 < frame.can_id < 0x780
-    return _Rhythm(now, frame.can_id & 0x7F, is_heartbeat, frame.can_id == 0x080)
+    return _Rhythm(now, frame.can_id & 0x7F, is_heartbeat, frame.can_id == SYNC_COB_ID)

@@ -8,7 +8,7 @@ from hil_bench.errors import ConfigError
 _BUS_WORDS = ("interface", "channel", "bitrate", "bus_kwargs", "fd", "data_bitrate", "timing")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _: "argparse._ActionsContainer") -> None:
     """Add the bus and its nodes."""
     add_listening_arguments(parser, assumes=False)
 

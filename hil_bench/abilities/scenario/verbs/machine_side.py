@@ -128,7 +128,7 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         help="record what the drivers receive while the scenario plays; the suffix gives the "
         "format: .mf4 signals and frames, .csv signals",
     )
-    parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)
+    parser.set_defaults(virtual=False, on=None, config=None)
 
 
 def is_on_machine(args: argparse.Namespace) -> bool:

@@ -6,6 +6,13 @@ from pathlib import Path
 from hil_bench.abilities.scenario.verbs.scenario_arguments import add_parameter_argument, has_bus
 from hil_bench.errors import ConfigError
 
+EXAMPLES = """\
+  hil-bench run --scenario examples/scenarios/settling.scenario.toml
+                                       in real time, for people who watch; then the verdicts
+  hil-bench run --scenario sag.scenario.toml -i socketcan -c can0
+                                       the same, driven by the controller on the bus
+"""
+
 _NEVER = ("config", "duration", "lockstep", "fault")
 _WITH_A_BUS = (
     "modbus",
@@ -27,20 +34,29 @@ _INSTEAD = {
 }
 
 
-def add_options(group: "argparse._ActionsContainer") -> None:
+def add_options(_: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:
     """Add what concerns a bench that plays a scenario."""
-    group.add_argument(
+    often.add_argument(
         "--scenario",
         type=Path,
         metavar="FILE",
         help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
         "own controller drives, with one the controller there",
     )
-    add_parameter_argument(group)
+    add_parameter_argument(often)
 
 
 def take_over(args: argparse.Namespace) -> int | None:
-    """Play a scenario in place of a run where one is given.
+    """Play a scenario in place of a run where one is given."""
+    if args.scenario is None:
+        return None
+    from hil_bench.abilities.scenario.verbs import scenario_run  # noqa: PLC0415 - brings much
+
+    return scenario_run.run(args)
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Refuse what does not go with a scenario.
 
     Raises:
         ConfigError: it says which option and what would be right.
@@ -48,24 +64,12 @@ def take_over(args: argparse.Namespace) -> int | None:
     if args.scenario is None:
         if args.given:
             raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
-        return None
-    _refuse_others(args)
-    from hil_bench.abilities.scenario.verbs import scenario_run  # noqa: PLC0415 - brings much
-
-    return scenario_run.run(args)
-
-
-def _refuse_others(args: argparse.Namespace) -> None:
-    """Refuse what does not go with a scenario.
-
-    Raises:
-        ConfigError: it says which option and what would be right.
-    """
+        return
     for name in _NEVER:
-        if getattr(args, name):
+        if getattr(args, name, None):
             option, right = _INSTEAD[name]
             raise ConfigError(f"{option}: not with --scenario; {right}")
     for name in () if has_bus(args) else _WITH_A_BUS:
-        if getattr(args, name):
+        if getattr(args, name, None):
             option = f"--{name.replace('_', '-')}"
             raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")

@@ -92,7 +92,7 @@ class Ability(NamedTuple):
             gets the bench first.
         gives: modules for others by the name of who takes them: an ability, which need not be there
             and alone imports its module, or a part of the core. docs/abilities.md has them all.
-        fixtures: a plugin of pytest, with fixtures, options and hooks; imported in each of its runs.
+        fixtures: a plugin of pytest with fixtures, options, hooks; imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """

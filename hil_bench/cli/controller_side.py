@@ -90,7 +90,8 @@ def _open_otherwise(
     """Open the bus as an ability does whose options are given; None where none are."""
     for module in given_to("network"):
         opened: contextlib.AbstractContextManager[OpenNetwork] | None
-        if (opened := module.open_network(args, config)) is not None:
+        opened = module.open_network(args, config)
+        if opened is not None:
             return opened
     return None
 

@@ -44,7 +44,7 @@ ROUNDED = "by rounding: "
 SAME_UNITS = {"-", *(unit for units in UNITS.values() for unit in units)}
 WRONG_UNIT = ["makes no sense"]
 OPEN_UNIT = ["a number without a unit"]
-NO_GRID = ["not evenly spaced", "times do not go on"]
+NO_GRID = ["not evenly spaced", "the time does not go on", "has 1 rows", "has 0 rows"]
 
 
 def differences_in_memory(case: Case) -> Iterator[str]:

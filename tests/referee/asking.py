@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from statistics import median
 
 from referee.language import (
@@ -200,7 +200,13 @@ def laid_on_ticks(times: Sequence[Fraction], duration: Fraction | None):
     rows = [round(place) for place in places]
     is_off = any(abs(row - place) > Fraction(1, 4) for row, place in zip(rows, places, strict=True))
     if is_off or len(set(rows)) < len(rows):
-        return None
+        # Rows that jitter: each is so many ticks behind the one before, and the ends fit.
+        counts = [round(distance / median(distances)) for distance in distances]
+        rows = [0, *accumulate(counts)]
+        tick = Fraction(round((times[-1] - times[0]) / max(rows[-1], 1) * 10**9), 10**9)
+        off = [time - times[0] - row * tick for time, row in zip(times, rows, strict=True)]
+        if min(counts) < 1 or max(off) - min(off) > tick:
+            return None
     if duration is None:
         return rows, rows[-1] + 1, tick
     first = round(times[0] / tick)

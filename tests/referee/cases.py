@@ -170,6 +170,7 @@ class Draw:
         chance, tick = self._random, self._tick
         start = chance.choice([0, 0, 0, 1, 3, -2, Fraction(1, 4), Fraction(11, 8), 70]) * tick
         lost, moved = chance.choice([0, 0, 0.05, 0.2]), chance.choice([0, 0, 0, 0.05])
+        wander = chance.choice([*[0] * 9, Fraction(2, 5), Fraction(3, 5)]) * tick
         rows = []
         for place in range(ticks):
             if chance.random() < lost:
@@ -179,6 +180,7 @@ class Draw:
                 if chance.random() < moved
                 else 0
             )
+            aside += wander * (8 - abs(place % 16 - 8)) / 8
             rows.append((start + place * tick + aside, place))
             if chance.random() < moved / 20:
                 rows.append((rows[-1][0] + chance.choice([0, tick / 16]), place))

@@ -113,8 +113,8 @@ class Run:
         seen: how many of them there are up to the last that was recorded; all without it.
 
     Attributes:
-        closest: how near two sides of a comparison came, as a share of the larger; what is nearer
-            than the rounding of doubles, they may decide otherwise.
+        closest: how near two sides of a comparison or of an edge came, as a share of the larger;
+            what is nearer than the rounding of doubles, they may decide otherwise.
     """
 
     def __init__(
@@ -233,6 +233,9 @@ class Run:
         now, before = self.value(tree.of, tick), self.value(tree.of, max(tick - 1, 0))
         if now is None or before is None:
             return UNKNOWN
+        if now != before:  # equal in doubles where a sum swallows the change
+            nearest = float(abs(now - before) / max(abs(now), abs(before)))
+            self.closest = min(self.closest, nearest)
         holds = {"rises": now > before, "falls": now < before, "changes": now != before}
         return TRUE if holds[tree.name] else FALSE
 

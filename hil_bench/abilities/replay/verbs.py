@@ -33,7 +33,7 @@ from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.column_map import read_column_map, read_mapped
+from hil_bench.outside.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.evening import make_even
 from hil_bench.outside.recording.files import read_recording
@@ -202,10 +202,7 @@ def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:
         return read_recording(args.recording)
     axis = find_cylinder(config, args.axis, "replay --columns").name
     mapped = read_column_map(args.columns, args.map).of(args.recording.name)
-    for name, column in mapped.items():
-        if not column.polarity:
-            right = "give 1 or -1; identify finds it"
-            raise ConfigError(f"{args.recording}: the polarity of {name} is unknown; {right}")
+    check_polarities(args.recording, mapped)
     recorded = read_mapped(args.recording, mapped, axis)
     try:
         recorded, notes = make_even(recorded, list(recorded.dtype.names or ())[1:])

@@ -72,7 +72,8 @@ def show_reading(value: float, apart: float, unit: Unit) -> str:
         apart: how far it is from what it is close to.
         unit: in which to show it.
     """
-    more = math.log10(abs(value / apart)) if value and apart and math.isfinite(apart) else 0.0
+    is_close = value and apart and math.isfinite(apart)
+    more = math.log10(abs(value)) - math.log10(abs(apart)) if is_close else 0.0
     digits = min(_MOST_DIGITS, 4 + max(0, math.floor(more)))
     return _with_unit(unit.from_si(value), digits, unit)
 

@@ -94,6 +94,7 @@ def _terms(value: Value) -> Iterator[float]:
 
 
 _JITTER = 0.25  # of a tick that a row may be off its grid
+_MOST_JITTER = 0.5  # of a tick, and is said then: each row is still next to a tick of its own
 _MOST_TICKS = 100_000_000
 _FAR = 2.0**53  # ticks: a start that is further off is as good as this
 
@@ -107,7 +108,7 @@ class Trace(NamedTuple):
         tick_ns: time between two [ns].
         planned: how many the run has, behind these unknown; None for a run that ends with these.
         start: when its first tick is on the clock of the recording [s].
-        note: what of the recording is outside of the run; empty for nothing.
+        note: what of the recording is outside of the run, or off its ticks; empty for nothing.
     """
 
     columns: dict[str, Floats]
@@ -188,7 +189,7 @@ def lay_on_ticks(
     A `ConfigError` says that its rows are too few, or lie on no grid.
     """
     times = np.asarray(signals[TIME.name], dtype=np.float64)
-    rows, tick_ns = _number_rows(times, source)
+    rows, tick_ns, jitter = _number_rows(times, source)
     if start is None:
         start = float(times[0]) if duration is None else 0.0
     before = (float(times[0]) - start) * 1e9 / tick_ns
@@ -206,25 +207,63 @@ def lay_on_ticks(
     begin = float(times[0]) - int(rows[0]) * tick_ns / 1e9
     is_apart = not is_inside.all() or (planned is not None and rows[0] > 0)
     note = _outside(times, begin, None if planned is None else (planned - 1) * tick_ns / 1e9)
-    return Trace(columns, ticks, tick_ns, planned, begin, note if is_apart else "")
+    notes = "; ".join(filter(None, (note if is_apart else "", jitter)))
+    return Trace(columns, ticks, tick_ns, planned, begin, notes)
 
 
-def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int]:
-    """Return the tick of each row, counted from the first one, and the time between two [ns].
+def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int, str]:
+    """Return the tick of each row from the first one on, the time between two [ns], and a note.
 
     Raises:
         ConfigError: the rows are too few, or lie on no grid.
     """
+    if len(times) < 2:
+        raise ConfigError(f"{source}: has {len(times)} rows; give a recording of two or more")
+    if not np.isfinite(times).all():
+        row = int(np.argmin(np.isfinite(times)))
+        raise ConfigError(f"{source}: the time of row {row + 1} is no number")
     steps = np.diff(times)
-    if not len(steps) or not np.isfinite(times).all() or steps.min() <= 0.0:
-        raise ConfigError(f"{source}: times do not go on; give a recording of two rows or more")
-    tick_ns = round(float(np.median(steps)) * 1e9)
-    places = (times - times[0]) / (tick_ns * 1e-9) if tick_ns else times
+    if steps.min() <= 0.0:
+        first = int(np.argmax(steps <= 0.0))
+        was, now = times[first : first + 2]
+        raise ConfigError(f"{source}: the time does not go on: {was:.9g} s, and then {now:.9g} s")
+    usual = float(np.median(steps))
+    tick_ns = round(usual * 1e9)
+    if not tick_ns:
+        raise ConfigError(f"{source}: its rows are not evenly spaced, or less than 1 ns apart")
+    places = (times - times[0]) / (tick_ns * 1e-9)
     rows = np.rint(places)
-    if not tick_ns or np.abs(places - rows).max() > _JITTER or len(np.unique(rows)) < len(rows):
-        raise ConfigError(f"{source}: its rows are not evenly spaced; give one with a row a tick")
     _check_span(rows[-1] + 1, source)
-    return rows.astype(np.int64), tick_ns
+    if np.abs(places - rows).max() <= _JITTER and np.diff(rows).min() > 0.0:
+        return rows.astype(np.int64), tick_ns, ""
+    return _number_uneven(times, np.rint(steps / usual), source)
+
+
+def _number_uneven(
+    times: Floats, counts: Floats, source: str
+) -> tuple[npt.NDArray[np.int64], int, str]:
+    """Return the ticks of rows that jitter or drift against the usual time between two of them.
+
+    Args:
+        times: of the rows [s].
+        counts: how many ticks each is behind the one before.
+        source: how messages name the recording.
+
+    Raises:
+        ConfigError: a row is nearer to the tick of another one.
+    """
+    rows = np.concatenate(([0.0], np.cumsum(counts)))
+    tick_ns = round((times[-1] - times[0]) / max(rows[-1], 1.0) * 1e9)
+    off = times - times[0] - rows * tick_ns * 1e-9
+    off -= (off.max() + off.min()) / 2.0
+    worst = int(np.argmax(np.abs(off)))
+    if counts.min() < 1.0 or abs(off[worst]) > _MOST_JITTER * tick_ns * 1e-9:
+        raise ConfigError(
+            f"{source}: its rows are not evenly spaced, as at {times[worst]:.9g} s; "
+            "give one with a row a tick"
+        )
+    note = f"its rows are up to {1e3 * abs(off[worst]):.3g} ms off ticks of {tick_ns / 1e6:.6g} ms"
+    return rows.astype(np.int64), tick_ns, f"{note}, and so are the times of a verdict"
 
 
 def _check_span(ticks: float, source: str) -> None:

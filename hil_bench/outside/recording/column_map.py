@@ -122,13 +122,28 @@ def read_column_map(path: Path | None, options: Sequence[str]) -> ColumnMap:
     return ColumnMap(common | dict(map(_read_option, options)), files)
 
 
-def read_mapped(path: Path, mapped: Mapped, axis: str) -> Recording:
+def check_polarities(path: Path, mapped: Mapped) -> None:
+    """Refuse a map that leaves a polarity to be found.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for name, column in mapped.items():
+        if not column.polarity:
+            right = "give 1 or -1; identify finds it"
+            raise ConfigError(f"{path}: the polarity of {name} is unknown; {right}")
+
+
+def read_mapped(
+    path: Path, mapped: Mapped, axis: str, needed: Sequence[str] = _NEEDED
+) -> Recording:
     """Return the recording of an axis in a table of another tool.
 
     Args:
         path: of the table, CSV, MAT or MF4.
         mapped: its columns.
         axis: the name that its quantities get.
+        needed: the quantities that it must have.
 
     Raises:
         ConfigError: the table cannot be read, or the map and the table contradict each other.
@@ -136,12 +151,14 @@ def read_mapped(path: Path, mapped: Mapped, axis: str) -> Recording:
     table, units = read_columns(path), read_units(path)
     try:
         check_units(units, mapped)
-        return map_columns(table, mapped, axis)
+        return map_columns(table, mapped, axis, needed)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
+def map_columns(
+    table: Columns, mapped: Mapped, axis: str, needed: Sequence[str] = _NEEDED
+) -> Recording:
     """Return the recording of an axis that the columns of a table make.
 
     What a polarity of 0 leaves open is as it stands in the table.
@@ -149,7 +166,7 @@ def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
     Raises:
         ConfigError: a needed quantity has no column, or the table lacks one.
     """
-    for name in _NEEDED:
+    for name in needed:
         if name not in mapped:
             raise ConfigError(f"no column is {name}; name it in --columns or with --map")
     for quantity, column in mapped.items():

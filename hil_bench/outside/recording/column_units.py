@@ -65,7 +65,8 @@ def in_own_units(recording: Recording) -> Recording:
     channels = recording_channels(recording)
     found = [read_unit(channel.unit) for channel in channels]
     if found[0] is None or found[0].symbol != TIME.unit:
-        raise ConfigError(f'its time is in "{channels[0].unit}"; give it in s, ms, us or min')
+        given = f'is in "{channels[0].unit}"' if channels[0].unit else "has no unit"
+        raise ConfigError(f"its time {given}; give it in s, ms, us or min, as in time [s]")
     own = [
         channel if unit is None else Channel(channel.name, unit.symbol)
         for channel, unit in zip(channels, found, strict=True)

@@ -1,6 +1,6 @@
-"""Recordings as files: CSV with the names in the first row and the SI units in the second.
+"""Recordings as files: ours are CSV with the names in the first row and the SI units in the second.
 
-Any table tool reads it; with pandas: ``pandas.read_csv(path, skiprows=[1])``. Numbers are written
+Any table tool reads them; with pandas: ``pandas.read_csv(path, skiprows=[1])``. Numbers are written
 so that they read back exactly.
 """
 
@@ -22,7 +22,9 @@ from hil_bench.outside.recording.channels import (
     recording_dtype,
 )
 from hil_bench.outside.recording.column_units import in_own_units
+from hil_bench.outside.recording.foreign_table import as_recording, read_columns, read_units
 from hil_bench.outside.recording.mdf_reader import read_mdf
+from hil_bench.units import read_unit
 
 
 class RecordingFile:
@@ -72,23 +74,45 @@ def read_recording(path: Path) -> Recording:
     """Return the signals of a recording, by its suffix CSV or MF4, in the bench's own units.
 
     A column in a unit that is not known stays as it is. A CSV file that ends in the middle of a
-    row, because its writer was killed, loses that row.
+    row, because its writer was killed, loses that row. The columns of another tool keep their
+    names, less the brackets with the unit.
 
     Raises:
         ConfigError: the file cannot be read or holds something else.
     """
-    if path.suffix.lower() == ".mf4":
-        signals = read_mdf(path).signals
-        try:
-            return in_own_units(signals)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
+    is_mf4 = path.suffix.lower() == ".mf4"
+    recording = read_mdf(path).signals if is_mf4 else _read_csv(path)
+    try:
+        return in_own_units(recording)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def _read_csv(path: Path) -> Recording:
     with about_file(path, what="cannot be read", right="give a recording"):
         try:
-            with path.open(encoding="utf-8", newline="") as file:
-                return in_own_units(_parse(list(csv.reader(_complete_lines(file)))))
+            if _is_ours(path):
+                return _read_ours(path)
         except (ValueError, csv.Error) as error:
             raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
+    columns, units = read_columns(path), read_units(path)
+    try:
+        return as_recording(columns, units)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def _is_ours(path: Path) -> bool:
+    """Return True if a file begins as the bench's own do: time, and its unit alone below."""
+    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+        rows = csv.reader(file)
+        names, units = next(rows, []), next(rows, [])
+    return names[:1] == [TIME.name] and read_unit("".join(units[:1])) is not None
+
+
+def _read_ours(path: Path) -> Recording:
+    with path.open(encoding="utf-8", newline="") as file:
+        return _parse(list(csv.reader(_complete_lines(file))))
 
 
 def _complete_lines(lines: Iterable[str]) -> Iterator[str]:
@@ -99,13 +123,9 @@ def _complete_lines(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _parse(rows: list[list[str]]) -> Recording:
-    if len(rows) < 2:
-        raise ConfigError("it has no row of names and units")
     names, units, *values = rows
     if len(names) != len(units):
         raise ConfigError(f"it has {len(names)} names and {len(units)} units")
-    if names[:1] != [TIME.name]:
-        raise ConfigError(f"its first column is {', '.join(names[:1]) or 'empty'}, not {TIME.name}")
     for number, row in enumerate(values, start=3):
         if len(row) != len(names):
             raise ConfigError(f"row {number} has {len(row)} values, the first has {len(names)}")

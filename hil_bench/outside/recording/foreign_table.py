@@ -2,13 +2,20 @@
 
 import csv
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError, about_file, printable
-from hil_bench.outside.recording.channels import recording_channels
+from hil_bench.outside.recording.channels import (
+    TIME,
+    Channel,
+    Recording,
+    recording_channels,
+    recording_dtype,
+)
 from hil_bench.outside.recording.mat_reader import read_vectors
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
@@ -20,6 +27,7 @@ Columns = dict[str, Values]
 _DELIMITERS = ";\t,"
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]$")
 _HEAD = 50  # lines among which the one with the names is
+_TIMES = frozenset({"time", "t", "zeit"})
 
 
 def read_columns(path: Path) -> Columns:
@@ -60,9 +68,33 @@ def read_units(path: Path) -> dict[str, str]:
     return dict(zip(names, below[0] if below else (), strict=False)) | bracketed
 
 
+def as_recording(columns: Columns, units: Mapping[str, str]) -> Recording:
+    """Return a table of another tool as a recording, in its own units.
+
+    The time is the first column that is called time, t or Zeit, else the first of all. Brackets
+    with the unit are no part of a name, and two columns of one name are a `ConfigError`.
+
+    Args:
+        columns: of the table, as `read_columns` returns them.
+        units: as `read_units` returns them.
+    """
+    names = {column: _IN_BRACKETS.sub("", column).strip() for column in columns}
+    called = (column for column, name in names.items() if name.casefold() in _TIMES)
+    time = next(called, next(iter(columns)))
+    names = {time: TIME.name} | {column: names[column] for column in columns if column != time}
+    channels = [Channel(name, units.get(column, "")) for column, name in names.items()]
+    recording = np.empty(len(columns[time]), dtype=recording_dtype(channels))
+    for column, name in names.items():
+        recording[name] = columns[column]
+    return recording
+
+
 def _read_lines(path: Path) -> tuple[list[str], str]:
-    """Return the lines of a table, and its delimiter."""
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    """Return the lines of a table that have their ends, and its delimiter."""
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    lines = text.splitlines()
+    if text[-1:] not in {"", "\n", "\r"}:
+        lines.pop()  # its writer may have been killed within a number
     return lines, max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
 
 

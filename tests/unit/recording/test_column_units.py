@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil_bench.abilities.scenario.recorded import judge_with_trace
@@ -80,6 +80,7 @@ def test_a_column_is_read_in_the_units_of_the_bench(
     values=st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=4),
     limit=st.floats(-1e4, 1e4),
 )
+@example(row=("bar", "Pa", 1e5, 0.0), values=[5e-324, 0.0], limit=2.0)  # 5e-324 / 2e5 is 0
 def test_a_verdict_does_not_depend_on_the_unit_of_the_file(
     tmp_path_factory: pytest.TempPathFactory,
     row: tuple[str, str, float, float],

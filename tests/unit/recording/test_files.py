@@ -117,14 +117,14 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "it has no row of names and units"),
-        ("time\n", "it has no row of names and units"),
+        ("", "it has no row of numbers"),
+        ("time\n", "it has no row of numbers"),
         ("time,x\ns\n", "it has 2 names and 1 units"),
         ("time,time\ns,s\n", "recording channel time: is there twice; give each its own name"),
         ("time,x\ns,m\n1\n", "row 3 has 1 values, the first has 2"),
         ("time,x\ns,m\n1,fast\n", "could not convert string to float: 'fast'"),
-        ("x,time\nm,s\n", "its first column is x, not time"),
-        ("\n\n", "its first column is empty, not time"),
+        ("x,time\nm,s\n", "it has no row of numbers"),
+        ("\n\n", "it has no row of numbers"),
     ],
 )
 def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason: str) -> None:
@@ -134,6 +134,44 @@ def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason:
         read_recording(path)
 
     assert str(caught.value) == f"{path}: is no recording: {reason}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time [ms],axis1.P_A [bar]\n0,1\n10,\n",
+        "Time,axis1.P_A\nms,bar\n0,1\n10,-\n",
+        "logger 7\n\naxis1.P_A (bar);Zeit (ms)\n1,0;0\n;1,0e1\n",  # a comma in the numbers
+        "t [s]\taxis1.P_A [bar]\n0\t1\n0.01\tERR\n0.02\t2",  # its writer was killed
+    ],
+)
+def test_a_table_of_another_tool_is_a_recording(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    found = read_recording(path)
+
+    assert recording_channels(found) == (Channel("time", "s"), Channel("axis1.P_A", "Pa"))
+    assert found["time"].tolist() == [0.0, 0.01]
+    np.testing.assert_array_equal(found["axis1.P_A"], [1e5, math.nan])
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("t,x [mm]\n0,1\n", "its time has no unit; give it in s, ms, us or min, as in time [s]"),
+        ("x [mm]\n0\n", 'its time is in "mm"; give it in s'),
+        ("t [s],x [m],x [mm]\n0,1,2\n", "recording channel x: is there twice"),
+    ],
+)
+def test_a_table_of_another_tool_that_is_none_says_why(
+    tmp_path: Path, text: str, wrong: str
+) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read_recording(path)
+
+    assert str(caught.value).startswith(f"{path}: {wrong}")
 
 
 def test_a_binary_file_is_no_recording(tmp_path: Path) -> None:

@@ -40,11 +40,12 @@ def test_a_missing_row_is_unknown():
 @pytest.mark.parametrize(
     ("times", "wrong"),
     [
-        ([0.0], "times do not go on"),
-        ([0.0, 0.0], "times do not go on"),
-        ([0.0, float("nan")], "times do not go on"),
+        ([0.0], "has 1 rows; give a recording of two or more"),
+        ([0.0, 0.0], "the time does not go on: 0 s, and then 0 s"),
+        ([0.0, 2.0, 1.5, 3.0], "the time does not go on: 2 s, and then 1.5 s"),
+        ([0.0, float("nan")], "the time of row 2 is no number"),
         ([0.0, 1.0, 1.1, 2.0, 3.0], "not evenly spaced"),  # two rows of one tick
-        ([0.0, 1.0, 2.0, 3.4], "not evenly spaced"),
+        ([0.0, 1.0, 2.0, 3.0, 4.6, 5.0, 6.0, 6.6], "not evenly spaced, as at 4.6 s"),
         ([0.0, 1e-12, 2e-12], "not evenly spaced"),
         ([0.0, 1e-9, 2e-9, 1e3], "spans 1000000000001 ticks"),
     ],
@@ -52,6 +53,19 @@ def test_a_missing_row_is_unknown():
 def test_a_recording_without_a_grid_is_refused(times, wrong):
     with pytest.raises(ConfigError, match=wrong):
         lay_on_ticks(recording(*((time, 0.0) for time in times)), "r")
+
+
+def test_rows_that_jitter_keep_their_values_and_say_how_far_they_are_off():
+    """Rows are up to 0.4 of a tick late, by a clock that is 1 % slow; two ticks have none."""
+    late = {0: 0.0, 1: 0.2, 2: 0.4, 3: 0.3, 5: 0.1, 6: 0.0, 7: -0.2, 8: -0.4, 9: -0.2, 11: 0.0}
+    times = [1.01e-3 * (tick + share) for tick, share in late.items()]
+    found = lay_on_ticks(recording(*((time, value) for value, time in enumerate(times))), "r")
+    values = [0.0, 1.0, 2.0, 3.0, np.nan, 4.0, 5.0, 6.0, 7.0, 8.0, np.nan, 9.0]
+    np.testing.assert_array_equal(found.columns["p"], values)
+    assert found.tick_ns == 1_010_000
+    assert found.note == (
+        "its rows are up to 0.404 ms off ticks of 1.01 ms, and so are the times of a verdict"
+    )
 
 
 def test_the_verb_says_what_decides(tmp_path, capsys):
@@ -111,3 +125,21 @@ def test_only_missing_values_of_its_own_are_told():
     trace = Trace({name: np.array([1.0, np.nan]) for name in names}, 2, 1_000_000)
     reason = judge_trace(requirement, trace).judgement.reason
     assert reason == "axis1.P_A not seen after 0 s"
+
+
+def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_path, capsys):
+    """At 1 ms CH1 shows 260 bar."""
+    (tmp_path / "r.toml").write_text(PASSES)
+    (tmp_path / "scope.csv").write_text("t;CH1\n0;1,5\n1;260,0\n")
+    files = ["judge", str(tmp_path / "r.toml"), str(tmp_path / "scope.csv")]
+
+    assert main([*files, "--map", "t=time:ms", "--map", "CH1=P_A:bar"]) == ExitCode.CHECK_FAILED
+    assert "worst at 0.001 s: axis1.P_A was 260 bar" in capsys.readouterr().out
+    for options, wrong in (
+        ([], "scope.csv: its time has no unit"),
+        (["--axis", "lift"], "--axis is for --columns and --map"),
+        (["--map", "CH1=P_A:bar"], "no column is time"),
+        (["--map", "t=time:ms", "--map", "CH1=P_A:bar", "--axis", "lift"], "nearest is lift.P_A"),
+    ):
+        assert main([*files, *options]) == ExitCode.USAGE
+        assert wrong in capsys.readouterr().err

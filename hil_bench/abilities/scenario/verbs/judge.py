@@ -16,9 +16,13 @@ from hil_bench.abilities.scenario.verbs.scenario_report import (
     recording_chapter,
     write_report,
 )
+from hil_bench.cli.arguments import add_column_arguments
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import TIME, Recording
+from hil_bench.outside.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 
@@ -32,6 +36,7 @@ trigger never became true
 examples:
   hil-bench judge requirements.toml run.mf4
   hil-bench judge sag.scenario.toml run1.csv run2.csv --json
+  hil-bench judge requirements.toml scope.csv --map "CH1=P_A:bar" --map "s=time:ms"
   hil-bench judge requirements.toml run.mf4 --report report.html
 """
 
@@ -57,6 +62,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="time of the recordings at which the run begins, in s\n"
         "(default: 0 where the requirements have duration_s, else the first row)",
     )
+    foreign = parser.add_argument_group("tables of other tools")
+    add_column_arguments(foreign)
+    foreign.add_argument(
+        "--axis", metavar="NAME", help="axis whose quantities they are (default: axis1)"
+    )
     add_report_argument(parser)
     add_json_argument(parser)
     add_units_argument(parser)
@@ -69,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     judged: dict[Path, Judged] = {}
     chapters = []
     for path in args.recordings:
-        signals = read_recording(path)
+        signals = _read_signals(args, path)
         judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
         names = names_in(each.requirement.condition for each in judged[path].findings)
         warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
@@ -85,6 +95,21 @@ def run(args: argparse.Namespace) -> int:
         with ending.going_on():
             write_report(args, f"Judgement by {args.requirements}", chapters)
     return ending.code
+
+
+def _read_signals(args: argparse.Namespace, path: Path) -> Recording:
+    """Return a recording, with the names that a column map gives it.
+
+    Raises:
+        ConfigError: the map says too little, or there is none for the axis.
+    """
+    if not args.columns and not args.map:
+        if args.axis:
+            raise ConfigError("--axis is for --columns and --map; give one of them, too")
+        return read_recording(path)
+    mapped = read_column_map(args.columns, args.map).of(path.name)
+    check_polarities(path, mapped)
+    return read_mapped(path, mapped, args.axis or "axis1", (TIME.name,))
 
 
 def _seconds(text: str) -> float:

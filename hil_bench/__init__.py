@@ -9,7 +9,6 @@ _MODULES = {
     "bench.assembly": ("embedded_bus",),
     "bench.configuration": ("BenchConfig", "load_config"),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
-    "devices.faults.faults": ("Faults",),
     "outside.recording.frames": ("read_frames",),
     "outside.recording.signal_table": ("SignalTable", "open_recording"),
     "session.attached": ("AttachedBench", "attach"),

@@ -85,11 +85,16 @@ class Ability(NamedTuple):
             made with the tables of the nodes, too, and stands behind them in ``check``. One of
             devices beside the nodes says ``before_nodes = True``; it is made with the document, the
             section of the axes, the folder and the problems, and is a
-            `hil_bench.bench.configuration.peers.PeerSection`.
+            `hil_bench.bench.configuration.peers.PeerSection`. One that is about all of the bench
+            says ``of_bench = True``; it is made with the document, a
+            `hil_bench.bench.configuration.nodes_section.Whole` and the problems.
+        standing: those of `tables` whose section is made for a file without the table, too.
         bus_tables: of a bus, as ``[bus.wire]``: ``module:function`` by name, that reads one as a
             `hil_bench.bench.configuration.buses.BusTable`.
         bench_methods: of `hil_bench.VirtualBench`: ``module:function`` by name, of a function that
             gets the bench first.
+        bench_attributes: of it, too: ``module:function`` by name, of a function that returns the
+            attribute of a bench.
         gives: modules for others by the name of who takes them: an ability, which need not be there
             and alone imports its module, or a part of the core. docs/abilities.md has them all.
         fixtures: a plugin of pytest with fixtures, options, hooks; imported in each of its runs.
@@ -104,8 +109,10 @@ class Ability(NamedTuple):
     collectors: Mapping[str, str] = _NOTHING
     frame_reader: str = ""
     tables: Mapping[str, str] = _NOTHING
+    standing: tuple[str, ...] = ()
     bus_tables: Mapping[str, str] = _NOTHING
     bench_methods: Mapping[str, str] = _NOTHING
+    bench_attributes: Mapping[str, str] = _NOTHING
     gives: Mapping[str, str] = _NOTHING
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
@@ -134,7 +141,7 @@ def bus_tables() -> dict[str, Any]:
 
 
 def table_sections(names: Iterable[str]) -> dict[str, Any]:
-    """The sections that read tables of ``bench.toml``, by the tables' names.
+    """The sections that read tables of ``bench.toml``, by the tables' names, standing ones last.
 
     Other distributions are asked only for a name that no ability of the bench has.
 
@@ -145,7 +152,8 @@ def table_sections(names: Iterable[str]) -> dict[str, Any]:
     wanted = [name for name in names if name not in own]
     others = other_abilities()[0] if wanted else []
     known = own | {name: place for each in others for name, place in each.tables.items()}
-    return {name: load(known[name]) for name in names if name in known}
+    standing = [name for each in own_abilities() for name in each.standing]
+    return {name: load(known[name]) for name in dict.fromkeys([*names, *standing]) if name in known}
 
 
 def load(place: str) -> object:

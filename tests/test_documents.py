@@ -18,6 +18,7 @@ from support.fmus import write_law
 
 import hil_drivers.modbus
 from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.fmu.export import export_axis
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.panel.layouts import read_layout
@@ -183,7 +184,7 @@ def check_motion(config):
     """
     driven = {"valve_408", "drive_402"}
     nodes = [n for n in config.nodes if n.kind.name in driven and n.bus == FIRST_BUS]
-    if not nodes or config.faults:
+    if not nodes or config.of(FaultsPart).faults:
         return
     with VirtualBench(config) as bench, Network(bench.bus, clock=bench.now) as network:
         bench.pump = network.pump

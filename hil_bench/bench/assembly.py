@@ -13,7 +13,6 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.configuration.records import Joining, Peopled
-from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.peers import Peers
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
@@ -25,7 +24,6 @@ from hil_bench.canopen_device.storage import FileStorage
 from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import build_source
 from hil_bench.kinds.programs import build_programs
@@ -92,18 +90,7 @@ def build_bench(config: BenchConfig) -> Bench:
     carrier = next((bus.wire for bus in config.buses.values() if bus.wire is not None), None)
     if carrier is not None:
         bench.extend(carrier.medium(config, devices))
-    medium = bench.medium
-    points = {name: medium.point(each) for name, each in devices.items()} if medium else {}
-    wires = {name: point for name, point in points.items() if point is not None}
     bench.extend(peers)
-    faults = Faults(
-        find_fault_points(axes, nodes, parts, buses, wires, peers, supplies),
-        bench,
-        tick_ns=config.tick_ns,
-        seed=config.seed,
-    )
-    schedule_faults(faults, config.faults)
-    bench.extend(faults)
     for part in config.parts:
         if isinstance(part, Joining):
             bench.extend(part.extension(config, bench))

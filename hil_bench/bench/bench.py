@@ -24,7 +24,6 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.plants.plant import PlantGroup
 
 Act = Callable[[int], None]
@@ -102,8 +101,8 @@ class Medium(Protocol):
     def reported(self) -> Sequence[Frame]:
         """Return the error frames of the last tick."""
 
-    def point(self, device: object) -> WirePoint | None:
-        """Return the point at which faults act on a device; None where its bus takes no time."""
+    def point(self, device: object) -> Any:  # noqa: ANN401 - of the medium
+        """Return the end where a device is plugged in; None where its bus takes no time."""
 
     def standing(self, device: object) -> Mapping[str, object] | None:
         """Return the status of a device's CAN controller; None where its bus takes no time."""

@@ -5,7 +5,6 @@ from typing import Any, NoReturn, Protocol
 
 from hil_bench.bench.bench import Bench
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.faults.points import FaultPoints
 from hil_bench.errors import ConfigError
 
 
@@ -43,14 +42,6 @@ class Peers(dict[str, Any]):
 
     def join(self, bench: Bench) -> None:
         """Plug the devices in."""
-
-    def add_points(self, points: FaultPoints, buses: Mapping[str, int]) -> None:
-        """Add the points at which faults act on them.
-
-        Args:
-            points: those of the bench.
-            buses: the number of the bus of each device.
-        """
 
     def __missing__(self, name: str) -> NoReturn:
         known = f"give one of {', '.join(self)}" if self else "this bench has none"

@@ -89,6 +89,7 @@ class Switchboard:
         self._synchronised_at: int | None = None
         self._extended: dict[int, Handler] = {}
         self._preludes: list[Callable[[int], None]] = []
+        self._plugs: list[Callable[[], None]] = []
         self._plug_in()
 
     @property
@@ -102,16 +103,20 @@ class Switchboard:
             node.start(now)
         self._follow_routes(self.ports)
 
-    def host(self, bus: int, take: Handler, begin: Callable[[int], None]) -> None:
+    def host(
+        self, bus: int, take: Handler, begin: Callable[[int], None], plug: Callable[[], None]
+    ) -> None:
         """Let others than CANopen nodes have the frames with a 29-bit identifier.
 
         Args:
             bus: its number.
             take: takes such a frame of this bus.
             begin: called at the beginning of each round [ns].
+            plug: called now, and whenever a way between a device and a bus comes in.
         """
         self._extended[bus] = take
         self._preludes.append(begin)
+        self._plugs.append(plug)
         self._plug_in()
 
     def lay(self, owner: object, ways: Ways) -> None:
@@ -123,7 +128,27 @@ class Switchboard:
             self._layers[owner] = ways
             self._plug_in()
 
-    def ways_of(self, device: object) -> list[Way]:
+    def connect(self, device: object, emit: Emit) -> tuple[Emit, Callable[[], None] | None]:
+        """Put the ways of a device between it and what takes its frames at the bus.
+
+        Returns:
+            The callable that sends a frame, and the one that sends the late frames whose time has
+            come; None where none may be late.
+        """
+        release: Callable[[], None] | None = None
+        for way in self._ways_of(device):
+            if way.may_delay:
+                release = partial(_release, way, emit, release)
+            emit = way.sender(emit)
+        return emit, release
+
+    def guard(self, device: object, handle: Handler) -> Handler:
+        """Wrap a handler of a device so that frames from the bus pass its ways first."""
+        for way in self._ways_of(device)[::-1]:
+            handle = way.guard(handle)
+        return handle
+
+    def _ways_of(self, device: object) -> list[Way]:
         """Return the ways between a bus and a device, from the bus on."""
         return [ways[device] for ways in self._layers.values() if device in ways]
 
@@ -260,15 +285,12 @@ class Switchboard:
         self._deliveries = [way.deliver for way in late] + self._preludes
         self._releases = [port.release for port in self.ports if port.release is not None]
         self._merge_routes()
+        for plug in self._plugs:
+            plug()
 
     def _port(self, node: Node, bus: int) -> Port:
         emit: Emit = _numbered(self._sent.append, bus) if bus else self._sent.append
-        release: Callable[[], None] | None = None
-        for way in self.ways_of(node):
-            if way.may_delay:
-                release = partial(_release, way, emit, release)
-            emit = way.sender(emit)
-        return Port(node, emit, release)
+        return Port(node, *self.connect(node, emit))
 
     def _merge_routes(self) -> None:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""
@@ -279,13 +301,9 @@ class Switchboard:
         requests, syncs = set[int](), set[int]()
         for port in self.ports:
             node, bus = port.node, self._buses[port.node]
-            ways = self.ways_of(node)[::-1]
             for can_id, handler in node.routes.items():
                 address = address_of(can_id, bus)
-                taker = handler
-                for way in ways:
-                    taker = way.guard(taker)
-                routes.setdefault(address, []).append(taker)
+                routes.setdefault(address, []).append(self.guard(node, handler))
                 listeners.setdefault(address, []).append(port)
             for can_id in node.sent_ids:
                 self._watches.setdefault(address_of(can_id, bus), []).append(_foreign_counter(node))

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     """Check everything that can be checked without a bus, then print it or compare the bus."""
     config = load_bench_config(args)
     read_devices(config)
-    if any(isinstance(part, Joining) for part in config.parts):
+    if any(isinstance(part, Joining) and part.is_fitted for part in config.parts):
         from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
 
         build_bench(config)  # refuses parts that do not fit the devices

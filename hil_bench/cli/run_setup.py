@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
-from hil_bench.bench.configuration import BenchConfig, FaultConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.bench.events import event_content
@@ -299,14 +299,7 @@ def introduction(config: BenchConfig, bus: OpenBus, served: Sequence[Served]) ->
     lines = [f"bench  {source}, {rate}", *bus.lines]
     lines += [line for part in served for line in part.lines]
     lines += [line for part in config.parts for line in part.lines]
-    lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
     return "\n".join((*lines, "", device_table(config), ""))
-
-
-def fault_line(fault: FaultConfig) -> str:
-    """Describe a fault and its time."""
-    lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
-    return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
 
 
 # The timing of a run as a file for programs: summary and histograms in JSON.

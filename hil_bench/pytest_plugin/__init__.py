@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     import can
 
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
-    from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
@@ -229,12 +228,6 @@ def bench(
 def hil_realtime(pytestconfig: pytest.Config) -> bool:
     """Return True if bench time passes with the clock: --hil-realtime, or a physical bus."""
     return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
-
-
-@pytest.fixture
-def faults(bench: "VirtualBench") -> "Faults":
-    """The faults of the bench, as in ``faults.freeze("pressure_a")``."""
-    return bench.faults
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
+from hil_bench.ability import given_to
 from hil_bench.canopen_device.datatypes import Value
-from hil_bench.devices.faults.verbs import Verbs
-from hil_bench.errors import ConfigError
 from hil_bench.outside.feed.client import TIMEOUT, BenchEndError, FeedClient, connect
 from hil_bench.outside.feed.messages import pack_value, unpack_value
 from hil_bench.outside.recording.channels import Channel
@@ -32,59 +31,6 @@ def attach(name: str | None = None, *, timeout: float = TIMEOUT) -> "AttachedBen
         several run, and none is named.
     """
     return AttachedBench(connect(name, timeout), timeout)
-
-
-class AttachedFault:
-    """A fault that was begun from here; as a context manager it is cleared at the end of the block.
-
-    Args:
-        client: the connection to its bench.
-        number: of the fault.
-
-    Attributes:
-        number: as passed in.
-    """
-
-    def __init__(self, client: FeedClient, number: int) -> None:
-        self.number = number
-        self._client = client
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """End the fault with the next tick; nothing happens where it has ended."""
-        with contextlib.suppress(ConfigError):
-            self._client.request("clear_fault", number=self.number)
-
-
-class AttachedFaults(Verbs[AttachedFault]):
-    """The faults of an attached bench, with the verbs of `hil_bench.Faults`.
-
-    Args:
-        client: the connection.
-    """
-
-    def __init__(self, client: FeedClient) -> None:
-        self._client = client
-
-    def begin(self, kind: str, target: str, /, **arguments: object) -> AttachedFault:
-        """Begin a fault with the next tick.
-
-        Args:
-            kind: a verb of `hil_bench.Faults`.
-            target: the node or axis that it concerns.
-            arguments: of the verb, in SI; by name.
-        """
-        number = self._client.request("begin_fault", kind=kind, target=target, arguments=arguments)
-        return AttachedFault(self._client, number)
-
-    def clear(self) -> None:
-        """End all faults of the bench, planned ones too."""
-        self._client.request("clear_fault")
 
 
 class AttachedObjects:
@@ -157,7 +103,6 @@ class AttachedBench:
     Attributes:
         name: of the bench.
         channels: what `latest` and `rows` have beside the time.
-        faults: begins faults: ``bench.faults.freeze("pressure_a")``.
         nodes: the objects of each node by the node's name.
         ecus: the signals of each J1939 device by its name: ``bench.ecus["joystick"]["x"] = 50``.
     """
@@ -165,7 +110,6 @@ class AttachedBench:
     def __init__(self, client: FeedClient, timeout: float = TIMEOUT) -> None:
         self.name = client.name
         self.channels = tuple(Channel(*channel) for channel in client.hello["channels"])
-        self.faults = AttachedFaults(client)
         names = client.hello["nodes"]
         self.nodes: Mapping[str, AttachedObjects] = {
             name: AttachedObjects(client, name) for name in names
@@ -175,6 +119,17 @@ class AttachedBench:
         }
         self._client = client
         self._timeout = timeout
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any ability
+        """Return an attribute that an ability brings, as `faults`.
+
+        Raises:
+            AttributeError: none brings this one.
+        """
+        for module in given_to("attached") if not name.startswith("_") else ():
+            if name in module.ATTRIBUTES:
+                return module.ATTRIBUTES[name](self._client)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __enter__(self) -> Self:
         return self

@@ -12,13 +12,12 @@ from contextlib import ExitStack
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, cast
 
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder
@@ -133,11 +132,6 @@ class VirtualBench:
         return None if self._recording is None else self._recording.report
 
     @property
-    def faults(self) -> Faults:
-        """The faults of the bench, as in ``bench.faults.freeze("pressure_a")``."""
-        return self.bench.part(Faults)
-
-    @property
     def signals(self) -> SignalTable:
         """The signals so far, one row per tick: `time` [s] first, then the channels in SI units."""
         return as_table(self._recorder.result())
@@ -219,15 +213,16 @@ class VirtualBench:
             observe(time)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any ability
-        """Return a method that an ability brings, as `modbus_link`.
+        """Return a method or an attribute that an ability brings, as `modbus_link` and `faults`.
 
         Raises:
             AttributeError: none brings this one.
         """
         for ability in own_abilities() if not name.startswith("_") else ():
+            if place := ability.bench_attributes.get(name):
+                return cast("Callable[[VirtualBench], Any]", load(place))(self)
             if place := ability.bench_methods.get(name):
-                method: Any = load(place)
-                return partial(method, self)
+                return partial(cast("Callable[..., Any]", load(place)), self)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _SOURCES = {".py", ".lark", ".eds", ".toml", ".tsv"}
 _LENGTH = 32  # hexadecimal digits of a digest: 128 bits
-_LEFT_OUT = {"path", "settings", "realtime", "sensor_units"}
+_LEFT_OUT = {"path", "settings", "realtime"}
 """Of a bench: they change nothing in virtual time."""
 
 

@@ -18,7 +18,6 @@ from hil_bench.abilities.doctor.machine import (
 )
 from hil_bench.ability import abilities, load, own_abilities
 from hil_bench.bench.compiled import HOW, Core, look_at_core
-from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.kinds.registry import KINDS
 from hil_bench.outside.transports.bus_load import bitrate_text
 from hil_bench.outside.transports.can_interfaces import CanInterface, can_interfaces, has_socketcan
@@ -84,7 +83,6 @@ def examine_extensions() -> Topic:
     """The kinds and abilities that are installed besides the bench's own; each is imported."""
     findings = [_kind("kind of device", extension) for extension in KINDS.extensions()]
     findings += [_kind("kind of plant", extension) for extension in PLANTS.extensions()]
-    findings += [_kind("kind of fault", extension) for extension in FAULT_KINDS.extensions()]
     for ability in own_abilities():
         for what, place in ability.registries.items():
             registry = cast("Registry[object]", load(place))

@@ -5,7 +5,6 @@ import multiprocessing
 from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,8 +46,7 @@ def examine_devices(config: BenchConfig) -> list[Examination]:
     The faults of the bench are left out: a broken device breaks clauses. Where a device keeps its
     parameters in a file, so are the checks that would overwrite them.
     """
-    sound = replace(config, faults=())
-    return [_examine(sound, node) for node in config.nodes]
+    return [_examine(config.sound, node) for node in config.nodes]
 
 
 def _examine(config: BenchConfig, node: NodeConfig) -> Examination:

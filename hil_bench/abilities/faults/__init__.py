@@ -6,9 +6,16 @@ _HERE = "hil_bench.abilities.faults"
 
 ABILITY = Ability(
     "faults",
+    tables={"faults": "hil_bench.abilities.faults.section:FaultsSection"},
+    standing=("faults",),
+    bench_attributes={"faults": "hil_bench.devices.faults.faults:faults_of"},
+    fixtures=f"{_HERE}.fixtures",
+    registries={"kind of fault": "hil_bench.devices.faults.registry:FAULT_KINDS"},
+    exports={"Faults": "hil_bench.devices.faults.faults"},
     options={"run": f"{_HERE}.options", "check": f"{_HERE}.options"},
     gives={
         "arguments": f"{_HERE}.options",
+        "attached": f"{_HERE}.attached",
         "ctl": f"{_HERE}.ctl",
         "feed": f"{_HERE}.requests",
     },

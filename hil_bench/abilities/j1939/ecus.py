@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
-from typing import Protocol
+from typing import Any, Protocol
 
-from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
 from hil_bench.abilities.j1939.protocol.diagnostics import TroubleCode
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
@@ -16,11 +15,8 @@ from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
 from hil_bench.abilities.j1939.protocol.values import EcuValue
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.peers import Peers
-from hil_bench.bench.switchboard import Way
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.faults.line import Line
-from hil_bench.devices.faults.points import NODES, FaultPoints, NodePoint
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.units import ONE
@@ -35,7 +31,6 @@ class EcuStation:
     Attributes:
         name: as in the configuration.
         ecu: its ECU.
-        line: its connection, where faults get at its frames.
         advance: what the device does in each tick [ns]; None where it has nothing to do.
         signals: what it sends and a fault may indicate, by name.
         values: what it shows, by name.
@@ -43,7 +38,6 @@ class EcuStation:
 
     name: str
     ecu: Ecu
-    line: Line
     advance: Callable[[int], None] | None
     signals: dict[str, SentSignal]
     values: dict[str, EcuValue]
@@ -56,10 +50,15 @@ class Board(Protocol):
     def emit(self) -> Emit:
         """Takes a frame that is sent."""
 
-    def ways_of(self, device: object) -> Sequence[Way]:
-        """Return the ways between the bus and a device, on a bus of copper its CAN controller."""
+    def connect(self, device: object, emit: Emit) -> tuple[Emit, Callable[[], None] | None]:
+        """Put the ways of a device, as its CAN controller on copper, between it and `emit`."""
 
-    def host(self, bus: int, take: Handler, begin: Callable[[int], None]) -> None:
+    def guard(self, device: object, handle: Handler) -> Handler:
+        """Wrap a handler of a device so that frames from the bus pass its ways first."""
+
+    def host(
+        self, bus: int, take: Handler, begin: Callable[[int], None], plug: Callable[[], None]
+    ) -> None:
         """Hand frames with a 29-bit identifier to `take`; call `begin` before each round."""
 
 
@@ -84,19 +83,20 @@ class Segment:
         self._board: Board | None = None
         self._sent: list[tuple[EcuStation, Frame]] = []
         self._heard: list[tuple[EcuStation, Frame]] = []
-        self._ways = [(each, each.line.guard(each.ecu.receive)) for each in self.stations]
-        self._emits: list[tuple[EcuStation, Emit]] = [
-            (each, partial(self._emit, each)) for each in self.stations
-        ]
+        self._takers: list[tuple[EcuStation, Handler]] = []
+        self._senders: list[tuple[EcuStation, Emit, Callable[[], None] | None]] = []
 
     def join(self, board: Board) -> None:
-        """Plug the segment in, each device by its ways."""
+        """Plug the segment in."""
         self._board = board
-        for place, station in enumerate(self.stations):
-            for way in board.ways_of(station.ecu):
-                self._emits[place] = station, way.sender(self._emits[place][1])
-                self._ways[place] = station, way.guard(self._ways[place][1])
-        board.host(self.number, self._receive, self._begin)
+        board.host(self.number, self._receive, self._begin, partial(self._plug, board))
+
+    def _plug(self, board: Board) -> None:
+        """Give each device its ways to the bus."""
+        self._takers = [(each, board.guard(each.ecu, each.ecu.receive)) for each in self.stations]
+        self._senders = [
+            (each, *board.connect(each.ecu, partial(self._emit, each))) for each in self.stations
+        ]
 
     def start(self, now: int) -> None:
         """Power all devices on at `now` [ns]."""
@@ -105,26 +105,24 @@ class Segment:
 
     def advance(self, now: int) -> None:
         """Let the devices act, and send what is due."""
-        for station, emit in self._emits:
+        for station, send, release in self._senders:
             if station.advance is not None:
                 station.advance(now)
-            send = station.line.sender(emit) if station.line.meetings else emit
             station.ecu.serve(now, send)
-            station.line.release(emit)
+            if release is not None:
+                release()
         self._heard, self._sent = self._sent, []
 
     def _begin(self, now: int) -> None:
-        """Hand over what the devices have sent in the last round, and what was late."""
+        """Hand over what the devices have sent in the last round."""
         heard, self._heard = self._heard, []
-        for station in self.stations:
-            station.line.deliver(now)
         for sender, frame in heard:
-            for station, take in self._ways:
+            for station, take in self._takers:
                 if station is not sender:
                     take(frame, now)
 
     def _receive(self, frame: Frame, now: int) -> None:
-        for _, take in self._ways:
+        for _, take in self._takers:
             take(frame, now)
 
     def _emit(self, station: EcuStation, frame: Frame) -> None:
@@ -155,9 +153,7 @@ def build_ecus(
             component = each.component.encode("latin-1", "replace")
             ecu.provide(COMPONENT, lambda component=component: component)  # type: ignore[misc]
         fitting, signals, values = each.kind.fit(each, ecu, surroundings)
-        station = EcuStation(
-            each.name, ecu, Line(ecu), fitting.advance, dict(signals), dict(values)
-        )
+        station = EcuStation(each.name, ecu, fitting.advance, dict(signals), dict(values))
         stations.setdefault(numbers[each.bus], []).append(station)
         fittings[each.name] = fitting
     return EcuTable([Segment(number, those) for number, those in stations.items()], fittings)
@@ -264,16 +260,9 @@ class EcuTable(Peers):
             bench.starts.append(segment.start)
             bench.acts.append(segment.advance)
 
-    def add_points(self, points: FaultPoints, buses: Mapping[str, int]) -> None:
+    def add_points(self, points: Any, buses: Mapping[str, int]) -> None:  # noqa: ANN401 - of faults
         """Add the points at which faults act on them."""
+        from hil_bench.abilities.j1939.fault_kinds import add_points  # noqa: PLC0415 - of faults
+
         for name, station in self._stations.items():
-            ecu, stop = station.ecu, partial(_stop, station.ecu)
-            points.of(NODES)[name] = NodePoint(ecu, stop, ecu.start, buses[name], station.line)
-            points.of(ECUS)[name] = ecu
-            points.of(SIGNALS).update(
-                {f"{name}.{each}": signal for each, signal in station.signals.items()}
-            )
-
-
-def _stop(ecu: Ecu, _now: int) -> None:
-    ecu.stop()
+            add_points(points, name, station.ecu, station.signals, buses[name])

@@ -1,6 +1,11 @@
-"""The kinds of faults of J1939 devices."""
+"""The faults of J1939 devices: kinds, targets, and the points at which they act.
 
-from typing import Final
+Only `faults` imports it, or what it asks.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import Any, Final
 
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
@@ -11,8 +16,8 @@ from hil_bench.config.values import choice, integer
 from hil_bench.devices.faults.checks import choose, count
 from hil_bench.devices.faults.effects import Acts, listed
 from hil_bench.devices.faults.fault import Effect
-from hil_bench.devices.faults.kind import Site, fault_kind
-from hil_bench.devices.faults.points import Group
+from hil_bench.devices.faults.kind import UNITS, Site, fault_kind
+from hil_bench.devices.faults.points import NODES, SENSORS, VALVES, FaultPoints, Group, NodePoint
 from hil_bench.errors import ConfigError
 
 ECUS: Final[Group[Ecu]] = Group("ecus", "J1939 device")
@@ -64,3 +69,39 @@ def readdress(device: Site, address: int) -> Effect:
         ecu.false_address = None
 
     return Acts(use, leave)
+
+
+def name_targets(
+    devices: Iterable[str],
+    sensors: Mapping[str, str],
+    valves: Iterable[str],
+    signals: Iterable[str],
+) -> dict[str, dict[str, Any]]:
+    """Return the targets of faults by group, sensors with the units of their amounts.
+
+    Args:
+        devices: their names.
+        sensors: the SI units of those signals that measure something.
+        valves: the devices and signals that command an axis.
+        signals: the names of all that are sent.
+    """
+    return {
+        SENSORS.name: {name: UNITS.get(unit) for name, unit in sensors.items()},
+        VALVES.name: dict.fromkeys(valves),
+        NODES.name: dict.fromkeys(devices),
+        ECUS.name: dict.fromkeys(devices),
+        SIGNALS.name: dict.fromkeys(signals),
+    }
+
+
+def add_points(
+    points: FaultPoints, name: str, ecu: Ecu, signals: Mapping[str, SentSignal], bus: int
+) -> None:
+    """Add the points of a device on a numbered bus."""
+    points.of(NODES)[name] = NodePoint(ecu, partial(_stop, ecu), ecu.start, bus)
+    points.of(ECUS)[name] = ecu
+    points.of(SIGNALS).update({f"{name}.{each}": signal for each, signal in signals.items()})
+
+
+def _stop(ecu: Ecu, _now: int) -> None:
+    ecu.stop()

@@ -21,7 +21,10 @@ class ModbusPart(ModbusConfig):
 
     Attributes:
         real_time_only: why clients can be served in real time only.
+        is_fitted: True: registers want what the devices have.
     """
+
+    is_fitted: ClassVar[bool] = True
 
     real_time_only: ClassVar[str] = (
         "Modbus clients ask in real time, and bench time would stand while they do; "

@@ -24,7 +24,7 @@ from hil_bench.abilities.scenario.resolve import (
 )
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
-from hil_bench.bench.configuration import FaultConfig
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.units import ONE

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
+from hil_bench.abilities.faults.section import build_fault, check_amount, check_effect
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
@@ -24,10 +25,9 @@ from hil_bench.abilities.scenario.records import (
 )
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.faults import build_fault, check_amount, check_effect
-from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.settings import Problems, read_table
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session

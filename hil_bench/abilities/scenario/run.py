@@ -17,6 +17,8 @@ from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.section import ControllersConfig, config_of
+from hil_bench.abilities.faults.building import schedule_faults
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, Step, SyncStep
@@ -33,11 +35,11 @@ from hil_bench.abilities.scenario.stage import Director, Stage
 from hil_bench.abilities.scenario.targets import Targets
 from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
 from hil_bench.abilities.scenario.witness import bench_vocabulary
-from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.events import event_spans
-from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scratch import scratch_folder
@@ -277,7 +279,8 @@ def prepare_on(
     Raises:
         ConfigError: something does not fit; a line a problem.
     """
-    actions = resolve_steps(scenario, config.tick_ns, values, config.sensor_units)
+    units = (config.of(FaultsPart) or FaultsPart()).sensor_units
+    actions = resolve_steps(scenario, config.tick_ns, values, units)
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()
     problems = [

@@ -33,7 +33,7 @@ from hil_bench.abilities.scenario.targets import (
 )
 from hil_bench.abilities.scenario.witness import Witness
 from hil_bench.bench.assembly import number_buses
-from hil_bench.bench.configuration import BenchConfig, FaultConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
@@ -41,6 +41,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.canopen_device.sync import SYNC_COB_ID
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.session.commands import Command, SetObject, SetPlant
 from hil_bench.session.session import Session

@@ -6,14 +6,16 @@ from dataclasses import fields
 from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
 from hil_bench.abilities.scenario.resolve import SetAction, TimedAction
 from hil_bench.abilities.scenario.targets import MODBUS
-from hil_bench.bench.configuration import BenchConfig, FaultConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.points import SENSORS, VALVES, Group
 from hil_bench.devices.faults.registry import find_fault_kind
 from hil_bench.kinds.registry import VALVE
@@ -64,7 +66,8 @@ def idle_steps(
     """
     yield from _idle_switches(scenario, actions)
     is_bare = scenario.controller is None or bool(scenario.controller.example)
-    if is_bare and not config.parts:  # a controller of the bench may enable and read anything
+    others = [part for part in config.parts if not isinstance(part, FaultsPart)]
+    if is_bare and not others:  # a controller of the bench may enable and read anything
         yield from _idle_valves(scenario, actions, config)
         yield from _unread_sensors(scenario, actions, config, nodes)
 

@@ -195,7 +195,7 @@ def _sound(config: BenchConfig) -> BenchConfig:
     """Return a bench without faults, stored parameters, Modbus and noise; it must have an axis."""
     axes = (config.first_axis, *config.axes[1:])
     nodes = tuple(_sound_node(node) for node in config.nodes)
-    return replace(config, axes=axes, nodes=nodes, faults=(), parts=())
+    return replace(config, axes=axes, nodes=nodes, parts=())
 
 
 def _sound_node(node: NodeConfig) -> NodeConfig:

@@ -2,7 +2,7 @@
 
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE, load_config
 from hil_bench.bench.configuration.loop import SEED_VARIABLE
-from hil_bench.bench.configuration.records import BenchConfig, BusConfig, FaultConfig
+from hil_bench.bench.configuration.records import BenchConfig, BusConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.kind import NodeConfig
@@ -15,7 +15,6 @@ __all__ = [
     "AxisConfig",
     "BenchConfig",
     "BusConfig",
-    "FaultConfig",
     "NodeConfig",
     "Origin",
     "OverrunPolicy",

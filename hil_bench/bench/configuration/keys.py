@@ -33,7 +33,7 @@ from hil_bench.plants.registry import DEFAULT_PLANT
 _HIGHEST_NODE_ID = 127
 _INTERFACES = {"socketcan", "socketcand", "virtual"}  # every python-can has them
 
-TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes", "faults")
+TABLES = ("bench", "bus", "buses", "supply", "plant", "nodes")
 
 
 def interface(value: object) -> str:

@@ -1,18 +1,18 @@
 """Loading: command line, environment and file to one `BenchConfig`."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hil_bench.ability import own_tables, table_sections
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.eds_findings import warn_of_nodes
-from hil_bench.bench.configuration.faults import FaultsSection
 from hil_bench.bench.configuration.keys import TABLES
 from hil_bench.bench.configuration.loop import LoopSection
 from hil_bench.bench.configuration.nodes import needs_axis
-from hil_bench.bench.configuration.nodes_section import NodesSection
+from hil_bench.bench.configuration.nodes_section import NodesSection, Whole
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.bench.configuration.supplies import SuppliesSection
 from hil_bench.config.document import Sort, check_tables, merge, read_document
@@ -31,9 +31,8 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bitrate: int | None = None,
     bus_options: Mapping[str, str | int | float | bool] | None = None,
     loop: Mapping[str, object] | None = None,
-    modbus: bool = False,
-    faults: Sequence[Mapping[str, object]] = (),
     tables: Mapping[str, object] | None = None,
+    **given: Any,  # noqa: ANN401 - of abilities
 ) -> BenchConfig:
     """Return the bench that the command line, the environment and a file describe.
 
@@ -51,14 +50,20 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         bitrate: bit rate [bit/s].
         bus_options: further keyword arguments of that interface's bus class.
         loop: keys of ``[bench]`` that say what makes the ticks, such as ``realtime``.
-        modbus: serve Modbus even where the file has no ``[modbus]``.
-        faults: tables of ``[[faults]]``, which come to those of the file.
         tables: tables as the file has them, nested; their keys win over the file's.
+        given: by the name of an ability's table, True for one with its defaults where the file has
+            none, as in ``modbus=True``, or a list of tables that come to those of the file, as in
+            ``faults=[{"kind": "freeze", "target": "pressure_a"}]``.
+
+    Raises:
+        TypeError: no ability has a table of such a name.
     """
+    if unknown := sorted(given.keys() - own_tables().keys()):
+        raise TypeError(f"load_config() got an unexpected keyword argument '{unknown[0]}'")
+
     file = _choose_file(path)
     document = merge(read_document(file, Sort.BENCH) if file else {}, tables or {})
-    if modbus:
-        document = {"modbus": {}, **document}
+    document = {**{name: {} for name, value in given.items() if value is True}, **document}
     problems = Problems(str(file) if file else "built-in bench")
     special = table_sections([name for name in document if name not in TABLES])
     check_tables(document, (*TABLES, *own_tables(), *special), problems)
@@ -77,17 +82,22 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         for name, make in special.items()
         if getattr(make, "of_nodes", False)
     }
-    failing = FaultsSection(document, faults, nodes, axes, buses, peers, problems)
+    whole = Whole(axes, buses, nodes, peers, given)
+    of_bench = {
+        name: make(document, whole, problems)
+        for name, make in special.items()
+        if getattr(make, "of_bench", False)
+    }
     others = {
         name: make(document, buses.names, base, problems)
         for name, make in special.items()
-        if name not in {*ahead, *behind_nodes}
+        if name not in {*ahead, *behind_nodes, *of_bench}
     }
     own = (bench, buses, supplies, axes, *peers.values(), nodes)
-    sections = (*own, *behind_nodes.values(), failing, *others.values())
+    sections = (*own, *behind_nodes.values(), *of_bench.values(), *others.values())
     found = build_sections(sections, problems)
     warn_of_nodes(nodes.nodes)
-    built = tuple(found.pop(name) for name in (*peers, *behind_nodes, *others))
+    built = tuple(found.pop(name) for name in (*peers, *behind_nodes, *others, *of_bench))
     return BenchConfig(path=file, parts=built, **found)
 
 

@@ -1,8 +1,8 @@
 """All that ``[nodes]`` says: the nodes with their chains, bindings and scripts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
@@ -19,6 +19,24 @@ from hil_bench.bench.configuration.scripts import read_scripts
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.kinds.chains import check_chains
+
+
+class Whole(NamedTuple):
+    """The sections of a whole bench, for one that is about all of it.
+
+    Attributes:
+        axes: of the axes, with the supplies that they share.
+        buses: of the buses.
+        nodes: of the CANopen nodes.
+        peers: of the devices beside them.
+        given: what the command line adds to tables, by their names.
+    """
+
+    axes: AxesSection
+    buses: BusesSection
+    nodes: "NodesSection"
+    peers: PeerSections
+    given: Mapping[str, Any]
 
 
 class NodesSection:

@@ -41,9 +41,6 @@ class PeerSection(Protocol):
     def drives(self) -> Iterator[OtherDrive]:
         """Yield what commands axes."""
 
-    def fault_targets(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return the targets of faults: their names by group, of sensors with a unit."""
-
     def resolve(self) -> None:
         """As `Section.resolve`."""
 

@@ -5,10 +5,9 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration.records import BenchConfig, Doubting
 from hil_bench.config.settings import Origin, Problems, Range, Setting, Settings, quote_name
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.faults.registry import all_kinds
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import find_assumed_supply
 from hil_bench.plants.kind import PlantKind
 from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
@@ -65,11 +64,17 @@ def find_doubts(config: BenchConfig) -> list[str]:
         *_unresolved(source, config),
         *_out_of_reach(source, config),
         *_unknown_names(source, config),
+        *(
+            f"{source}:{doubt}"
+            for part in config.parts
+            if isinstance(part, Doubting)
+            for doubt in part.find_doubts(config)
+        ),
     ]
 
 
 def _unknown_names(source: str, config: BenchConfig) -> Iterator[str]:
-    """Yield the names of a foreign plant that lead nowhere: in its page and its defects."""
+    """Yield the names in the page of a foreign plant that lead nowhere."""
     for axis in config.axes:
         kind = axis.kind
         if kind.name in PLANTS.built_in:
@@ -84,11 +89,6 @@ def _unknown_names(source: str, config: BenchConfig) -> Iterator[str]:
             if name not in recorded:
                 right = f"the nearest is {find_nearest(name, recorded)}"
                 yield f"{place}: its page shows {quote(name)}, which is not recorded; {right}"
-        made = {name for fault in all_kinds() for name in fault.defects.values()}
-        for each in axis.defects:
-            if each.name not in made:
-                right = f"the nearest that one makes is {find_nearest(each.name, made)}"
-                yield f"{place}: no kind of fault makes its defect {quote(each.name)}; {right}"
 
 
 def _left_over(

@@ -1,10 +1,10 @@
 """The resolved configuration: frozen records, SI inside, checked while they were loaded."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from hil_bench.config.settings import Setting
 from hil_bench.errors import ConfigError
@@ -13,7 +13,6 @@ from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.kind import AxisConfig
-from hil_bench.units import Unit
 
 FIRST_BUS = "bus"
 """Name of the bus of the table ``[bus]``."""
@@ -64,25 +63,6 @@ class BusConfig:
         return (self.data_bitrate or 0) / (self.bitrate or USUAL_BITRATE) or 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class FaultConfig:
-    """A fault that happens by itself.
-
-    Attributes:
-        kind: its name.
-        target: with what.
-        at: when, in bench time [s].
-        duration: for how long [s]; None for ever.
-        values: what the kind needs to know, by parameter of its verb, in SI.
-    """
-
-    kind: str
-    target: str
-    at: float
-    duration: float | None
-    values: Mapping[str, float | int | str]
-
-
 class Part(Protocol):
     """A part of a bench that an ability's table describes."""
 
@@ -96,10 +76,32 @@ class Part(Protocol):
 
 @runtime_checkable
 class Joining(Protocol):
-    """A `Part` that is there from the building of the bench on."""
+    """A `Part` that is there from the building of the bench on.
+
+    Attributes:
+        is_fitted: whether its extension is fitted to the devices, which may refuse it.
+    """
+
+    is_fitted: ClassVar[bool]
 
     def extension(self, config: "BenchConfig", bench: Any) -> Any:  # noqa: ANN401 - of layers above
         """Return the extension that joins the bench; `ConfigError` where it does not fit."""
+
+
+@runtime_checkable
+class Doubting(Protocol):
+    """A `Part` with which something may be implausible."""
+
+    def find_doubts(self, config: "BenchConfig") -> Iterable[str]:
+        """Return doubts, without the name of the file, a line each."""
+
+
+@runtime_checkable
+class Troubling(Protocol):
+    """A `Part` by which something goes wrong on the bench."""
+
+    def sound(self) -> "Part":
+        """Return the part by which nothing does."""
 
 
 @runtime_checkable
@@ -165,14 +167,11 @@ class BenchConfig:
         bus: the first CAN bus, and mostly the only one.
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
-        faults: the faults, in the order of the file, those of the command line last.
         further_buses: the other buses by their names, in the order of the file.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
         supplies: those that several axes share, in the order of the file.
         parts: what the tables of abilities say.
-        sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
-            None where faults have no key for it.
     """
 
     path: Path | None
@@ -185,10 +184,8 @@ class BenchConfig:
     nodes: tuple[NodeConfig, ...]
     settings: tuple[Setting, ...]
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
-    faults: tuple[FaultConfig, ...] = ()
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
     supplies: tuple[SupplyConfig, ...] = ()
-    sensor_units: Mapping[str, Unit | None] = field(default_factory=dict)
     parts: tuple["Part", ...] = ()
 
     def of(self, kind: type["PartT"]) -> "PartT | None":
@@ -203,6 +200,12 @@ class BenchConfig:
     def ecus(self) -> tuple[Any, ...]:
         """The devices beside the nodes, those on J1939, in the order of the file."""
         return tuple(ecu for part in self.parts if isinstance(part, Peopled) for ecu in part.ecus)
+
+    @property
+    def sound(self) -> "BenchConfig":
+        """The same bench, on which nothing goes wrong by itself."""
+        parts = [part.sound() if isinstance(part, Troubling) else part for part in self.parts]
+        return replace(self, parts=tuple(parts))
 
     @property
     def buses(self) -> dict[str, BusConfig]:

@@ -1,6 +1,7 @@
 """A fault: when it is there, and how to end it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol, Self
 
 
@@ -72,3 +73,22 @@ class Fault:
         """Return kind, target and state."""
         state = "active" if self.is_active else "not active"
         return f"<Fault {self.kind} {self.target}, {state}>"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultConfig:
+    """A fault that happens by itself.
+
+    Attributes:
+        kind: its name.
+        target: with what.
+        at: when, in bench time [s].
+        duration: for how long [s]; None for ever.
+        values: what the kind needs to know, by parameter of its verb, in SI.
+    """
+
+    kind: str
+    target: str
+    at: float
+    duration: float | None
+    values: Mapping[str, float | int | str]

@@ -17,10 +17,11 @@ from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kind import FaultKind, Site
 from hil_bench.devices.faults.line import Line, Receiver
-from hil_bench.devices.faults.points import NODES, PLANTS, FaultPoints, Places
+from hil_bench.devices.faults.points import NODES, PLANTS, Board, FaultPoints, Places
 from hil_bench.devices.faults.registry import find_fault_kind, missing_defect
 from hil_bench.devices.faults.schedule import FaultSchedule
 from hil_bench.devices.faults.verbs import Verbs
@@ -64,19 +65,30 @@ class Faults(FaultSchedule, Verbs[Fault]):
         self._places: Places = places or _NOWHERE
         self._tick_ns, self._seed = tick_ns, seed
         self._streams: Counter[str] = Counter()
+        self._board: Board | None = None
 
     def join(self, bench: Places) -> None:
-        """Begin and end what is due at the beginning of each tick of a bench."""
-        board = bench.switchboard
+        """Begin and end what is due at the beginning of each tick of a bench.
 
-        def begin(now: int) -> None:
-            if now >= self.due:
-                self.advance(now)
-                board.lay(self, self.lines)
-
-        board.lay(self, self.lines)
-        bench.begins.append(begin)
+        Before the first fault it has no place in a tick.
+        """
+        self._board = bench.switchboard
+        self._board.lay(self, self.lines)
         bench.events["faults"] = self.events
+        if self.due < NEVER:
+            bench.begins.append(self._tick)
+
+    def add(self, *of_fault: Any) -> Fault:  # noqa: ANN401 - as in `FaultSchedule.add`
+        """Add a fault, as `FaultSchedule.add` does."""
+        fault = super().add(*of_fault)
+        if self._board is not None and self._tick not in self._places.begins:
+            self._places.begins.append(self._tick)
+        return fault
+
+    def _tick(self, now: int) -> None:
+        if now >= self.due and self._board is not None:
+            self.advance(now)
+            self._board.lay(self, self.lines)
 
     def greeting(self) -> dict[str, object]:
         """Return the targets of faults, and the defects, for those who begin to watch."""
@@ -165,8 +177,6 @@ class Faults(FaultSchedule, Verbs[Fault]):
 
     def _line(self, name: str) -> Line:
         point = self.points.of(NODES)[name]
-        if point.line is not None:
-            return point.line
         if point.device not in self.lines:
             self.lines = {**self.lines, point.device: Line(point.device)}
         return self.lines[point.device]
@@ -179,3 +189,9 @@ class Faults(FaultSchedule, Verbs[Fault]):
 
 def _seconds(time: int | None) -> float | None:
     return None if time is None else time * 1e-9
+
+
+def faults_of(bench: Any) -> Faults:  # noqa: ANN401 - a `VirtualBench`
+    """Return the faults of a bench in this process."""
+    found: Faults = bench.bench.part(Faults)
+    return found

@@ -7,7 +7,7 @@ from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 from hil_bench.canopen_device.frame import Emit
 from hil_bench.devices.axis import Enabled
 from hil_bench.devices.faults.effects import Act, DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
-from hil_bench.devices.faults.line import Line, Receiver
+from hil_bench.devices.faults.line import Receiver
 from hil_bench.devices.faults.wire_point import WirePoint
 
 P = TypeVar("P")
@@ -69,14 +69,12 @@ class NodePoint(NamedTuple):
         off: what happens in it when its power goes, at a time [ns].
         on: what happens when its power is back.
         bus: its number.
-        line: its connection; None where the bench's switchboard makes one when it is needed.
     """
 
     device: Receiver
     off: Act
     on: Act
     bus: int = 0
-    line: Line | None = None
 
 
 SENSORS: Final[Group[SensorPoint]] = Group("sensors", "sensor")

@@ -14,6 +14,7 @@ from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.abilities.evidence import devices
 from hil_bench.abilities.evidence.content import classification, page_html
 from hil_bench.abilities.evidence.pack import examine_software
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
@@ -193,7 +194,7 @@ def test_a_device_that_breaks_a_clause_is_shown_as_failed(monkeypatch):
 
 def test_faults_of_the_bench_do_not_count_against_its_devices(monkeypatch):
     config = load_config(ROOT / "examples" / "faults.toml")
-    assert config.faults
+    assert config.of(FaultsPart).faults
     benches = []
 
     def keep(sound):
@@ -203,7 +204,7 @@ def test_faults_of_the_bench_do_not_count_against_its_devices(monkeypatch):
     monkeypatch.setattr(devices, "VirtualBench", keep)
     monkeypatch.setattr(devices, "run_suite", lambda _dut, _allowed: [])
     devices.examine_devices(config)
-    assert [sound.faults for sound in benches] == [()] * 4
+    assert [sound.of(FaultsPart).faults for sound in benches] == [()] * 4
 
 
 @pytest.mark.parametrize(("storage", "allowed"), [("", Impact.STORE), ('"kept"', Impact.WRITE)])

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.copper.section import WIRE_KEYS
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
@@ -145,7 +146,7 @@ def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, unit: str) 
 def test_the_example_of_faults_loads() -> None:
     config = load_config(ROOT / "examples" / "faults.toml")
 
-    assert [fault.kind for fault in config.faults] == [
+    assert [fault.kind for fault in config.of(FaultsPart).faults] == [
         *("offset", "break_wire", "stick", "drop_supply", "lose", "reset", "leak", "bind")
     ]
 

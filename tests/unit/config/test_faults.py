@@ -8,10 +8,12 @@ import pytest
 
 from device_profiles import VALVE_408
 from hil_bench.abilities.faults.options import parse_fault
+from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.j1939 import fault_kinds as ecu_kinds
 from hil_bench.abilities.j1939.protocol.signal_table import Indication
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import FaultConfig, Origin, load_config
+from hil_bench.bench.configuration import Origin, load_config
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.devices.faults.words import BrokenReading, FaultDirection, LeakPath
@@ -100,12 +102,16 @@ def test_there_is_an_example_of_each_kind() -> None:
 @pytest.mark.parametrize("kind", FAULT_KINDS.built_in)
 def test_each_kind_comes_in_si(write: Write, kind: str) -> None:
     target, more, values = EXAMPLES[kind]
-    (found,) = load_config(
-        write(
-            (LEVER if hasattr(ecu_kinds, kind) else NODES)
-            + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5")
+    (found,) = (
+        load_config(
+            write(
+                (LEVER if hasattr(ecu_kinds, kind) else NODES)
+                + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5")
+            )
         )
-    ).faults
+        .of(FaultsPart)
+        .faults
+    )
     assert found == FaultConfig(kind, target, at=2.0, duration=0.5, values=found.values)
     assert found.values.keys() == values.keys()
     for name, value in values.items():
@@ -124,7 +130,7 @@ def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: b
 
 
 def test_without_times_a_fault_is_there_for_ever(write: Write) -> None:
-    (found,) = load_config(write(fault("freeze", "pressure_a"))).faults
+    (found,) = load_config(write(fault("freeze", "pressure_a"))).of(FaultsPart).faults
     assert (found.at, found.duration) == (0.0, None)
 
 
@@ -188,8 +194,8 @@ def test_bound_objects_may_have_faults(write: Write, faults: str) -> None:
 def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> None:
     words = ["offset", "pressure_a", "offset_bar=20", "at_s=1"]
     config = load_config(write(fault("stick", "valve")), faults=[parse_fault(words)])
-    assert [each.kind for each in config.faults] == ["stick", "offset"]
-    assert config.faults[1].values == {"amount": 20e5}
+    assert [each.kind for each in config.of(FaultsPart).faults] == ["stick", "offset"]
+    assert config.of(FaultsPart).faults[1].values == {"amount": 20e5}
     assert config.settings[-1].origin in {Origin.COMMAND_LINE, Origin.DEFAULT}
 
 
@@ -253,7 +259,7 @@ def test_an_open_coil_and_a_tank_pressure_are_faults(write: Write) -> None:
     """Travel 0 is an open coil, and a supply of 0 bar a burst hose: no amounts of a change."""
     text = fault("weaken", "valve", "travel_percent = 0")
     text += fault("drop_supply", "axis1", "pressure_bar = 0")
-    assert len(load_config(write(NODES + text)).faults) == 2
+    assert len(load_config(write(NODES + text)).of(FaultsPart).faults) == 2
 
 
 def test_no_time_is_refused(write: Write) -> None:

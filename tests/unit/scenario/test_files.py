@@ -30,7 +30,7 @@ from hil_bench.abilities.scenario.resolve import (
 )
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.writing import to_csv, to_toml, write_scenario
-from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 
 MS = 1_000_000

@@ -11,7 +11,6 @@ from hil_bench.abilities.j1939.configuration.ecu_signals import (
     check_groups,
     read_signals,
 )
-from hil_bench.abilities.j1939.fault_kinds import ECUS, SIGNALS
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE, FLOW
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
 from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
@@ -25,9 +24,7 @@ from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, integer, text
-from hil_bench.devices.faults.kind import UNITS
-from hil_bench.devices.faults.points import NODES, SENSORS, VALVES
-from hil_bench.units import ONE, PERCENT, Unit, si_unit
+from hil_bench.units import ONE, si_unit
 
 TABLE: Final = "j1939"
 
@@ -118,32 +115,21 @@ class EcusSection:
 
     def fault_targets(self) -> dict[str, dict[str, Any]]:
         """Return the targets of faults by group, sensors with the units of their amounts."""
-        devices: dict[str, Any] = dict.fromkeys(self.devices)
-        sensors: dict[str, Unit | None] = {}
-        valves: dict[str, Any] = {}
-        signals: dict[str, Any] = {}
+        from hil_bench.abilities.j1939.fault_kinds import name_targets  # noqa: PLC0415 - of faults
+
+        sent, valves, sensors = list[str](), list[str](), dict[str, str]()
         for device, given in self.signals.items():
             for signal in given:
                 name = f"{device}.{signal.name}"
-                if signal.is_sink:
-                    valves[name] = None
-                    continue
-                signals[name] = None
-                if signal.word != "follow":
+                (valves if signal.is_sink else sent).append(name)
+                if not signal.is_sink and signal.word != "follow":
                     own = si_unit(signal.settings["unit"].value or ONE.symbol)[0]
-                    unit = signal.quantity.unit if signal.quantity is not None else own
-                    sensors[name] = UNITS.get(unit)
-        for name, device_table in self.devices.items():
-            if _kind_of(device_table).has_axis:
-                valves[name] = None
-                sensors[f"{name}.{FLOW.name}"] = PERCENT
-        return {
-            SENSORS.name: sensors,
-            VALVES.name: valves,
-            NODES.name: devices,
-            ECUS.name: devices,
-            SIGNALS.name: signals,
-        }
+                    sensors[name] = signal.quantity.unit if signal.quantity is not None else own
+        for name, table in self.devices.items():
+            if _kind_of(table).has_axis:
+                valves.append(name)
+                sensors[f"{name}.{FLOW.name}"] = FLOW.unit
+        return name_targets(self.devices, sensors, valves, sent)
 
     def resolve(self) -> None:
         """Find the axes, and note addresses that clash."""

@@ -12,8 +12,8 @@ from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
 from hil_bench.abilities.scenario.resolve import Action, PreparedScenario, SetAction
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
-from hil_bench.bench.configuration import FaultConfig
 from hil_bench.cli.feed_side import ShownWork, WorkView
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.session.work_feed import WorkItem, WorkMargin, WorkState
 

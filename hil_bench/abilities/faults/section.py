@@ -1,24 +1,46 @@
 """The tables ``[[faults]]``: what goes wrong by itself, and when."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
-from hil_bench.bench.configuration.axes import Axes, AxesSection
-from hil_bench.bench.configuration.buses import BusesSection
+from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.nodes import Bindings
-from hil_bench.bench.configuration.nodes_section import NodesSection
-from hil_bench.bench.configuration.peers import PeerSections, places_of
-from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.bench.configuration.nodes_section import Whole
+from hil_bench.bench.configuration.peers import places_of
+from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.document import Document
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
-from hil_bench.config.values import describe, quote
+from hil_bench.config.settings import (
+    Given,
+    Origin,
+    Problems,
+    Settings,
+    convert,
+    give,
+    quote_name,
+    read_table,
+)
+from hil_bench.config.values import describe, find_nearest, quote
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.kind import UNITS
 from hil_bench.devices.faults.points import ENABLES, NODES, PLANTS, SENSORS, SUPPLIES, VALVES, WIRED
-from hil_bench.devices.faults.registry import COMMON_KEYS, KIND_KEY, find_fault_kind, missing_defect
+from hil_bench.devices.faults.registry import (
+    COMMON_KEYS,
+    KIND_KEY,
+    all_kinds,
+    find_fault_kind,
+    missing_defect,
+)
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
+from hil_bench.plants.registry import PLANTS as OWN_PLANTS
 from hil_bench.units import Unit
+
+if TYPE_CHECKING:
+    from hil_bench.bench.bench import Bench
+    from hil_bench.devices.faults.faults import Faults
 
 Targets = dict[str, dict[str, Any]]
 """The names of the targets that may have faults, by group.
@@ -28,58 +50,111 @@ with the least pressure [bar].
 """
 
 
+@dataclass(frozen=True, slots=True)
+class FaultsPart:
+    """The faults of a bench.
+
+    Attributes:
+        faults: in the order of the file, those of the command line last.
+        sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
+            None where faults have no key for it.
+        is_fitted: False: the section has checked the faults.
+    """
+
+    faults: tuple[FaultConfig, ...] = ()
+    sensor_units: Mapping[str, Unit | None] = field(default_factory=dict, compare=False)
+
+    is_fitted: ClassVar[bool] = False
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The faults with their times, a line each."""
+        return tuple(f"fault  {_text_of(fault)}" for fault in self.faults)
+
+    def sound(self) -> "FaultsPart":
+        """Return the part without the faults."""
+        return replace(self, faults=())
+
+    def find_doubts(self, config: BenchConfig) -> Iterator[str]:
+        """Yield the defects of foreign plants that no kind of fault makes."""
+        axes = [axis for axis in config.axes if axis.kind.name not in OWN_PLANTS.built_in]
+        made = {name for kind in all_kinds() for name in kind.defects.values()} if axes else set()
+        for axis in axes:
+            place = f"plant.{quote_name(axis.name)}: {axis.kind.name}"
+            for each in axis.defects:
+                if each.name not in made:
+                    right = f"the nearest that one makes is {find_nearest(each.name, made)}"
+                    yield f"{place}: no kind of fault makes its defect {quote(each.name)}; {right}"
+
+    def extension(self, config: BenchConfig, bench: "Bench") -> "Faults":
+        """Return the faults of a bench, those of the file planned."""
+        from hil_bench.abilities.faults.building import build_faults  # noqa: PLC0415 - takes long
+
+        return build_faults(config, bench, self.faults)
+
+    def attached(self, session: object, config: BenchConfig) -> AbstractContextManager[object]:  # noqa: ARG002 - of every part
+        """Do nothing: the extension does it all."""
+        return nullcontext()
+
+
+def _text_of(fault: FaultConfig) -> str:
+    """Describe a fault and its time."""
+    lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
+    return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
+
+
+@runtime_checkable
+class Fallible(Protocol):
+    """A section whose devices may have faults, beside those that each bench has."""
+
+    def fault_targets(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return the targets of faults: their names by group, of sensors with a unit."""
+
+
 class FaultsSection:
     """The faults of the file, then those of the command line.
 
     Args:
         document: the file.
-        overrides: tables of the command line.
-        nodes: whose devices may have faults.
-        axes: whose plants may, and the supplies that they share.
-        buses: those that are of copper may.
-        peers: the devices beside the nodes.
+        whole: the sections of the bench.
         problems: where problems are noted.
+
+    Attributes:
+        of_bench: True: it is made with all other sections of the bench.
     """
 
-    def __init__(
-        self,
-        document: Document,
-        overrides: Sequence[Mapping[str, object]],
-        nodes: NodesSection,
-        axes: AxesSection,
-        buses: BusesSection,
-        peers: PeerSections,
-        problems: Problems,
-    ) -> None:
-        self._peers = peers
-        self._faults = _read_faults(document, overrides, problems)
-        self._nodes, self._axes, self._problems = nodes, axes, problems
-        self._buses, self._supplies = buses, axes.supplies
+    of_bench: ClassVar[bool] = True
+
+    def __init__(self, document: Document, whole: Whole, problems: Problems) -> None:
+        self._faults = _read_faults(document, whole.given.get("faults", ()), problems)
+        self._whole, self._problems = whole, problems
         self._sensors: Mapping[str, Unit | None] = {}
 
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
-        targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
-        for section in self._peers.values():
-            for group, found in section.fault_targets().items():
-                targets.setdefault(group, {}).update(found)
-        lowest = self._supplies.lowest_bar
+        axes, wired, nodes, peers, _ = self._whole
+        targets = _find_targets(nodes.nodes, axes.axes, nodes.bindings)
+        for section in peers.values():
+            found = section.fault_targets() if isinstance(section, Fallible) else {}
+            for group, names in found.items():
+                targets.setdefault(group, {}).update(names)
+        lowest = axes.supplies.lowest_bar
         targets[SUPPLIES.name] |= lowest
         targets[PLANTS.name] |= lowest
-        others = {place.partition(".")[2]: bus for place, bus in places_of(self._peers).items()}
-        buses = {name: node["bus"].value for name, node in self._nodes.nodes.items()}
+        others = {place.partition(".")[2]: bus for place, bus in places_of(peers).items()}
+        buses = {name: node["bus"].value for name, node in nodes.nodes.items()}
         targets[WIRED.name] = {
-            name: None for name, bus in ({**others, **buses}).items() if bus in self._buses.wired
+            name: None for name, bus in ({**others, **buses}).items() if bus in wired.wired
         }
         self._sensors = targets[SENSORS.name]
         _check_faults(self._faults, targets, self._problems)
-        defects = {axis.name: {each.name for each in axis.defects} for axis in self._axes.records}
-        _check_defects(self._faults, defects | dict(self._supplies.defects), self._problems)
+        defects = {axis.name: {each.name for each in axis.defects} for axis in axes.records}
+        _check_defects(self._faults, defects | dict(axes.supplies.defects), self._problems)
 
     def build(self) -> dict[str, Any]:
-        """Return the records of the faults, and the units of the sensors that may have one."""
+        """Return the faults, and the units of the sensors that may have one."""
         faults = tuple(build_fault(fault) for fault in self._faults)
-        return {"faults": faults, "sensor_units": self._sensors}
+        return {"faults": FaultsPart(faults, self._sensors)}
 
     def tables(self) -> Iterable[Settings]:
         """Return the table of each fault."""

@@ -1,15 +1,18 @@
-"""Finds what of a bench may have faults, and under which names."""
+"""The faults of a bench: what of it may have some, under which names, and those of its file."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Protocol, runtime_checkable
 
-from hil_bench.bench.configuration import FaultConfig
-from hil_bench.bench.peers import Peers
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.points import (
     ENABLES,
@@ -22,44 +25,64 @@ from hil_bench.devices.faults.points import (
     FaultPoints,
     NodePoint,
 )
-from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
 
 _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
 
-def find_fault_points(
-    axes: Sequence[Axis],
-    nodes: Mapping[str, Node],
-    fittings: Mapping[str, Fitting],
-    buses: Mapping[str, int],
-    wires: Mapping[str, WirePoint],
-    peers: Peers,
-    supplies: Sequence[SupplyGroup] = (),
-) -> FaultPoints:
-    """Return the points by the names of nodes and axes.
+def build_faults(config: BenchConfig, bench: Bench, planned: Sequence[FaultConfig]) -> Faults:
+    """Return the faults of a bench, those of its file planned."""
+    points = find_fault_points(config, bench)
+    faults = Faults(points, bench, tick_ns=config.tick_ns, seed=config.seed)
+    schedule_faults(faults, planned)
+    return faults
 
-    An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
-    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`. `peers`
-    are the devices beside the nodes, `supplies` those that axes share.
+
+def schedule_faults(faults: Faults, configs: Sequence[FaultConfig]) -> None:
+    """Make the faults of a configuration."""
+    for each in configs:
+        faults.begin(each.kind, each.target, at=each.at, duration=each.duration, **each.values)
+
+
+@runtime_checkable
+class Fallible(Protocol):
+    """An extension that has points of its own at which faults act."""
+
+    def add_points(self, points: FaultPoints, buses: Mapping[str, int]) -> None:
+        """Add them, given the number of the bus of each device."""
+
+
+def find_fault_points(config: BenchConfig, bench: Bench) -> FaultPoints:
+    """Return the points of a bench by the names of nodes and axes.
+
+    An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other.
     """
-    points = FaultPoints()
-    _add_signals(points, {axis.name: axis for axis in axes}, fittings)
+    points, peers, buses = FaultPoints(), peers_of(bench), number_buses(config)
+    nodes = dict(zip((node.name for node in config.nodes), bench.nodes, strict=True))
+    fittings = {**dict(zip(nodes, bench.fittings, strict=True)), **peers.fittings}
+    _add_signals(points, {axis.name: axis for axis in bench.axes}, fittings)
     held, worn = points.of(SUPPLIES), points.of(PLANTS)
-    for axis in axes:
+    for axis in bench.axes:
         for influence in axis.influences:
             if influence.name == SUPPLY:
                 held[axis.name] = SupplyPoint(axis.plant, influence.low)
         worn[axis.name] = DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
-    for supply in supplies:
-        held[supply.name] = SupplyPoint(supply, supply.lowest)
-        worn[supply.name] = DefectPoint(supply, {each.name: each for each in supply.defects}, {})
+    for _, supply in bench.groups:
+        if isinstance(supply, SupplyGroup):
+            held[supply.name] = SupplyPoint(supply, supply.lowest)
+            defects = {each.name: each for each in supply.defects}
+            worn[supply.name] = DefectPoint(supply, defects, {})
     for name, node in nodes.items():
         reset = partial(node.receive, _RESET)
         points.of(NODES)[name] = NodePoint(node, reset, reset, buses[name])
-    points.of(WIRED).update(wires)
-    peers.add_points(points, buses)
+    if bench.medium is not None:
+        devices = {**nodes, **{name: peer.ecu for name, peer in peers.items()}}
+        plugs = {name: bench.medium.point(device) for name, device in devices.items()}
+        points.of(WIRED).update({name: plug for name, plug in plugs.items() if plug is not None})
+    for extension in bench.extensions:
+        if isinstance(extension, Fallible):
+            extension.add_points(points, buses)
     return points
 
 
@@ -95,9 +118,3 @@ def spool_point(axis: Axis) -> SpoolPoint:
         lambda: axis.plant.output[axis.follower],
         axis.valve.full_opening,
     )
-
-
-def schedule_faults(faults: Faults, configs: Sequence[FaultConfig]) -> None:
-    """Make the faults of a configuration."""
-    for each in configs:
-        faults.begin(each.kind, each.target, at=each.at, duration=each.duration, **each.values)

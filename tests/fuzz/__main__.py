@@ -20,27 +20,27 @@ from tempfile import TemporaryDirectory
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 CORPUS = HERE / "corpus"
-# Module, target, and the inputs that an idle processor takes in about ten seconds.
+# Module, target, and the inputs that an idle processor takes in about five seconds.
 MODULES = {
     "file_targets": {
-        "eds": 4_000,
-        "bench_toml": 10_000,
-        "register_map": 16_000,
-        "mdf": 30_000,
-        "signals_csv": 30_000,
-        "frames": 22_000,
-        "stored_parameters": 50_000,
+        "eds": 2_000,
+        "bench_toml": 5_000,
+        "register_map": 8_000,
+        "mdf": 15_000,
+        "signals_csv": 15_000,
+        "frames": 11_000,
+        "stored_parameters": 25_000,
     },
-    "device_targets": {"node": 1_000, "unconfigured_node": 1_100, "bench": 250, "ecus": 1_000},
+    "device_targets": {"node": 500, "unconfigured_node": 550, "bench": 125, "ecus": 500},
     "bus_targets": {
-        "sdo_client": 19_000,
-        "valve_driver": 500,
-        "scan": 50_000,
-        "twin_decoder": 60_000,
-        "modbus_client": 22_000,
-        "hub": 35_000,
+        "sdo_client": 9_500,
+        "valve_driver": 250,
+        "scan": 25_000,
+        "twin_decoder": 30_000,
+        "modbus_client": 11_000,
+        "hub": 17_500,
     },
-    "modbus_targets": {"modbus_tcp": 15_000, "modbus_rtu": 29_000},
+    "modbus_targets": {"modbus_tcp": 7_500, "modbus_rtu": 14_500},
 }
 TARGETS = {name: module for module, names in MODULES.items() for name in names}
 INPUTS = {name: count for names in MODULES.values() for name, count in names.items()}

@@ -63,7 +63,7 @@ def read_units(path: Path) -> dict[str, str]:
         return {}
     lines, delimiter = _read_lines(path)
     heads, _, width = _read_head(lines, delimiter)
-    names, *below = [[field.strip() for field in row] for row in heads if len(row) == width]
+    names, *below = _named_rows(heads, width)
     bracketed = {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
     return dict(zip(names, below[0] if below else (), strict=False)) | bracketed
 
@@ -115,13 +115,19 @@ def _read_head(lines: list[str], delimiter: str) -> tuple[list[list[str]], int, 
     raise ConfigError("it has no row of numbers")
 
 
+def _named_rows(above: list[list[str]], width: int) -> list[list[str]]:
+    """Return the rows above the numbers that are as wide as these, and not empty."""
+    rows = [[field.strip() for field in row] for row in above if len(row) == width]
+    return [row for row in rows if any(row)]
+
+
 def _read_csv(path: Path) -> Columns:
     lines, delimiter = _read_lines(path)
     above, first, width = _read_head(lines, delimiter)
-    heads = [row for row in above if len(row) == width]
+    heads = _named_rows(above, width)
     if not heads:
         raise ConfigError(f"its {width} columns have no names; give a row of names")
-    names = [name.strip() for name in heads[0]]
+    names = heads[0]
     if twice := {name for name in names if name and names.count(name) > 1}:
         raise ConfigError(f"it has the column {min(twice)} twice")
     try:

@@ -75,6 +75,7 @@ def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:
         ("", "no row of numbers"),
         ("a,b\nc,d\n", "no row of numbers"),
         ("1,2\n3,4\n", "2 columns have no names"),
+        (" ,\n1,2\n", "2 columns have no names"),
         ("a,a\n1,2\n", "the column a twice"),
         ("a,b\n1,2\n3\n5,6\n", "row 3 has 1 values, the first has 2"),
     ],

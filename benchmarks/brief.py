@@ -21,7 +21,6 @@ PARTS: Final = frozenset(
         "manoeuvres",
         "master",
         "mutants",
-        "mutation_areas",
         "mutation_tests",
         "occasion",
         "peers",

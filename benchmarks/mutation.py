@@ -1,9 +1,10 @@
 """Mutation scores: how many small faults in a package do its fast tests notice?
 
 ``python benchmarks/mutation.py [AREA ...] [--sample N] [--seed S]`` draws mutants of each area at
-random, runs the area's tests on each up to the first that fails, and prints a table. Results are
-kept in ``--results``, so a run goes on where the last one ended; ``--again`` repeats what survived.
-An area is a package, whose tests are those that run the mutated line, or smaller with a list.
+random, runs the tests of each mutated line up to the first that fails, and prints a table. A kill
+counts where that test passes without the mutant. Results are kept in ``--results``, so a run goes
+on where the last one ended; ``--again`` repeats what survived. An area is a package, an ability,
+``drivers``, or the path of a folder or module.
 
 Each mutant is a fork of a process that has imported pytest and the libraries. Nothing on disk
 changes: the import system hands the mutated module out. Processes that a test starts itself
@@ -13,6 +14,8 @@ import the real one.
 import argparse
 import ast
 import contextlib
+import functools
+import gc
 import hashlib
 import importlib.machinery
 import importlib.util
@@ -24,7 +27,6 @@ import random
 import resource
 import select
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -40,18 +42,13 @@ import pytest
 
 import occasion
 from mutants import Mutant, mutants
-from mutation_areas import AREAS, PACKAGES, TESTS
-from mutation_tests import is_kernel, measure, tests_of_line
+from mutation_tests import areas, is_kernel, modules, tests_of_line
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "build" / "mutation.jsonl"
-LONGEST = 600  # s of processor time for the tests of a module
-LONGEST_OF_LINE = 60  # s of processor time for the tests of a line
-LEAST_TIME = 20  # s of processor time for a mutant, whose tests take less without it
-TIMES_AS_LONG = 5
+LONGEST = 20  # s of processor time for a mutant, whose tests take 6 s at most without it
 MEMORY = 2 << 30  # bytes
 WAIT = 300.0  # s until a mutant that does nothing is ended
-NOT_IMPORTED = 99
 VERDICTS = ("killed", "time-out", "survived")
 Z = 1.96  # of a confidence of 95 %
 
@@ -63,9 +60,8 @@ class MutatedModule(importlib.machinery.SourceFileLoader):
         drivers = ROOT / "drivers"
         root = drivers if path.is_relative_to(drivers) else ROOT
         name = ".".join(path.relative_to(root).with_suffix("").parts)
-        super().__init__(name, str(path))
+        super().__init__(name.removesuffix(".__init__"), str(path))
         self.tree = tree
-        self.is_imported = False
 
     def find_spec(self, name: str, *_: object) -> importlib.machinery.ModuleSpec | None:
         """Return the module's spec where it is the one asked for."""
@@ -75,12 +71,27 @@ class MutatedModule(importlib.machinery.SourceFileLoader):
 
     def get_code(self, fullname: str) -> types.CodeType:  # noqa: ARG002
         """Return the code with the fault."""
-        self.is_imported = True
         return compile(self.tree, self.path, "exec", dont_inherit=True)
 
 
-def run_tests(files: Sequence[str], path: Path, tree: ast.Module) -> int:
-    """Run test files in this process and return pytest's exit code."""
+class FirstFailure:
+    """Writes down the test, or the file of tests, that failed first."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Look at a test."""
+        self.pytest_collectreport(report)
+
+    def pytest_collectreport(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        """Look at a file of tests."""
+        if report.failed and not self.file.exists():
+            self.file.write_text(report.nodeid.partition("[")[0], encoding="utf-8")
+
+
+def run_tests(tests: Sequence[str], failure: Path, mutated: MutatedModule | None) -> int:
+    """Run tests in this process and return pytest's exit code."""
     options = ["-q", "-x", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
     options += ["-m", "not long and not hardware and not realtime", "--tb=no", "--no-header"]
     options += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "--hypothesis-profile=mutation"]
@@ -92,29 +103,30 @@ def run_tests(files: Sequence[str], path: Path, tree: ast.Module) -> int:
         phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate),
         suppress_health_check=list(hypothesis.HealthCheck),
     )
-    loader = MutatedModule(path, tree)
-    sys.meta_path.insert(0, loader)
-    with tempfile.TemporaryDirectory() as folder:
-        code = int(pytest.main([*options, f"--basetemp={folder}/tests", *files]))
-    return code if loader.is_imported else NOT_IMPORTED
+    if mutated:
+        sys.meta_path.insert(0, mutated)
+    options.append(f"--basetemp={failure.parent}/tests")
+    return int(pytest.main([*options, *tests], plugins=[FirstFailure(failure)]))
 
 
-def in_fork(files: Sequence[str], path: Path, tree: ast.Module, limit: int) -> tuple[str, float]:
-    """Run the tests with one module replaced; return their ending and processor time [s]."""
+def in_fork(
+    tests: Sequence[str], failure: Path, mutated: MutatedModule | None, *, as_python: bool
+) -> tuple[str, float]:
+    """Run tests, with a module replaced; return their ending and processor time [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     pid = os.fork()
     if not pid:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+        resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST + 5))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-        if is_kernel(path):
+        if as_python:
             os.environ["NUMBA_DISABLE_JIT"] = "1"
         null = os.open(os.devnull, os.O_RDWR)
         for stream in range(3):
             os.dup2(null, stream)
         code = 1
         try:
-            code = run_tests(files, path, tree)
+            code = run_tests(tests, failure, mutated)
         finally:
             os._exit(code)
     handle = os.pidfd_open(pid)
@@ -133,15 +145,45 @@ def in_fork(files: Sequence[str], path: Path, tree: ast.Module, limit: int) -> t
     return ("survived" if status == 0 else "killed"), used
 
 
+def verdict_of(tests: Sequence[str], path: Path, mutant: Mutant) -> tuple[str, float, str]:
+    """Return the verdict on a mutant, the processor time [s], and the test that killed it.
+
+    A test that fails without the mutant, too, is left out.
+    """
+    total, as_python = 0.0, is_kernel(path)
+    while tests:
+        with tempfile.TemporaryDirectory() as folder:
+            failure = Path(folder, "failure")
+            mutated = MutatedModule(path, mutant.tree)
+            verdict, used = in_fork(tests, failure, mutated, as_python=as_python)
+            total += used
+            by = failure.read_text(encoding="utf-8") if failure.exists() else ""
+        if verdict == "survived":
+            break
+        suspects = tuple(name for name in tests if by and name.startswith(by)) or tuple(tests)
+        if passes(suspects, as_python=as_python):
+            return verdict, total, by
+        tests = [name for name in tests if name not in suspects]
+    return "survived", total, ""
+
+
+@functools.cache
+def passes(tests: Sequence[str], *, as_python: bool) -> bool:
+    """Return True if tests pass without a mutant."""
+    with tempfile.TemporaryDirectory() as folder:
+        ending, _ = in_fork(tests, Path(folder, "failure"), None, as_python=as_python)
+    return ending == "survived"
+
+
 def draw(area: str, count: int, seed: int) -> list[tuple[Path, int]]:
     """Return a random sample of an area's mutants, by module and number; all for a count of 0.
 
     Of the same seed, a larger sample begins with the smaller one.
     """
     everything = [
-        (ROOT / name, number)
-        for name in AREAS[area]
-        for number, _ in enumerate(mutants((ROOT / name).read_text(encoding="utf-8")))
+        (path, number)
+        for path in areas().get(area) or modules(ROOT / area)
+        for number, _ in enumerate(mutants(path.read_text(encoding="utf-8")))
     ]
     random.Random(f"{seed} {area}").shuffle(everything)  # noqa: S311 - a sample, no secret
     return everything[: count or None]
@@ -150,13 +192,6 @@ def draw(area: str, count: int, seed: int) -> list[tuple[Path, int]]:
 def mutant_of(path: Path, number: int) -> Mutant:
     """Return one mutant of a module."""
     return next(itertools.islice(mutants(path.read_text(encoding="utf-8")), number, None))
-
-
-def tests_of(area: str, path: Path, line: int) -> tuple[str, ...]:
-    """Return the tests of a line of a package, or the test files of a module or of its area."""
-    if area in PACKAGES:
-        return tests_of_line(path, line)
-    return tuple(TESTS.get(str(path.relative_to(ROOT))) or TESTS[area])
 
 
 def interval(part: int, whole: int) -> tuple[float, float]:
@@ -175,52 +210,20 @@ def known_results(file: Path) -> dict[str, dict[str, object]]:
     return {line["key"]: line for line in lines}
 
 
-def time_limit(files: Sequence[str], path: Path) -> int:
-    """Return the processor time that a module's tests may take [s], once they pass as they are."""
-    unchanged = ast.parse(path.read_text(encoding="utf-8"))
-    verdict, used = in_fork(files, path, unchanged, LONGEST)
-    if verdict != "survived":
-        sys.exit(f"{path}: its tests fail as it is, or do not import it: {' '.join(files)}")
-    return max(LEAST_TIME, round(TIMES_AS_LONG * used))
-
-
-def check_map(area: str) -> None:
-    """Measure which tests run which lines of a package, unless it is known."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist"]
-
-    def run(options: Sequence[str], environment: dict[str, str]) -> None:
-        done = subprocess.run(  # noqa: S603 - our own tests
-            [*command, *options], check=False, env=os.environ | environment
-        )
-        if done.returncode:
-            sys.exit("tests fail as they are, so they cannot judge mutants")
-
-    for name in AREAS[area]:
-        measure(ROOT / name, run)
-
-
 def judge(area: str, options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """Yield the result of each mutant in the sample of an area."""
     known = known_results(options.results)
-    limits: dict[Path, int] = {}
-    if area in PACKAGES:
-        check_map(area)
     for path, number in draw(area, options.sample, options.seed):
         digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
         key = f"{area}: {path.relative_to(ROOT)} {digest} {number}"
         result = known.get(key)
         if result is None or (options.again and result["verdict"] == "survived"):
             mutant = mutant_of(path, number)
-            files = tests_of(area, path, mutant.line)
-            if path not in limits:
-                is_mapped = area in PACKAGES  # so its tests have passed
-                limits[path] = LONGEST_OF_LINE if is_mapped else time_limit(files, path)
-            verdict, used = "survived", 0.0  # where no test runs any of the module
-            if files:
-                verdict, used = in_fork(files, path, mutant.tree, limits[path])
+            tests = options.tests or tests_of_line(path, mutant.line)
+            verdict, used, by = verdict_of(tests, path, mutant)
             where = f"{path.relative_to(ROOT)}:{mutant.line}"
             result = {"key": key, "where": where, "what": mutant.what, "verdict": verdict}
-            result["seconds"] = round(used, 2)
+            result |= {"seconds": round(used, 2), "by": by}
             with options.results.open("a", encoding="utf-8") as results:
                 results.write(json.dumps(result) + "\n")
             print(f"{time.strftime('%X')} {verdict:9} {where}: {mutant.what}", file=sys.stderr)
@@ -243,21 +246,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("areas", nargs="*", metavar="AREA", help=", ".join(AREAS))
+    parser.add_argument("areas", nargs="*", metavar="AREA", help=", ".join(areas()))
     parser.add_argument("--sample", type=int, default=120, help="mutants of an area; 0: all (120)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--again", action="store_true", help="repeat what survived")
+    parser.add_argument("--tests", nargs="+", help="these in place of those that run the line")
     parser.add_argument("--results", type=Path, default=RESULTS, help="build/mutation.jsonl")
     parser.add_argument("--least", type=float, default=90.0, help="aim of each score in %% (90)")
-    options = occasion.arguments(
-        parser, areas=["sync"], sample=2, results=Path(os.devnull), least=0.0
-    )
-    if unknown := set(options.areas) - set(AREAS):
-        parser.error(f"no such area: {', '.join(sorted(unknown))}; there are {', '.join(AREAS)}")
+    module, test = "hil_bench/canopen_device/sync.py", "tests/unit/canopen_device/test_sync.py"
+    brief = {"areas": [module], "tests": [test], "sample": 2, "results": Path(os.devnull)}
+    options = occasion.arguments(parser, **brief, least=0.0)
     os.chdir(ROOT)
+    gc.freeze()  # what is imported stays, in each fork
+    for area in options.areas:
+        if area not in areas() and not Path(area).exists():
+            parser.error(f"no such area: {area}; there are {', '.join(areas())}, and paths")
     options.results.parent.mkdir(parents=True, exist_ok=True)
     rows, survivors, is_enough = [], [], True
-    for area in options.areas or AREAS:
+    for area in options.areas or areas():
         results = list(judge(area, options))
         verdicts = [result["verdict"] for result in results]
         rows.append(row(area, verdicts, len(draw(area, 0, 0))))

@@ -1,60 +1,59 @@
-"""The tests of a line: those fast ones that run it, as coverage has seen them.
+"""The tests that have to notice a mutant: those that run its line, as coverage has seen them.
 
-The map is measured once, by pytest-cov, and kept in ``build``. The plant's kernels have one of
-their own, for which they run as Python.
+One run of the quick tests makes the map of all lines, and notes how long each test takes. The
+kernels of the plants have a map of their own, in which they run as Python: what Numba has cached
+has no mutant in it. Both are kept in ``build``.
 """
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+import ast
+import os
+import subprocess
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Final
 
 from coverage import CoverageData
 
-from mutation_areas import KERNELS
-
 ROOT: Final = Path(__file__).resolve().parent.parent
-SLOW: Final = ROOT / "tests" / "slow_tests.txt"
-MOST: Final = 40  # tests of a mutant; those first whose file has most for its module
-FAST: Final = ("-m", "not slow and not browser", "tests/unit", "tests/transcripts")
-SLOWER: Final = ("-m", "not long", "tests/unit/eyes")
-"""Nearly all logs that the eyes explain take more than 0.1 s to make."""
-
-AS_PYTHON: Final = (
-    "tests/unit/plant/test_balance.py",
-    "tests/unit/plant/test_bristles.py",
-    "tests/unit/plant/test_bulk_modulus.py",
-    "tests/unit/plant/test_chamber.py",
-    "tests/unit/plant/test_component_balance.py",
-    "tests/unit/plant/test_cushion.py",
-    "tests/unit/plant/test_data_sheet.py",
-    "tests/unit/plant/test_elementary.py",
-    "tests/unit/plant/test_extended.py",
-    "tests/unit/plant/test_extensions.py",
-    "tests/unit/plant/test_friction.py",
-    "tests/unit/plant/test_full_order_refusals.py",
-    "tests/unit/plant/test_lands.py",
-    "tests/unit/plant/test_line_settings.py",
-    "tests/unit/plant/test_lines.py",
-    "tests/unit/plant/test_load.py",
-    "tests/unit/plant/test_loads.py",
-    "tests/unit/plant/test_mirrored.py",
-    "tests/unit/plant/test_options.py",
-    "tests/unit/plant/test_orifice.py",
-    "tests/unit/plant/test_parameters.py",
-    "tests/unit/plant/test_parts.py",
-    "tests/unit/plant/test_spool.py",
-    "tests/unit/plant/test_stability.py",
-    "tests/unit/plant/test_state.py",
-    "tests/unit/plant/test_supply.py",
-    "tests/unit/plant/test_tank.py",
-    "tests/unit/plant/test_waves.py",
-    "tests/unit/plant/test_load_holding.py::test_the_lag_is_of_second_order_and_never_overshoots",
-    "tests/unit/plant/test_load_holding.py::test_each_valve_has_a_state_and_a_pilot_of_its_own",
-)
+BUILD: Final = ROOT / "build"
+KERNELS: Final = "hil_bench/plants/hydraulic_cylinder/model/"
+FAST: Final = 0.1  # s of processor time, under coverage
+MOST: Final = 6.0  # s of processor time for the tests of a mutant, as measured under coverage
+QUICK: Final = ("bench", "contract", "generated", "referee", "transcripts", "unit")
+"""Folders of tests; nothing that takes long, and nothing about pages and packages."""
+AS_PYTHON: Final = """\
+    balance bristles bulk_modulus chamber component_balance cushion data_sheet elementary extended
+    extensions friction full_order_refusals lands line_settings lines load loads mirrored options
+    orifice parameters parts spool stability state supply tank waves
+    load_holding.py::test_the_lag_is_of_second_order_and_never_overshoots
+    load_holding.py::test_each_valve_has_a_state_and_a_pilot_of_its_own"""
 """Those of the plants that are quick enough without Numba."""
 SETTINGS: Final = "[run]\nsource_pkgs = hil_bench, hil_drivers\nrelative_files = true\n"
+
+
+def areas() -> dict[str, list[Path]]:
+    """Return the modules of each package, of each ability and of the drivers."""
+    package = ROOT / "hil_bench"
+    folders = [file.parent for file in package.glob("*/__init__.py")]
+    folders += [file.parent for file in package.glob("abilities/*/__init__.py")]
+    folders = [ROOT / "drivers", *(each for each in sorted(folders) if each.name != "abilities")]
+    return {each.name: modules(each) for each in folders}
+
+
+def modules(path: Path) -> list[Path]:
+    """Return the modules in a folder, or the one that the path is of."""
+    return sorted(path.rglob("*.py")) if path.is_dir() else [path]
+
+
+def tests_of_map(as_python: bool) -> list[str]:
+    """Return the folders of the tests of a map, or their files and names."""
+    if not as_python:
+        return [f"tests/{folder}" for folder in QUICK]
+    names = (name if "." in name else f"{name}.py" for name in AS_PYTHON.split())
+    return [f"tests/unit/plant/test_{name}" for name in names]
 
 
 def is_kernel(path: Path) -> bool:
@@ -62,56 +61,89 @@ def is_kernel(path: Path) -> bool:
     return str(path.relative_to(ROOT)).startswith(KERNELS)
 
 
-def map_file(path: Path) -> Path:
-    """Return the path of the map that a module is in."""
-    return ROOT / "build" / f"mutation-{'python' if is_kernel(path) else 'fast'}.coverage"
+def tests_of_line(path: Path, line: int) -> list[str]:
+    """Return the tests that run a line's statement: of what an import runs, all of the module.
 
-
-def measure(path: Path, run: Callable[[Sequence[str], dict[str, str]], None]) -> None:
-    """Measure the map that a module is in, unless it is there.
-
-    Args:
-        path: of the module.
-        run: calls pytest in a process of its own, with options and environment.
+    Fast ones come first, of these those whose file runs most lines of the module.
     """
-    file = map_file(path)
-    if file.exists():
-        return
-    settings = file.with_suffix(".ini")
-    settings.write_text(SETTINGS, encoding="utf-8")
-    part = file.with_suffix(".part")
-    options = ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
-    environment = {"COVERAGE_FILE": str(part), "NUMBA_DISABLE_JIT": str(int(is_kernel(path)))}
-    if is_kernel(path):
-        run([*options, "-m", "not slow", *AS_PYTHON], environment)
-    else:
-        run([*options, *FAST], environment)
-        run([*options, "--cov-append", *SLOWER], environment)
-    part.rename(file)
+    data, times = _map(is_kernel(path))
+    lines = data.contexts_by_lineno(str(path.relative_to(ROOT)))
+    every = {each: _functions(contexts) for each, contexts in lines.items()}
+    reach = _reach(path, line)
+    found = set[str]().union(*(every.get(each, ()) for each in reach or every))
+    files = Counter(
+        file for tests in every.values() for file in {name.partition("::")[0] for name in tests}
+    )
+
+    def rank(name: str) -> tuple[bool, int, str]:
+        return times[name] >= FAST, -files[name.partition("::")[0]], name
+
+    chosen: list[str] = []
+    taken = 0.0
+    for name in sorted(found, key=rank):
+        if not chosen or taken + times[name] <= MOST:
+            chosen.append(name)
+            taken += times[name]
+    return chosen
+
+
+def _reach(path: Path, line: int) -> Iterable[int]:
+    """Return the lines of a function's statement; none for what an import runs."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    around = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or 0)
+    ]
+    if not any(
+        isinstance(node, ast.FunctionDef) and node.body[0].lineno <= line for node in around
+    ):
+        return ()
+    inner = max(around, key=lambda node: node.lineno)
+    body = getattr(inner, "body", None)
+    end = body[0].lineno if body else (inner.end_lineno or 0) + 1
+    return range(inner.lineno, end) if line < end else (line,)  # or that of a handler
+
+
+def _functions(contexts: Iterable[str]) -> set[str]:
+    """Return the tests of some contexts, without parameters."""
+    return {_function(context.rpartition("|")[0]) for context in contexts if context}
+
+
+def _function(name: str) -> str:
+    return name.partition("[")[0]
 
 
 @cache
-def _lines(file: Path, module: str) -> dict[int, list[str]]:
+def _map(as_python: bool) -> tuple[CoverageData, dict[str, float]]:
+    """Return the tests of each line and the processor time of each test [s]; measure them once."""
+    file = BUILD / f"mutation-{'python' if as_python else 'fast'}.coverage"
+    times = file.with_suffix(".times")
+    if not file.exists():
+        _measure(file, times, as_python)
     data = CoverageData(str(file))
     data.read()
-    return data.contexts_by_lineno(module)
+    taken: dict[str, float] = defaultdict(float)
+    for part in times.iterdir():
+        for entry in part.read_text(encoding="utf-8").splitlines():
+            seconds, name = entry.split(" ", 1)
+            taken[_function(name)] += float(seconds)
+    return data, taken
 
 
-def tests_of_line(path: Path, line: int) -> tuple[str, ...]:
-    """Return the tests that run a line; for one that only an import runs, those of its module."""
-    lines = _lines(map_file(path), str(path.relative_to(ROOT)))
-    all_of_module = _functions(name for names in lines.values() for name in names)
-    found = _functions(lines.get(line, [])) or all_of_module
-    files = Counter(name.partition("::")[0] for name in all_of_module)
-    slow = set(SLOW.read_text(encoding="utf-8").split())
-
-    def rank(name: str) -> tuple[bool, int, str]:
-        return name in slow, -files[name.partition("::")[0]], name
-
-    return tuple(sorted(found, key=rank)[:MOST])
-
-
-def _functions(contexts: Iterable[str]) -> list[str]:
-    """Return the tests of some contexts, without parameters."""
-    names = {name.rpartition("|")[0].partition("[")[0] for name in contexts}
-    return sorted(names - {""})
+def _measure(file: Path, times: Path, as_python: bool) -> None:
+    times.mkdir(parents=True, exist_ok=True)
+    settings = file.with_suffix(".ini")
+    settings.write_text(SETTINGS, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "auto", *tests_of_map(as_python)]
+    command += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
+    part = file.with_suffix(".part")
+    environment = {
+        "COVERAGE_FILE": str(part),
+        "HIL_BENCH_TEST_TIMES": str(times),
+        "NUMBA_DISABLE_JIT": str(int(as_python)),
+    }
+    done = subprocess.run(command, check=False, env=os.environ | environment)  # noqa: S603 - ours
+    if done.returncode:
+        sys.exit("tests fail as they are, so they cannot judge mutants")
+    part.rename(file)

@@ -32,11 +32,12 @@ def test_every_other_file_is_a_part_of_one():
     assert files - set(brief.programs()) == brief.PARTS
 
 
-def test_the_areas_of_mutation_are_files_that_are_there():
-    areas = load("mutation_areas")
-    modules = {name for names in (*areas.AREAS.values(), *areas.TESTS.values()) for name in names}
-    modules |= {name for name in areas.TESTS if "/" in name}
-    assert not [name for name in modules if not (FOLDER.parent / name).exists()]
+def test_each_area_of_mutation_has_modules_and_its_tests_are_there():
+    parts = load("mutation_tests")
+    assert {"drivers", "scenario", "plants"} < parts.areas().keys()
+    assert all(parts.areas().values())
+    tests = [*parts.tests_of_map(as_python=False), *parts.tests_of_map(as_python=True)]
+    assert all((FOLDER.parent / name.partition("::")[0]).exists() for name in tests)
 
 
 @pytest.mark.parametrize(

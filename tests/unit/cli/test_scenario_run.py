@@ -10,6 +10,7 @@ from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.abilities.scenario.verbs import scenario_run
+from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.session.session import open_session
@@ -181,3 +182,24 @@ def test_what_does_not_go_with_a_scenario_is_refused(tmp_path, capsys, words, wr
 def test_a_parameter_without_a_scenario_is_refused(capsys):
     assert main(["run", "--set", "x=1", *ON_A_BUS]) == ExitCode.USAGE
     assert "--set: gives a parameter of a scenario" in capsys.readouterr().err
+
+
+def test_those_who_watch_see_a_scenario_run_and_then_its_verdict(tmp_path):
+    """At 21 ticks of 1 ms the run of 20 ms is over; the step at 10 ms is done after 11."""
+    step = "[[step]]\nat_s = 0.01\nsync = true\n"
+    prepared = prepare(load_scenario(scenario(tmp_path, FAILING, step)))
+    session = open_session(prepared.config)
+    stage = Stage(prepared, session)
+    look = shown_stage(prepared, stage).state
+    session.start()
+    seen = []
+    for tick in range(21):
+        session.tick((), tick * 1_000_000)
+        seen.append(look())
+    runs, ended = seen[10], seen[-1]
+    assert (runs.now, runs.verdict, runs.done, runs.total) == ("T", "", 0.0, 0.02)
+    assert (ended.now, ended.verdict) == ("", "failed")
+    assert [(item.name, item.verdict) for item in ended.items] == [
+        ("R1", "failed"),
+        ("0.010 s", "done"),
+    ]

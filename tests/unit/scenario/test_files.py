@@ -339,7 +339,7 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
         ),
         (
             HEAD + '[[step]]\nat_s = 1\nset = "a"\ntable = "none.csv"\n' + EXPECT,
-            "none.csv: cannot be read: No such file or directory; give a CSV file",
+            ":6:10: step[1].table: none.csv: cannot be read: No such file or directory; give a",
         ),
         (
             HEAD + "[controller]\n" + EXPECT,

@@ -32,6 +32,7 @@ from pathlib import Path
 import occasion
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.server.process import ModbusProcess
+from hil_bench.abilities.recording.sessions import RecordingWish, recorded
 from hil_bench.bench.configuration import (
     BenchConfig,
     OverrunPolicy,
@@ -46,7 +47,6 @@ from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
-from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
 
 LONGEST_US = 100_000

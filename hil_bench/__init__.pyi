@@ -4,6 +4,7 @@ from hil_bench.abilities.controllers.seam import ControllerEnd as ControllerEnd
 from hil_bench.abilities.controllers.seam import ControllerKind as ControllerKind
 from hil_bench.abilities.controllers.seam import Surroundings as Surroundings
 from hil_bench.abilities.controllers.seam import TimedFrame as TimedFrame
+from hil_bench.abilities.recording.sessions import RecordingWish as RecordingWish
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
 from hil_bench.bench.configuration import BenchConfig as BenchConfig
 from hil_bench.bench.configuration import load_config as load_config
@@ -17,7 +18,6 @@ from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
 from hil_bench.outside.recording.signal_table import open_recording as open_recording
 from hil_bench.session.attached import AttachedBench as AttachedBench
 from hil_bench.session.attached import attach as attach
-from hil_bench.session.recording import RecordingWish as RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench as VirtualBench
 
 __version__: str

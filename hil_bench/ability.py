@@ -31,6 +31,7 @@ OWN = (
     "lockstep",
     "modbus",
     "panel",
+    "recording",
     "replay",
     "scenario",
     "shadow",

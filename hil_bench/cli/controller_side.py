@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench import __version__
+from hil_bench.abilities.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
+from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
@@ -15,9 +18,6 @@ from hil_bench.cli.arguments import seen_from_bus
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.formats import Heading
-from hil_bench.outside.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_drivers import BusLostError, Network
 

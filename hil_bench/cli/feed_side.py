@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import hil_bench
+from hil_bench.abilities.recording.inline_recorder import RecordingSink
+from hil_bench.abilities.recording.sessions import LiveRecording, RecordingWish, open_sink
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
@@ -26,9 +28,7 @@ from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.session.feed import Feed, Health
-from hil_bench.session.recording import LiveRecording, RecordingWish, open_sink
 from hil_bench.session.session import Session
 from hil_bench.session.work_feed import WorkFeed, WorkState
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.recording.options import recording_lines
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
@@ -17,7 +18,6 @@ from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.feed_side import ShownWork, open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.live_words import ecu_text
-from hil_bench.cli.recording_arguments import recording_lines
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up
 from hil_bench.cli.status_line import (
     Progress,

@@ -4,6 +4,10 @@ import argparse
 import math
 from pathlib import Path
 
+from hil_bench.abilities.recording.options import (
+    add_recording_arguments,
+    check_recording_arguments,
+)
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_loop_arguments,
@@ -13,7 +17,6 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.parser import add_units_argument
-from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
 from hil_bench.cli.verbs import add_options, check_options, take_over

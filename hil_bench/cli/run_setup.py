@@ -11,6 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
+from hil_bench.abilities.recording.inline_recorder import RecordingSink
+from hil_bench.abilities.recording.options import recording_code, recording_wish
+from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
@@ -19,13 +22,11 @@ from hil_bench.bench.peers import peers_of
 from hil_bench.cli.devices import device_table
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption
 from hil_bench.cli.helpers import Helper, Helpers
-from hil_bench.cli.recording_arguments import recording_code, recording_wish
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.cli.streams import collection_put_off
 from hil_bench.errors import HilBenchError, about_file, check_replaceable
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
-from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE, load_of
 from hil_bench.outside.transports.can_interfaces import bitrate_of
 from hil_bench.outside.transports.hub_process import HubProcess
@@ -35,7 +36,6 @@ from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport
-from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session
 
 # The bench's own end of its buses: those that are there, or a hub that it hosts.

@@ -25,7 +25,6 @@ CORE = {
     "devices": Verb(
         "start", 40, "print the device table: node-IDs, profiles, PDOs", "hil_bench.cli.devices"
     ),
-    "plot": Verb("start", 50, "draw a recording", "hil_bench.cli.plot"),
     "run": Verb("run", 10, "run the bench in real time on a CAN bus", "hil_bench.cli.run"),
     "ctl": Verb(
         "run", 20, "read, set and break a running bench, from a shell", "hil_bench.cli.ctl"

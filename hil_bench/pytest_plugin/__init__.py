@@ -209,10 +209,10 @@ def bench(
 
         yield PhysicalBench(_bench_config)
         return
+    from hil_bench.abilities.recording.fixtures import check_recorded, make_recording_path
+    from hil_bench.abilities.recording.sessions import NO_RECORDING
     from hil_bench.outside.realtime.clock import MonotonicClock
     from hil_bench.outside.realtime.pacer import Pacer
-    from hil_bench.pytest_plugin.recording import check_recorded, make_recording_path
-    from hil_bench.session.recording import NO_RECORDING
     from hil_bench.session.virtual_bench import VirtualBench
 
     directory = path_option(request.config, "artifacts")
@@ -260,8 +260,8 @@ def network(
     request: pytest.FixtureRequest, can_bus: "can.BusABC", pytestconfig: pytest.Config
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat; virtual devices have booted."""
+    from hil_bench.abilities.recording.fixtures import make_recording_path, record_frames
     from hil_bench.pytest_plugin.devices import hide_drivers_from_tracebacks
-    from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
     from hil_drivers import Network
 
     hide_drivers_from_tracebacks()

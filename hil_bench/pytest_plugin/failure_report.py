@@ -8,6 +8,7 @@ from typing import cast
 
 import pytest
 
+from hil_bench.abilities.recording.fixtures import recording_path
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
@@ -16,7 +17,6 @@ from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.plot import has_axis, plot_result
 from hil_bench.pytest_plugin.options import shown_path
-from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 # Artifacts of a failed test: its bus trace, its signals and their plot.

@@ -11,6 +11,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, cast
 
+from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.ability import load
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.events import EventWatch
@@ -47,7 +48,6 @@ from hil_bench.session.commands import (
     SetPlant,
     Stop,
 )
-from hil_bench.session.recording import LiveRecording
 from hil_bench.session.session import Session
 from hil_bench.session.work_feed import WorkState
 

@@ -14,6 +14,8 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self, cast
 
+from hil_bench.abilities.recording.report import RecordingReport
+from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish, recorded
 from hil_bench.ability import load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
@@ -22,10 +24,8 @@ from hil_bench.errors import HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
-from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
+from hil_bench.abilities.recording.sessions import LiveRecording, RecordingWish, open_sink
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.outside.feed.places import Place
@@ -16,7 +17,6 @@ from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.session.feed import Feed
-from hil_bench.session.recording import LiveRecording, RecordingWish, open_sink
 from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else

@@ -8,7 +8,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "commissioning",
-    needs=("eyes",),
+    needs=("eyes", "recording"),
     verbs={
         "commission": Verb(
             "machine",

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "demo",
-    needs=("modbus",),
+    needs=("modbus", "recording"),
     verbs={
         "demo": Verb(
             "start",

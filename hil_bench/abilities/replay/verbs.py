@@ -11,6 +11,7 @@ from pathlib import Path
 
 import can
 
+from hil_bench.abilities.recording.recorder import quantity
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     SignalDeviation,
@@ -39,7 +40,6 @@ from hil_bench.outside.recording.evening import make_even
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.recorder import quantity
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.shown_units import display_unit

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=("commissioning", "controllers", "eyes", "faults", "j1939", "modbus"),
+    needs=("commissioning", "controllers", "eyes", "faults", "j1939", "modbus", "recording"),
     verbs={
         "test": Verb(
             "test",

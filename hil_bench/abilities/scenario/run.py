@@ -19,6 +19,7 @@ from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.section import ControllersConfig, config_of
 from hil_bench.abilities.faults.building import schedule_faults
 from hil_bench.abilities.faults.section import FaultsPart
+from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, Step, SyncStep
@@ -43,7 +44,6 @@ from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scratch import scratch_folder
-from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 

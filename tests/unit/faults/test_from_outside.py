@@ -11,6 +11,7 @@ from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.campaign.table import run_campaign
 from hil_bench.abilities.panel.bench_link import fault_choices
+from hil_bench.abilities.recording.sessions import RecordingWish
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import ctl, main
@@ -18,7 +19,6 @@ from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.mdf_blocks import read_events
-from hil_bench.session.recording import RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]

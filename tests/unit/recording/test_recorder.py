@@ -6,6 +6,7 @@ import struct
 
 import pytest
 
+from hil_bench.abilities.recording.recorder import Recorder, RecordingPlan
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
@@ -14,7 +15,6 @@ from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.recorder import Recorder, RecordingPlan
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)
 ROW = struct.Struct("<2d")

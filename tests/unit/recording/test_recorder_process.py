@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder_process import LOOK, RecorderProcess
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import _TAKEN
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import LOOK, RecorderProcess
 
 try:
     import resource
@@ -144,7 +144,7 @@ def test_an_error_in_the_recorder_is_said_in_a_line(tmp_path, caplog, capfd):
 
 
 def test_a_recorder_that_is_too_slow_is_said_at_once_and_once(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr("hil_bench.outside.recording.recorder_process.CAPACITY", 1000)
+    monkeypatch.setattr("hil_bench.abilities.recording.recorder_process.CAPACITY", 1000)
     path = tmp_path / "run.csv"
     with RecorderProcess(plan(path), Clock()) as recorder:
         os.kill(recorder.pid, signal.SIGSTOP)
@@ -224,7 +224,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(tmp_path):
 
 
 def test_a_loop_that_is_faster_than_the_recorder_counts_what_it_leaves_out(tmp_path, monkeypatch):
-    monkeypatch.setattr("hil_bench.outside.recording.recorder_process.CAPACITY", 1000)
+    monkeypatch.setattr("hil_bench.abilities.recording.recorder_process.CAPACITY", 1000)
     with RecorderProcess(plan(tmp_path / "run.mf4")) as recorder:
         os.kill(recorder.pid, signal.SIGSTOP)
         feed(recorder, 0, 500)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
+from hil_bench.abilities.recording.sessions import RecordingWish
 from hil_bench.abilities.scenario import picture
 from hil_bench.abilities.scenario import report as report_module
 from hil_bench.abilities.scenario.examination import Examination
@@ -18,7 +19,6 @@ from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.session.recording import RecordingWish
 
 HEAD = "duration_s = 0.03\n"
 HOSTILE = r"<script>alert('x')</script> & $\frac{1$ ]]> --> \u0001"

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hil_bench.abilities.recording.sessions import RecordingWish, recorded
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -16,7 +17,6 @@ from hil_bench.session.paced import (
     frames_per_tick,
     run_paced,
 )
-from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000

@@ -35,6 +35,8 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     restore_command,
     result_text,
 )
+from hil_bench.abilities.recording.options import recording_code, report_lines
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (
     add_bench_arguments,
@@ -48,13 +50,11 @@ from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_wo
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.feed_side import ShownRows, add_work_arguments, hold_to_real_time, watched_work
 from hil_bench.cli.parser import add_units_argument
-from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.cli.verbs import add_options, check_options
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.report import RecordingReport
 
 # Checks of `hil-bench commission` before it uses the bus.
 

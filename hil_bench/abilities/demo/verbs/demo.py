@@ -14,18 +14,18 @@ from hil_bench.abilities.demo.verbs.demo_session import (
     TrackingError,
 )
 from hil_bench.abilities.modbus.serving import require_pymodbus
-from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import add_output_argument, check_one_bus, make_directory, read_speed
-from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
-from hil_bench.cli.helpers import Helpers, add_loss_argument
-from hil_bench.cli.paced_run import helper_lines, loop_lines
-from hil_bench.cli.recording_arguments import (
+from hil_bench.abilities.recording.options import (
     add_recording_arguments,
     check_recording_arguments,
     recording_code,
     recording_wish,
     report_lines,
 )
+from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.cli.arguments import add_output_argument, check_one_bus, make_directory, read_speed
+from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
+from hil_bench.cli.helpers import Helpers, add_loss_argument
+from hil_bench.cli.paced_run import helper_lines, loop_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.errors import ConfigError

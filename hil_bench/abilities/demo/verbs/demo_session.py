@@ -18,6 +18,7 @@ from hil_bench.abilities.demo.verbs.demo_sensors import (
     canopen_sensors,
     modbus_sensors,
 )
+from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
@@ -41,7 +42,6 @@ from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_p
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.plants.rotary.quantities import ANGLE
-from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import (
     ControllerParameters,

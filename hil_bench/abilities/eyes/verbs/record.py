@@ -17,18 +17,18 @@ from hil_bench.abilities.eyes.verbs.listening import (
     heard,
     open_listener,
 )
-from hil_bench.cli.arguments import load_bench_config, seen_from_bus
-from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.recording_arguments import (
+from hil_bench.abilities.recording.options import (
     add_trigger_arguments,
     check_pre_trigger,
     recording_code,
     report_lines,
 )
+from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder_process import RecorderProcess
+from hil_bench.cli.arguments import load_bench_config, seen_from_bus
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.transports.listener import loss_words
 
 _UNMAPPED = "values of objects that were mapped only later, without a channel"

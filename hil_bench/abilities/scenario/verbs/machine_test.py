@@ -20,6 +20,8 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     print_returned,
     restore_command,
 )
+from hil_bench.abilities.recording.inline_recorder import RecordingSink
+from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.abilities.scenario.recorded import judge_trace
 from hil_bench.abilities.scenario.records import ticks_of
@@ -36,11 +38,9 @@ from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.feed_side import ShownRows, WorkView, hold_to_real_time, watched_work
-from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import is_silent
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, Recording
-from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_drivers import BusLostError, DriverError
 
 _NOT_RUN = "not run: an earlier scenario was stopped"

@@ -10,6 +10,8 @@ import logging
 import math
 from collections.abc import Iterator
 
+from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, Scenario
@@ -31,12 +33,10 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruptio
 from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
-from hil_bench.cli.recording_arguments import recording_code, recording_wish, report_lines
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
-from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.session.session import Session
 from hil_bench.session.virtual_bench import VirtualBench
 

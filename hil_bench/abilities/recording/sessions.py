@@ -9,14 +9,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder_process import RecorderProcess
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_spans
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import RecorderProcess
-from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.spans import Span
 from hil_bench.session.session import Session
 from hil_bench.session.telemetry import recording_heading

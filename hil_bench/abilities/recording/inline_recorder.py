@@ -6,11 +6,11 @@ from typing import Protocol
 
 import can
 
+from hil_bench.abilities.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
-from hil_bench.outside.recording.report import RecordingReport
 
 # A recording written by the one whose ticks it records: for virtual time, which can wait.
 

@@ -4,10 +4,10 @@ import os
 
 import pytest
 
+from hil_bench.abilities.recording.inline_recorder import InlineRecorder
+from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
-from hil_bench.outside.recording.inline_recorder import InlineRecorder
-from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.recording.inline_recorder import NetworkTap
+from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder_process import RecorderProcess
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.errors import RecordingError
-from hil_bench.outside.recording.inline_recorder import NetworkTap
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import RecorderProcess
-from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.pytest_plugin.options import path_option
 from hil_drivers import Network
 

@@ -3,12 +3,12 @@
 import argparse
 from pathlib import Path
 
+from hil_bench.abilities.recording.inline_recorder import RecordingSink
+from hil_bench.abilities.recording.report import FileReport, RecordingReport
+from hil_bench.abilities.recording.sessions import RecordingWish
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.formats import check_suffix
-from hil_bench.outside.recording.inline_recorder import RecordingSink
-from hil_bench.outside.recording.report import FileReport, RecordingReport
-from hil_bench.session.recording import RecordingWish
 
 
 def add_recording_arguments(

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.recording.report import Counted, Progress, RecordingReport
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.report import Counted, Progress, RecordingReport
 from hil_bench.units import UNITS_OF
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from support.fmus import write_law
 
 import hil_drivers.modbus
 from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.fmu.export import export_axis
 from hil_bench.abilities.modbus.map_files import load_register_map
@@ -28,7 +29,6 @@ from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.outside.recording.column_map import read_column_map
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.session import attached

@@ -12,11 +12,11 @@ import pytest
 from support.bus_side import POSITION, SYNC, VALVE, BusSide, valve_command
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench, embedded_bus
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters

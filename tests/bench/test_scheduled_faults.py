@@ -7,8 +7,8 @@ from pathlib import Path
 import can
 import pytest
 
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.bench.configuration import load_config
-from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import PressureSensor
 

@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.live_bench import SECRET, LiveBench, panel
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.bench.configuration import load_config
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.session.virtual_bench import VirtualBench
 
 FRAME = 0.08

@@ -6,7 +6,7 @@ import re
 import pytest
 from support.live_bench import live_bench, panel
 
-from hil_bench.devices.faults.faults import Faults
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.session.commands import Mark
 
 pytestmark = pytest.mark.browser

@@ -73,7 +73,7 @@ def test_axes_on_one_supply_are_one_picture_by_keyboard(pages, keep):
 
 
 def faults_of(bench):
-    from hil_bench.devices.faults.faults import Faults  # noqa: PLC0415 - for one question
+    from hil_bench.abilities.faults.faults import Faults  # noqa: PLC0415 - for one question
 
     return bench.session.bench.part(Faults).active
 

@@ -6,8 +6,8 @@ import pytest
 from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.devices.faults.faults import Faults
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

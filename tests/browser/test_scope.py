@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.canopen_device.nmt import NmtCommand
-from hil_bench.devices.faults.faults import Faults
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

@@ -3,9 +3,9 @@
 import inspect
 from pathlib import Path
 
-from hil_bench.devices.faults import verbs
-from hil_bench.devices.faults.kind import FaultKind
-from hil_bench.devices.faults.registry import FAULT_KINDS
+from hil_bench.abilities.faults import verbs
+from hil_bench.abilities.faults.kind import FaultKind
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 
 FILE = Path(verbs.__file__).with_suffix(".pyi")
 HEAD = """# Written by tests/support/fault_verbs.py from the kinds of faults.

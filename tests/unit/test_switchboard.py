@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.faults.line import Line, Meeting, delay, silence
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.line import Line, Meeting, delay, silence
 from hil_bench.frame import address_of
 
 EDS = Path(__file__).parent / "canopen_device" / "device.eds"

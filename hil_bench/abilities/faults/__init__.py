@@ -8,10 +8,10 @@ ABILITY = Ability(
     "faults",
     tables={"faults": "hil_bench.abilities.faults.section:FaultsSection"},
     standing=("faults",),
-    bench_attributes={"faults": "hil_bench.devices.faults.faults:faults_of"},
+    bench_attributes={"faults": "hil_bench.abilities.faults.faults:faults_of"},
     fixtures=f"{_HERE}.fixtures",
-    registries={"kind of fault": "hil_bench.devices.faults.registry:FAULT_KINDS"},
-    exports={"Faults": "hil_bench.devices.faults.faults"},
+    registries={"kind of fault": "hil_bench.abilities.faults.registry:FAULT_KINDS"},
+    exports={"Faults": "hil_bench.abilities.faults.faults"},
     options={"run": f"{_HERE}.options", "check": f"{_HERE}.options"},
     gives={
         "arguments": f"{_HERE}.options",

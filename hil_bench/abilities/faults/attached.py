@@ -3,7 +3,7 @@
 import contextlib
 from typing import Final, Self
 
-from hil_bench.devices.faults.verbs import Verbs
+from hil_bench.abilities.faults.verbs import Verbs
 from hil_bench.errors import ConfigError
 from hil_bench.outside.feed.client import FeedClient
 

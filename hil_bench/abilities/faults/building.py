@@ -4,17 +4,10 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Protocol, runtime_checkable
 
-from hil_bench.bench.assembly import number_buses
-from hil_bench.bench.bench import Bench
-from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.peers import peers_of
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
-from hil_bench.devices.faults.fault import FaultConfig
-from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.points import (
+from hil_bench.abilities.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.faults import Faults
+from hil_bench.abilities.faults.points import (
     ENABLES,
     NODES,
     PLANTS,
@@ -25,6 +18,13 @@ from hil_bench.devices.faults.points import (
     FaultPoints,
     NodePoint,
 )
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.peers import peers_of
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
+from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.registry import find_fault_kind
+from hil_bench.abilities.faults.faults import Faults
+from hil_bench.abilities.faults.registry import find_fault_kind
 from hil_bench.errors import ConfigError
 from hil_bench.session.commands import Controls
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from hil_bench.devices.faults.faults import Faults
+    from hil_bench.abilities.faults.faults import Faults
     from hil_bench.session.virtual_bench import VirtualBench
 
 

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hil_bench.abilities.faults.kind import UNITS, FaultKind
+from hil_bench.abilities.faults.registry import COMMON_KEYS, LASTS_KEY, find_fault_kind
 from hil_bench.abilities.faults.section import check_effect
 from hil_bench.config.settings import Given, Key, Origin, Problems, convert, read_table
-from hil_bench.devices.faults.kind import UNITS, FaultKind
-from hil_bench.devices.faults.registry import COMMON_KEYS, LASTS_KEY, find_fault_kind
 from hil_bench.errors import ConfigError
 
 

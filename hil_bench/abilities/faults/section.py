@@ -5,6 +5,24 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
+from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.kind import UNITS
+from hil_bench.abilities.faults.points import (
+    ENABLES,
+    NODES,
+    PLANTS,
+    SENSORS,
+    SUPPLIES,
+    VALVES,
+    WIRED,
+)
+from hil_bench.abilities.faults.registry import (
+    COMMON_KEYS,
+    KIND_KEY,
+    all_kinds,
+    find_fault_kind,
+    missing_defect,
+)
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import Whole
@@ -22,16 +40,6 @@ from hil_bench.config.settings import (
     read_table,
 )
 from hil_bench.config.values import describe, find_nearest, quote
-from hil_bench.devices.faults.fault import FaultConfig
-from hil_bench.devices.faults.kind import UNITS
-from hil_bench.devices.faults.points import ENABLES, NODES, PLANTS, SENSORS, SUPPLIES, VALVES, WIRED
-from hil_bench.devices.faults.registry import (
-    COMMON_KEYS,
-    KIND_KEY,
-    all_kinds,
-    find_fault_kind,
-    missing_defect,
-)
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
@@ -39,8 +47,8 @@ from hil_bench.plants.registry import PLANTS as OWN_PLANTS
 from hil_bench.units import Unit
 
 if TYPE_CHECKING:
+    from hil_bench.abilities.faults.faults import Faults
     from hil_bench.bench.bench import Bench
-    from hil_bench.devices.faults.faults import Faults
 
 Targets = dict[str, dict[str, Any]]
 """The names of the targets that may have faults, by group.

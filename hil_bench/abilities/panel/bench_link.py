@@ -7,11 +7,11 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
+from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.abilities.faults.live import fault_keys
+from hil_bench.abilities.faults.registry import LASTS_KEY, all_kinds
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
-from hil_bench.devices.faults.kind import FaultKind
-from hil_bench.devices.faults.registry import LASTS_KEY, all_kinds
 from hil_bench.errors import BusError, WaitTimeoutError, printable
 from hil_bench.outside.feed.client import TIMEOUT
 from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.scenario.nodes import channel_vocabulary
 from hil_bench.abilities.scenario.recorded import Trace
@@ -24,7 +25,6 @@ from hil_bench.abilities.scenario.resolve import (
 )
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
-from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.units import ONE

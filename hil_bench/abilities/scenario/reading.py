@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.controllers.kinds import find_kind
+from hil_bench.abilities.faults.registry import find_fault_kind, kind_name
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
 from hil_bench.abilities.scenario.places import LocatedProblems, Spot
@@ -40,7 +41,6 @@ from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.config.document import Document, Tables, check_tables, read_section
 from hil_bench.config.settings import Key, Problems, Settings, read_table
 from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
-from hil_bench.devices.faults.registry import find_fault_kind, kind_name
 from hil_bench.errors import ConfigError
 
 _TABLES = ("controller", "parameters", "step", "expect")

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
+from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.abilities.faults.section import build_fault, check_amount, check_effect
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
@@ -27,8 +29,6 @@ from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Problems, read_table
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.faults.fault import FaultConfig
-from hil_bench.devices.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session
 from hil_bench.units import ONE, Unit

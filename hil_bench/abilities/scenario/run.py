@@ -18,6 +18,8 @@ from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.section import ControllersConfig, config_of
 from hil_bench.abilities.faults.building import schedule_faults
+from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
@@ -40,8 +42,6 @@ from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.events import event_spans
 from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.faults.fault import FaultConfig
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.session import Session, open_session

@@ -6,11 +6,11 @@ from typing import Final
 
 from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
+from hil_bench.abilities.faults.kind import FaultKind
+from hil_bench.abilities.faults.registry import COMMON_KEYS, all_kinds, kind_name
 from hil_bench.abilities.scenario.records import NmtVerb
 from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, describe, number, text, texts
-from hil_bench.devices.faults.kind import FaultKind
-from hil_bench.devices.faults.registry import COMMON_KEYS, all_kinds, kind_name
 from hil_bench.errors import ConfigError
 from hil_bench.units import SECOND
 

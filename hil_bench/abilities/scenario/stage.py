@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.abilities.faults.commands import BeginFault
+from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     COMMAND,
@@ -41,7 +42,6 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.canopen_device.sync import SYNC_COB_ID
-from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.session.commands import Command, SetObject, SetPlant
 from hil_bench.session.session import Session

@@ -6,6 +6,9 @@ from dataclasses import fields
 from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
+from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.points import SENSORS, VALVES, Group
+from hil_bench.abilities.faults.registry import find_fault_kind
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
@@ -15,9 +18,6 @@ from hil_bench.abilities.scenario.targets import MODBUS
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
-from hil_bench.devices.faults.fault import FaultConfig
-from hil_bench.devices.faults.points import SENSORS, VALVES, Group
-from hil_bench.devices.faults.registry import find_fault_kind
 from hil_bench.kinds.registry import VALVE
 
 _WORD = re.compile(r"\w+")

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.cli import ctl, main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 
 

@@ -6,9 +6,9 @@ import pytest
 from rich.console import Console
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.cli import main, watch
 from hil_bench.cli.watch import WatchView, bar
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.copper.section import WIRE_KEYS
+from hil_bench.abilities.faults.kind import FaultKind
+from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
@@ -24,8 +26,6 @@ from hil_bench.bench.configuration.keys import (
 )
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
-from hil_bench.devices.faults.kind import FaultKind
-from hil_bench.devices.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS

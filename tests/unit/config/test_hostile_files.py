@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from device_profiles import VALVE_408
+from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.bench.configuration import BenchConfig, load, load_config
 from hil_bench.bench.configuration.keys import (
     BENCH_KEYS,
@@ -19,7 +20,6 @@ from hil_bench.bench.configuration.keys import (
     node_keys,
 )
 from hil_bench.config.settings import Key
-from hil_bench.devices.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS

@@ -10,13 +10,13 @@ from support.distribution import PLUGIN, declare
 from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.campaign.table import run_campaign
+from hil_bench.abilities.faults.faults import Faults
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.recording.sessions import RecordingWish
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import ctl, main
-from hil_bench.devices.faults.faults import Faults
-from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.mdf_blocks import read_events
 from hil_bench.session.virtual_bench import VirtualBench
@@ -158,8 +158,8 @@ def test_a_kind_that_cannot_be_used_is_a_line_that_names_its_distribution(site, 
 
 
 FAILS = """
-from hil_bench.devices.faults.kind import fault_kind
-from hil_bench.devices.faults.points import PLANTS
+from hil_bench.abilities.faults.kind import fault_kind
+from hil_bench.abilities.faults.points import PLANTS
 
 @fault_kind(PLANTS)
 def explode(axis):

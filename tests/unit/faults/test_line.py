@@ -2,9 +2,9 @@
 
 import pytest
 
+from hil_bench.abilities.faults.line import Line, Meeting, babble, delay, loss, silence, truncation
+from hil_bench.abilities.faults.words import FaultDirection
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.line import Line, Meeting, babble, delay, loss, silence, truncation
-from hil_bench.devices.faults.words import FaultDirection
 from hil_bench.devices.measurement.low_pass import random_stream
 
 MS = 1_000_000

@@ -2,8 +2,8 @@
 
 import pytest
 
+from hil_bench.abilities.faults.schedule import FaultSchedule
 from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.devices.faults.schedule import FaultSchedule
 from hil_bench.errors import ConfigError
 
 MS = 1_000_000

@@ -6,10 +6,10 @@ import can
 import pytest
 from support.direct_lockstep import DirectLockStep
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.lockstep.controller import QUIET, LockStepController
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_drivers import BusLostError, DriverTimeoutError, Network, SdoAbortError

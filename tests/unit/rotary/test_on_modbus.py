@@ -7,9 +7,9 @@ import pytest
 from support.modbus_side import CONTROL, ENABLE, ModbusSide
 from support.motors import LOSSLESS, VALVE, write_bench
 
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.modbus.protocol.register_map import Table
 from hil_bench.bench.configuration import load_config
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import modbus
 from hil_drivers.modbus.framing import TcpFraming

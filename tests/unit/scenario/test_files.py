@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.abilities.controllers.power import Power
+from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.records import (
@@ -30,7 +31,6 @@ from hil_bench.abilities.scenario.resolve import (
 )
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.writing import to_csv, to_toml, write_scenario
-from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 
 MS = 1_000_000

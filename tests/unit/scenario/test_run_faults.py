@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import pytest
 from support.built_in_nodes import NODES
 
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario import run
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.targets import Targets
-from hil_bench.devices.faults.registry import FAULT_KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.cli import main
-from hil_bench.devices.faults.registry import FAULT_KINDS
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "scenarios").glob("*.toml"))
 

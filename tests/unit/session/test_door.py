@@ -7,8 +7,8 @@ from concurrent.futures import CancelledError
 import pytest
 
 from hil_bench.abilities.faults.commands import BeginFault, ClearFault
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.bench.configuration import load_config
-from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.commands import MOST_WAITING, SetObject, SetPlant
 from hil_bench.session.session import open_session

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.scenario.dimensions import UNITS
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.live_margins import LiveMargins
@@ -13,7 +14,6 @@ from hil_bench.abilities.scenario.resolve import Action, PreparedScenario, SetAc
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.cli.feed_side import ShownWork, WorkView
-from hil_bench.devices.faults.fault import FaultConfig
 from hil_bench.errors import ConfigError
 from hil_bench.session.work_feed import WorkItem, WorkMargin, WorkState
 

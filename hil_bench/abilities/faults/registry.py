@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Final
 
+from hil_bench.abilities.faults import line_kinds, plant_kinds, sensor_kinds
+from hil_bench.abilities.faults.kind import LARGEST, FaultKind
 from hil_bench.ability import given_to
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, number, text
-from hil_bench.devices.faults import line_kinds, plant_kinds, sensor_kinds
-from hil_bench.devices.faults.kind import LARGEST, FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.registry import Registry, find_twice
 from hil_bench.units import SECOND

@@ -3,7 +3,7 @@
 import math
 from typing import Protocol
 
-from hil_bench.devices.faults.words import BrokenReading
+from hil_bench.abilities.faults.words import BrokenReading
 from hil_bench.devices.measurement.low_pass import Draw, FirstOrderLowPass
 
 

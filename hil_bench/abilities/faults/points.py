@@ -4,11 +4,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
+from hil_bench.abilities.faults.effects import (
+    Act,
+    DefectPoint,
+    SensorPoint,
+    SpoolPoint,
+    SupplyPoint,
+)
+from hil_bench.abilities.faults.line import Receiver
+from hil_bench.abilities.faults.wire_point import WirePoint
 from hil_bench.canopen_device.frame import Emit
 from hil_bench.devices.axis import Enabled
-from hil_bench.devices.faults.effects import Act, DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
-from hil_bench.devices.faults.line import Receiver
-from hil_bench.devices.faults.wire_point import WirePoint
 
 P = TypeVar("P")
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeVar
 
-from hil_bench.devices.faults.sensor_stages import SensorStage
+from hil_bench.abilities.faults.sensor_stages import SensorStage
 from hil_bench.devices.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import Influence

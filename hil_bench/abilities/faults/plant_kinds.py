@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 
+from hil_bench.abilities.faults.checks import bounded, choose, to_ns
+from hil_bench.abilities.faults.effects import Acts, DefectEffect, Growth, SpoolEffect
+from hil_bench.abilities.faults.fault import Effect
+from hil_bench.abilities.faults.kind import GROWTH, Site, fault_kind, percent
+from hil_bench.abilities.faults.points import ENABLES, PLANTS, SUPPLIES, VALVES
+from hil_bench.abilities.faults.spool_stages import Bound, Weak
+from hil_bench.abilities.faults.words import LeakPath
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, number
-from hil_bench.devices.faults.checks import bounded, choose, to_ns
-from hil_bench.devices.faults.effects import Acts, DefectEffect, Growth, SpoolEffect
-from hil_bench.devices.faults.fault import Effect
-from hil_bench.devices.faults.kind import GROWTH, Site, fault_kind, percent
-from hil_bench.devices.faults.points import ENABLES, PLANTS, SUPPLIES, VALVES
-from hil_bench.devices.faults.spool_stages import Bound, Weak
-from hil_bench.devices.faults.words import LeakPath
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import SUPPLY
 from hil_bench.units import BAR, LITRE_PER_MINUTE_BAR, MICROMETRE, NEWTON

@@ -2,15 +2,15 @@
 
 from functools import partial
 
+from hil_bench.abilities.faults.checks import bounded, choose
+from hil_bench.abilities.faults.effects import SensorEffect, SpoolEffect
+from hil_bench.abilities.faults.fault import Effect
+from hil_bench.abilities.faults.kind import LARGEST, Site, amounts, fault_kind
+from hil_bench.abilities.faults.points import SENSORS, VALVES
+from hil_bench.abilities.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
+from hil_bench.abilities.faults.words import BrokenReading
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, number
-from hil_bench.devices.faults.checks import bounded, choose
-from hil_bench.devices.faults.effects import SensorEffect, SpoolEffect
-from hil_bench.devices.faults.fault import Effect
-from hil_bench.devices.faults.kind import LARGEST, Site, amounts, fault_kind
-from hil_bench.devices.faults.points import SENSORS, VALVES
-from hil_bench.devices.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
-from hil_bench.devices.faults.words import BrokenReading
 from hil_bench.devices.measurement.low_pass import normal_numbers
 from hil_bench.units import MILLISECOND
 

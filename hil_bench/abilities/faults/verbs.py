@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Generic, TypeVar
 
-from hil_bench.devices.faults.registry import FAULT_KINDS
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 
 F = TypeVar("F")
 

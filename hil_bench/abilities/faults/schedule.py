@@ -4,9 +4,9 @@ from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from hil_bench.abilities.faults.checks import to_ns
+from hil_bench.abilities.faults.fault import Effect, Fault
 from hil_bench.canopen_device.agenda import NEVER
-from hil_bench.devices.faults.checks import to_ns
-from hil_bench.devices.faults.fault import Effect, Fault
 from hil_bench.errors import ConfigError
 
 MOST_FAULTS = 256

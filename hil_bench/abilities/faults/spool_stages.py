@@ -1,6 +1,6 @@
 """Effects of defects on the set-point of a spool."""
 
-from hil_bench.devices.faults.effects import Growth
+from hil_bench.abilities.faults.effects import Growth
 
 
 class Bound:

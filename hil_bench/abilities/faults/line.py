@@ -4,9 +4,9 @@ import heapq
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
+from hil_bench.abilities.faults.wire_point import Disturbance
+from hil_bench.abilities.faults.words import FaultDirection
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
-from hil_bench.devices.faults.wire_point import Disturbance
-from hil_bench.devices.faults.words import FaultDirection
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -1,1 +1,0 @@
-"""Faults on purpose: of sensors, valves, supplies and bus connections, in bench time."""

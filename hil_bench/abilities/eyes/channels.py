@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 from hil_bench.abilities.eyes.dbc_words import DbcMessages
@@ -11,9 +12,11 @@ from hil_bench.abilities.eyes.known_node import PdoOwner
 from hil_bench.abilities.eyes.pdos import PdoField
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.eyes.values import Reading
+from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.units import ONE, read_unit, si_unit
 
+_MOST_LATE: Final = 10  # ticks
 _NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
 
 _Key = tuple[int, int, int, int]
@@ -91,35 +94,99 @@ class BusChannels:
 
     def take(self, sight: Sight) -> bool:
         """Hold the values of a PDO or a message, and return whether there were some."""
-        has_values = sight.message is not None and self._take_message(sight, sight.message)
+        found = dict(self.numbers(sight))
+        for place, value in found.items():
+            self._values[place] = value
+        return bool(found)
+
+    def numbers(self, sight: Sight) -> Iterator[tuple[int, float]]:
+        """Yield the number of each channel of which a frame has a value, and that [SI]."""
+        if sight.message is not None:
+            yield from self._message_numbers(sight, sight.message)
         for reading in sight.readings:
             place = self._places.get(_key(sight, reading))
             if place is None:
                 self.missed += 1
             elif not isinstance(reading.value, str):
                 number, factor = place
-                self._values[number] = reading.value * factor
-                has_values = True
+                yield number, reading.value * factor
         for signal, value in self._dbc.numbers(sight).items():
             number, factor = self._signals[signal]
-            self._values[number] = value * factor
-            has_values = True
-        return has_values
+            yield number, value * factor
 
-    def _take_message(self, sight: Sight, message: J1939Message) -> bool:
-        """Hold what its sender says with it, and what it says to those whom it is meant for."""
+    def _message_numbers(self, sight: Sight, message: J1939Message) -> Iterator[tuple[int, float]]:
+        """Yield what its sender says with it, and what it says to those whom it is meant for."""
         if message.data is None:
-            return False
-        has_values = False
+            return
         for place, device, value in self._told.get((sight.frame.bus, message.group), ()):
             if device == sight.node if value.is_sent else message.receiver in {"", device}:
-                self._values[place] = value.read(message.data)
-                has_values = True
-        return has_values
+                yield place, value.read(message.data)
 
     def row(self, now: int) -> tuple[float, ...]:
         """Return a row of a recording: time [s] and the last values, NaN before the first."""
         return now * 1e-9, *self._values
+
+
+class TickRows:
+    """Makes rows at even ticks of what is heard, in which a value that grew old is unknown.
+
+    A value stands in the first tick at or behind its frame, and in those after it for as long as it
+    is held. No value is left out: a second one within a tick stands in the next. Where all are
+    unknown there is no row.
+
+    Args:
+        channels: what is heard.
+        tick: time between two rows [ns].
+        hold: how long a value counts [ns].
+
+    Attributes:
+        late: how late a value stands at most, beside the part of a tick that rounding makes [ns].
+    """
+
+    def __init__(self, channels: BusChannels, tick: int, hold: int) -> None:
+        self._channels = channels
+        self._tick, self._hold = tick, hold
+        self._waiting: list[deque[tuple[float, int]]] = [deque() for _ in channels.channels]
+        self._last = [(math.nan, 0)] * len(channels.channels)
+        self._next = 0  # [ns]
+        self.late = 0
+
+    def take(self, sight: Sight, now: int) -> None:
+        """Take the values of a frame that came at a time [ns], behind the last row."""
+        for number, value in self._channels.numbers(sight):
+            waiting = self._waiting[number]
+            if waiting and waiting[-1][0] == value:
+                waiting.pop()
+            waiting.append((value, now))
+
+    def rows(self, until: int) -> Iterator[tuple[float, ...]]:
+        """Yield the rows of all ticks before a time [ns]: time [s], and the values."""
+        while self._next < until:
+            row = [self._value(number) for number in range(len(self._last))]
+            if any(map(math.isfinite, row)):
+                yield self._next * 1e-9, *row
+                self._next += self._tick
+            else:  # nothing is known until the frame that comes
+                self._next = -(-until // self._tick) * self._tick
+
+    def _value(self, number: int) -> float:
+        """Return the value of a channel at the next tick.
+
+        Raises:
+            ConfigError: it is many ticks old, as others stood before it.
+        """
+        if waiting := self._waiting[number]:
+            self._last[number] = waiting.popleft()
+            late = self._next - self._last[number][1] - self._tick
+            if late > _MOST_LATE * self._tick:
+                name = self._channels.channels[number].name
+                raise ConfigError(
+                    f"{name} has more values than ticks of {self._tick / 1e6:g} ms around "
+                    f"{self._next / 1e9:.6g} s; give a shorter --tick"
+                )
+            self.late = max(self.late, late)
+        value, heard = self._last[number]
+        return value if self._next - heard <= self._hold else math.nan
 
 
 def _key(sight: Sight, reading: Reading) -> _Key:

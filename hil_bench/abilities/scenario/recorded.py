@@ -260,7 +260,7 @@ def _number_uneven(
     if counts.min() < 1.0 or abs(off[worst]) > _MOST_JITTER * tick_ns * 1e-9:
         raise ConfigError(
             f"{source}: its rows are not evenly spaced, as at {times[worst]:.9g} s; "
-            "give one with a row a tick"
+            "give one with a row a tick; 'decode --tick' makes one of a bus log"
         )
     note = f"its rows are up to {1e3 * abs(off[worst]):.3g} ms off ticks of {tick_ns / 1e6:.6g} ms"
     return rows.astype(np.int64), tick_ns, f"{note}, and so are the times of a verdict"

@@ -13,7 +13,14 @@ from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.outside.recording.foreign_table import Columns, read_columns, read_units
+from hil_bench.outside.recording.column_units import in_own_units
+from hil_bench.outside.recording.foreign_table import (
+    Columns,
+    Values,
+    as_recording,
+    read_columns,
+    read_units,
+)
 from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
 
 _FILES = "files"
@@ -72,6 +79,11 @@ class Column:
     gain: float = 1.0
     offset: float = 0.0
     polarity: float = 1.0
+
+    def read(self, table: Columns) -> Values:
+        """Return the quantity in SI; a polarity of 0 counts as 1."""
+        values = (self.polarity or 1.0) * self.gain * table[self.name] + self.offset
+        return self.unit.to_si(1.0) * values
 
 
 Mapped = Mapping[str, Column]
@@ -134,16 +146,13 @@ def check_polarities(path: Path, mapped: Mapped) -> None:
             raise ConfigError(f"{path}: the polarity of {name} is unknown; {right}")
 
 
-def read_mapped(
-    path: Path, mapped: Mapped, axis: str, needed: Sequence[str] = _NEEDED
-) -> Recording:
-    """Return the recording of an axis in a table of another tool.
+def read_named(path: Path, mapped: Mapped, axis: str) -> Recording:
+    """Return a table of another tool as a recording, with the names that a map gives its columns.
 
     Args:
         path: of the table, CSV, MAT or MF4.
-        mapped: its columns.
-        axis: the name that its quantities get.
-        needed: the quantities that it must have.
+        mapped: some of its columns; the others keep their names and units.
+        axis: the name that the quantities get.
 
     Raises:
         ConfigError: the table cannot be read, or the map and the table contradict each other.
@@ -151,14 +160,37 @@ def read_mapped(
     table, units = read_columns(path), read_units(path)
     try:
         check_units(units, mapped)
-        return map_columns(table, mapped, axis, needed)
+        _check_columns(table, mapped)
+        taken = {column.name for column in mapped.values()}
+        columns = {name: values for name, values in table.items() if name not in taken}
+        for quantity, column in mapped.items():
+            name = quantity if quantity == TIME.name else f"{axis}.{quantity}"
+            columns[name], units[name] = column.read(table), _UNITS[quantity]
+        return in_own_units(as_recording(columns, units))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def map_columns(
-    table: Columns, mapped: Mapped, axis: str, needed: Sequence[str] = _NEEDED
-) -> Recording:
+def read_mapped(path: Path, mapped: Mapped, axis: str) -> Recording:
+    """Return the recording of an axis in a table of another tool.
+
+    Args:
+        path: of the table, CSV, MAT or MF4.
+        mapped: its columns.
+        axis: the name that its quantities get.
+
+    Raises:
+        ConfigError: the table cannot be read, or the map and the table contradict each other.
+    """
+    table, units = read_columns(path), read_units(path)
+    try:
+        check_units(units, mapped)
+        return map_columns(table, mapped, axis)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
     """Return the recording of an axis that the columns of a table make.
 
     What a polarity of 0 leaves open is as it stands in the table.
@@ -166,13 +198,10 @@ def map_columns(
     Raises:
         ConfigError: a needed quantity has no column, or the table lacks one.
     """
-    for name in needed:
+    for name in _NEEDED:
         if name not in mapped:
             raise ConfigError(f"no column is {name}; name it in --columns or with --map")
-    for quantity, column in mapped.items():
-        if column.name not in table:
-            names = ", ".join(table)
-            raise ConfigError(f"{quantity} is to be column {column.name}; the file has {names}")
+    _check_columns(table, mapped)
     channels = [
         channel if channel is TIME else channel._replace(name=f"{axis}.{channel.name}")
         for channel in CHANNELS
@@ -181,13 +210,21 @@ def map_columns(
     rows = len(table[mapped[TIME.name].name])
     recording = np.zeros(rows, dtype=recording_dtype(channels))
     for channel in channels:
-        column = mapped[channel.name.rpartition(".")[2]]
-        values = column.gain * table[column.name]
-        recording[channel.name] = column.unit.to_si(1.0) * (
-            (column.polarity or 1.0) * values + column.offset
-        )
+        recording[channel.name] = mapped[channel.name.rpartition(".")[2]].read(table)
     recording[TIME.name] -= recording[TIME.name][:1]
     return recording
+
+
+def _check_columns(table: Columns, mapped: Mapped) -> None:
+    """Refuse a map of columns that a table lacks.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for quantity, column in mapped.items():
+        if column.name not in table:
+            names = ", ".join(table)
+            raise ConfigError(f"{quantity} is to be column {column.name}; the file has {names}")
 
 
 def check_units(units: Mapping[str, str], mapped: Mapped) -> None:

@@ -17,6 +17,7 @@ from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener, dropped_by_kernel
 
 BENCH = """\
@@ -125,6 +126,35 @@ def test_values_become_channels_in_si(folder, capsys):
     assert len(list(read_frames(folder / "d.mf4"))) == len(FRAMES)
 
 
+def write_pressures(path, *values):
+    """Write a log of one sensor: times [ms] and pressures [bar]."""
+    with open_frame_file(path) as file:
+        for time, bar in values:
+            frame = Frame(0x182, struct.pack("<fB", bar, 0))
+            file.write_frames([LoggedFrame(frame, round(time * 1e6), None)])
+
+
+def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, capsys):
+    """Each value stands in the first tick behind its frame, one of two in the next."""
+    write_pressures(folder / "p.log", (0, 50.0), (0.2, 51.0), (0.4, 52.0), (9.5, 53.0), (10, 53.0))
+    options = ["-o", "p.csv", "--tick", "1", "--hold", "3"]
+    assert main(["decode", "p.log", "bench.toml", *options]) == 0
+    said = capsys.readouterr()
+    found = read_recording(folder / "p.csv")
+    times = [round(time * 1e3, 6) for time in found["time"]]
+    bars = [pressure / 1e5 for pressure in found["pressure_a.ai_input_process_value_1"]]
+    # 52 bar came at 0.4 ms, stands at 2 ms, and is older than 3 ms at 4 ms
+    assert dict(zip(times, bars, strict=True)) == {0: 50, 1: 51, 2: 52, 3: 52, 10: 53}
+    assert "values stand up to 0.6 ms late" in said.err
+
+
+def test_more_values_than_ticks_are_refused(folder, capsys):
+    """Ten values in 1 ms would wait ten ticks of 2 ms."""
+    write_pressures(folder / "p.log", *((number * 0.1, number) for number in range(20)), (99, 0.0))
+    assert main(["decode", "p.log", "bench.toml", "-o", "p.csv", "--tick", "2"]) == 2
+    assert "has more values than ticks of 2 ms around" in capsys.readouterr().err
+
+
 def test_a_dbc_reads_the_frames_as_we_do(folder):
     assert main(["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]) == 0
     database = cantools.database.load_file(folder / "bus.dbc")
@@ -172,6 +202,8 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
         (["nix.log"], "nix.log: cannot be read"),
         (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
         (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
+        (["t.log", "--tick", "1"], "--tick is for the rows of a recording; give it with -o"),
+        (["t.log", "-o", "d.csv", "--hold", "5"], "--hold is for rows at even ticks"),
         (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
         (
             ["t.log", "--write-dbc", "d.txt"],

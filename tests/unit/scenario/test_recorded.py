@@ -138,7 +138,7 @@ def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_pat
     for options, wrong in (
         ([], "scope.csv: its time has no unit"),
         (["--axis", "lift"], "--axis is for --columns and --map"),
-        (["--map", "CH1=P_A:bar"], "no column is time"),
+        (["--map", "CH1=P_A:bar"], "scope.csv: its time has no unit"),
         (["--map", "t=time:ms", "--map", "CH1=P_A:bar", "--axis", "lift"], "nearest is lift.P_A"),
     ):
         assert main([*files, *options]) == ExitCode.USAGE

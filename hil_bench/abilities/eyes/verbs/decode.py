@@ -1,13 +1,14 @@
 """`hil-bench decode`: a log of frames in words, as channels, as a DBC."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil_bench.abilities.eyes.channels import BusChannels
+from hil_bench.abilities.eyes.channels import BusChannels, TickRows
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_filter_arguments,
     add_log_arguments,
@@ -24,7 +25,8 @@ from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.parser import positive
+from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -33,12 +35,16 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner
 
+_HOLD = 100.0  # ms
+_Seen = Iterable[tuple[int, Sequence[Sight]]]
+_Append = Callable[[Sequence[float]], None]
 _EXAMPLES = """\
 examples:
   hil-bench decode trace.log bench.toml
   hil-bench decode trace.asc --eds 5=vendor.eds --node 5 --changes
   hil-bench decode trace.blf bench.toml --problems
   hil-bench decode trace.log bench.toml -o decoded.mf4     values as channels, in SI
+  hil-bench decode trace.log bench.toml -o decoded.csv --tick 1     to be judged
   hil-bench decode trace.log bench.toml --write-dbc bus.dbc     for SavvyCAN, asammdf
   hil-bench decode trace.trc --dbc vendor.dbc      messages that no node explains
 """
@@ -60,6 +66,19 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=Path,
         metavar="RECORDING",
         help="print nothing: write the values as channels, in SI; .mf4 (with the frames) or .csv",
+    )
+    parser.add_argument(
+        "--tick",
+        type=positive,
+        metavar="MS",
+        help="with -o: a row each MS milliseconds, for 'hil-bench judge', in which values count "
+        "as long as --hold says (default: a row a frame, with the last value of each channel)",
+    )
+    parser.add_argument(
+        "--hold",
+        type=positive,
+        metavar="MS",
+        help=f"with --tick: a value that is older is unknown (default: {_HOLD:g})",
     )
     add_dbc_argument(parser, "shown")
     parser.add_argument(
@@ -107,6 +126,10 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError(f"-o {args.output}: give a file name that ends in .mf4 or .csv")
     if args.write_dbc is not None and args.write_dbc.suffix.lower() != ".dbc":
         raise ConfigError(f"--write-dbc {args.write_dbc}: give a file name that ends in .dbc")
+    if args.tick is not None and args.output is None:
+        raise ConfigError("--tick is for the rows of a recording; give it with -o")
+    if args.hold is not None and args.tick is None:
+        raise ConfigError("--hold is for rows at even ticks; give it with --tick")
     if args.dbc is not None and args.write_dbc is not None:
         raise ConfigError("--write-dbc writes what is known without --dbc; give one of them")
 
@@ -154,7 +177,7 @@ def _write(
             raise ConfigError(
                 f"{args.log}: {what}; give bench.toml, --eds N=FILE or --dbc FILE.dbc"
             )
-        report = _record(args.output, channels, _decoder(args), frames)
+        report = _record(args, channels, _decoder(args), frames)
         ending.take(recording_code(report))
         written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")
     if not args.quiet:
@@ -174,18 +197,52 @@ def _is_writing(args: argparse.Namespace) -> bool:
 
 
 def _record(
-    path: Path, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]
+    args: argparse.Namespace, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]
 ) -> RecordingReport:
     """Write a recording, and return what its file holds."""
-    recorder = InlineRecorder(RecordingPlan((path,), tuple(channels.channels)))
+    recorder = InlineRecorder(RecordingPlan((args.output,), tuple(channels.channels)))
+    take = _take_frames if args.tick is None else _take_ticks
     recorder.start()
     try:
-        for logged in frames:
-            recorder.append_frames(
-                [logged.frame], logged.now, is_received=logged.is_received is not False
-            )
-            if sum(map(channels.take, decoder.take(logged))):
-                recorder.append_row(channels.row(logged.now))
+        take(args, channels, _recorded(recorder, decoder, frames), recorder.append_row)
     finally:
         recorder.stop()
     return recorder.report
+
+
+def _recorded(
+    recorder: InlineRecorder, decoder: Decoder, frames: Iterable[LoggedFrame]
+) -> Iterator[tuple[int, Sequence[Sight]]]:
+    """Yield the time of each frame [ns] and what is seen in it, once it is recorded."""
+    for logged in frames:
+        recorder.append_frames(
+            [logged.frame], logged.now, is_received=logged.is_received is not False
+        )
+        yield logged.now, decoder.take(logged)
+
+
+def _take_frames(
+    _: argparse.Namespace, channels: BusChannels, seen: _Seen, append: _Append
+) -> None:
+    """Append a row for each frame with values."""
+    for now, sights in seen:
+        if sum(map(channels.take, sights)):
+            append(channels.row(now))
+
+
+def _take_ticks(
+    args: argparse.Namespace, channels: BusChannels, seen: _Seen, append: _Append
+) -> None:
+    """Append rows at even ticks."""
+    tick, last = round(args.tick * 1e6), 0
+    ticks = TickRows(channels, tick, round((args.hold or _HOLD) * 1e6))
+    for now, sights in seen:
+        last = max(last, now)
+        for row in ticks.rows(now):
+            append(row)
+        for sight in sights:
+            ticks.take(sight, now)
+    for row in ticks.rows(last + tick):
+        append(row)
+    if ticks.late > 0:
+        warn_of([f"{args.log}: values stand up to {ticks.late / 1e6:.3g} ms late"])

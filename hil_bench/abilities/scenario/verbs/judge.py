@@ -21,8 +21,8 @@ from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import TIME, Recording
-from hil_bench.outside.recording.column_map import check_polarities, read_column_map, read_mapped
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 
@@ -101,7 +101,7 @@ def _read_signals(args: argparse.Namespace, path: Path) -> Recording:
     """Return a recording, with the names that a column map gives it.
 
     Raises:
-        ConfigError: the map says too little, or there is none for the axis.
+        ConfigError: there is an axis and no map.
     """
     if not args.columns and not args.map:
         if args.axis:
@@ -109,7 +109,7 @@ def _read_signals(args: argparse.Namespace, path: Path) -> Recording:
         return read_recording(path)
     mapped = read_column_map(args.columns, args.map).of(path.name)
     check_polarities(path, mapped)
-    return read_mapped(path, mapped, args.axis or "axis1", (TIME.name,))
+    return read_named(path, mapped, args.axis or "axis1")
 
 
 def _seconds(text: str) -> float:

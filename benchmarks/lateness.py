@@ -32,7 +32,8 @@ from pathlib import Path
 import occasion
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.server.process import ModbusProcess
-from hil_bench.abilities.recording.sessions import RecordingWish, recorded
+from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import (
     BenchConfig,
     OverrunPolicy,

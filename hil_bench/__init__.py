@@ -12,7 +12,6 @@ _MODULES = {
     "outside.recording.frames": ("read_frames",),
     "outside.recording.signal_table": ("SignalTable", "open_recording"),
     "session.attached": ("AttachedBench", "attach"),
-    "session.recording": ("RecordingWish",),
     "session.virtual_bench": ("VirtualBench",),
 }
 

@@ -5,7 +5,7 @@ from hil_bench.abilities.controllers.seam import ControllerKind as ControllerKin
 from hil_bench.abilities.controllers.seam import Surroundings as Surroundings
 from hil_bench.abilities.controllers.seam import TimedFrame as TimedFrame
 from hil_bench.abilities.faults.faults import Faults as Faults
-from hil_bench.abilities.recording.sessions import RecordingWish as RecordingWish
+from hil_bench.abilities.recording.report import RecordingWish as RecordingWish
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
 from hil_bench.bench.configuration import BenchConfig as BenchConfig
 from hil_bench.bench.configuration import load_config as load_config

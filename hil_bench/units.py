@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
+from hil_bench.errors import ConfigError
+
 
 class Unit(NamedTuple):
     """A unit of measure.
@@ -254,3 +256,25 @@ def si_unit(symbol: str) -> tuple[str, float]:
     """
     found = read_unit(symbol)
     return (symbol, 1.0) if found is None or found.offset else (found.symbol, found.factor)
+
+
+def quantity(text: str, level: str, symbol: str, unit: str) -> float:
+    """Return a number with the symbol of its unit in the SI unit of a channel.
+
+    Args:
+        text: what it is part of, for the message.
+        level: the number.
+        symbol: of its unit; empty for the SI unit.
+        unit: the SI unit.
+
+    Raises:
+        ConfigError: it is no number, or the unit is none of the quantity's.
+    """
+    units = {each.symbol: each.factor for each in UNITS_OF.get(unit, ())} or {unit: 1.0}
+    if symbol and symbol not in units:
+        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(units)}')
+    try:
+        value = float(level) * units.get(symbol, 1.0)
+    except ValueError:
+        raise ConfigError(f'"{text}": {level} is no number') from None
+    return value

@@ -16,8 +16,9 @@ from support.ci_recipes import RECIPES
 from support.documents import ROOT, Command
 
 from hil_bench import cli
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.cli.verbs import own_verbs
-from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 VERBS = own_verbs()
 COMMANDS = [*documents.commands("hil-bench"), *documents.remarks("hil-bench")]

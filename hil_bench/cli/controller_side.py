@@ -1,31 +1,20 @@
-"""The controller side of verbs: its bus, and a recording of its work."""
+"""The bus of the verbs that talk to devices as a controller does."""
 
 import argparse
 import contextlib
-from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
-from pathlib import Path
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil_bench import __version__
-from hil_bench.abilities.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
-from hil_bench.abilities.recording.recorder import RecordingPlan
-from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.cli.arguments import seen_from_bus
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.formats import Heading
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_drivers import BusLostError, Network
 
 if TYPE_CHECKING:
     from hil_bench.session.virtual_bench import VirtualBench
-
-
-# The bus of the verbs that talk to devices as a controller does.
 
 
 class OpenNetwork(NamedTuple):
@@ -94,36 +83,3 @@ def _open_otherwise(
         if opened is not None:
             return opened
     return None
-
-
-# The recording of what a machine does under `hil-bench commission` and `hil-bench test`.
-
-
-@contextlib.contextmanager
-def recorded_work(
-    path: Path, opened: OpenNetwork, channels: Sequence[Channel], what: str
-) -> Iterator[tuple[RecordingSink, float]]:
-    """Record samples and frames: by another process where time does not wait for us.
-
-    Args:
-        path: of the file.
-        opened: the machine's network.
-        channels: of the samples, after the time.
-        what: is recorded, for the file's heading.
-
-    Yields:
-        What takes the samples, and its time 0 on the network's clock [s].
-    """
-    is_real_time = opened.virtual is None and not opened.is_stepped
-    started = datetime.now(UTC) if is_real_time else None
-    heading = Heading(f"hil-bench {__version__}, {what}", started)
-    plan = RecordingPlan((path,), tuple(channels), heading=heading)
-    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
-    recording.start()
-    tap = NetworkTap(recording, opened.network.now)
-    opened.network.observe = tap.observe
-    try:
-        yield recording, tap.origin
-    finally:
-        opened.network.observe = None
-        recording.stop()

@@ -4,7 +4,6 @@ import argparse
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from hil_bench.ability import given_to
@@ -16,7 +15,6 @@ from hil_bench.errors import (
     BusError,
     ControllerError,
     HilBenchError,
-    RecordingError,
     WaitTimeoutError,
     printable,
 )
@@ -29,14 +27,10 @@ examples:
   hil-bench ctl list
   hil-bench ctl status --json
   hil-bench ctl --bench bench-2 status
-  hil-bench ctl fault freeze position for_s=1
-  hil-bench ctl fault offset pressure_a offset_bar=20
-  hil-bench ctl clear position                  or the number of a fault, or nothing for all
   hil-bench ctl set axis1.load_n=5000 axis1.supply_pressure_bar=80
   hil-bench ctl set valve.0x1017=500
   hil-bench ctl get valve.0x1017 --bench bench-2
   hil-bench ctl mark "the wire was pulled here"
-  hil-bench ctl record run.mf4                   and to end it: hil-bench ctl record --stop
   hil-bench ctl stop
 """
 
@@ -60,6 +54,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     _add(actions, "status", show_status, "show states, faults, values and how the loop is")
     for module in given_to("ctl"):
         module.add_actions(partial(_add, actions))
+        parser.epilog = f"{parser.epilog}{getattr(module, 'EXAMPLES', '')}"
     setting = _add(
         actions, "set", set_values, "set objects of nodes, signals of J1939 devices, and loads"
     )
@@ -71,18 +66,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     marking = _add(actions, "mark", mark, "mark this moment for all who watch")
     marking.add_argument("text", help="text of the mark")
-    recording = _add(actions, "record", record, "start or end a recording")
-    which = recording.add_mutually_exclusive_group(required=True)
-    which.add_argument(
-        "file",
-        nargs="?",
-        type=Path,
-        metavar="FILE",
-        help="file to write; the suffix gives the format, as in hil-bench run --record",
-    )
-    which.add_argument(
-        "--stop", action="store_true", help="end the recording that ctl record has started"
-    )
     _add(actions, "stop", stop, "end the run in order, as --duration does")
     getting = _add(
         actions, "get", get_values, "read objects of nodes, and signals of J1939 devices"
@@ -157,27 +140,6 @@ def mark(client: FeedClient, args: argparse.Namespace) -> None:
     print_results(args, [printable(f"marked: {args.text}")], {"mark": args.text})
 
 
-def record(client: FeedClient, args: argparse.Namespace) -> None:
-    """Begin a recording, or end it and print what its file holds.
-
-    Raises:
-        RecordingError: the file is not complete.
-    """
-    if not args.stop:
-        path = args.file.absolute()
-        begun = client.request("start_recording", path=str(path))
-        line = printable(f"{args.file}: recording since {begun['begins']:.3f} s")
-        print_results(args, [line], begun)
-        return
-    found = client.request("stop_recording")
-    parts = [f"{found[each]} {each}" for each in ("rows", "frames") if found[each] is not None]
-    line = printable(f"{found['path']}: {', '.join(parts)}, until {found['end']:.3f} s")
-    print_results(args, [line], found)
-    if found["problem"] or found["lost"]:
-        lost = f"{found['lost']} messages left out" if found["lost"] else ""
-        raise RecordingError("; ".join(filter(None, [found["problem"], lost])))
-
-
 def stop(client: FeedClient, args: argparse.Namespace) -> None:
     """End the run."""
     client.request("stop")
@@ -215,9 +177,7 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
     if work := state.get("work"):
         yield from map(printable, _work_lines(work))
     for module in given_to("ctl"):
-        yield from module.state_lines(state) or [module.NOTHING]
-    if recording := state.get("recording"):
-        yield printable(f"record {recording['path']} since {recording['begins']:.3f} s")
+        yield from module.state_lines(state) or filter(None, [module.NOTHING])
     yield f"loop   {health_text(status['health'])}"
 
 

@@ -12,11 +12,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import hil_bench
-from hil_bench.abilities.recording.inline_recorder import RecordingSink
-from hil_bench.abilities.recording.sessions import LiveRecording, RecordingWish, open_sink
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
@@ -28,7 +26,7 @@ from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.session.feed import Feed, Health
+from hil_bench.session.feed import Feed, Health, feed_parts
 from hil_bench.session.session import Session
 from hil_bench.session.work_feed import WorkFeed, WorkState
 
@@ -118,16 +116,12 @@ def open_feed(
         statistics,
     )
 
-    def open_file(path: Path) -> RecordingSink:
-        wish = RecordingWish((path,))
-        return open_sink(session, wish, config, is_real_time=statistics is not None)
-
     feed = Feed(
         session,
         FeedProcess(place.listener, plan),
         plan,
         health=health,
-        recording=LiveRecording(session, open_file),
+        parts=feed_parts(session, config, is_real_time=statistics is not None),
         work=work and work.state,
     )
     with contextlib.ExitStack() as stack:
@@ -330,6 +324,13 @@ class WorkView:
             self._feed.put_row(values)
 
 
+class TakesRows(Protocol):
+    """Takes rows, as a recording."""
+
+    def append_row(self, values: Sequence[float]) -> None:
+        """Take a row: time [s], then a value a channel in its SI unit."""
+
+
 class ShownRows:
     """A recording whose rows people see, too.
 
@@ -338,7 +339,7 @@ class ShownRows:
         view: where the rows are shown.
     """
 
-    def __init__(self, recording: RecordingSink | None, view: WorkView) -> None:
+    def __init__(self, recording: TakesRows | None, view: WorkView) -> None:
         self._recording = recording
         self._view = view
 

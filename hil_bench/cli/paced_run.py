@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil_bench.abilities.recording.options import recording_lines
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
@@ -189,7 +188,7 @@ def run_bench(
         with ending.going_on():
             histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
-    lines = summary_lines(report, paced, setup) + recording_lines(setup.recording)
+    lines = summary_lines(report, paced, setup) + setup.companion_lines()
     content = paced_content(report, setup, paced.helpers, is_timed=paced.is_timed)
     if guest is not None:
         lines += guest.lines()
@@ -278,7 +277,7 @@ class PacedRun:
                 stopped=is_stopped,
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
-                hears_all=args.whole_bus,
+                hears_all=any(each.hears_all for each in self._setup.companions),
             )
 
     def _make_stopped(self) -> Callable[[], bool]:

@@ -4,10 +4,6 @@ import argparse
 import math
 from pathlib import Path
 
-from hil_bench.abilities.recording.options import (
-    add_recording_arguments,
-    check_recording_arguments,
-)
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_loop_arguments,
@@ -28,7 +24,6 @@ examples:
   hil-bench run -i socketcan -c vcan0
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
-  hil-bench run -i socketcan -c vcan0 --record run.mf4
   hil-bench run -i socketcan -c vcan0 --panel
                                        with a web page to watch and break it
   hil-bench run -i socketcan -c vcan0 --modbus
@@ -37,8 +32,6 @@ examples:
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
-  hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
-                --fault freeze pressure_a at_s=10
   hil-bench run -i socketcan -c vcan0 --duration 60 --json > summary.json
                                        the summary for a program; all else on standard error
 """
@@ -54,7 +47,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     often = parser.add_argument_group("most used")
     add_bench_arguments(parser)
     _add_often(often)
-    add_recording_arguments(parser, often)
     add_options("run", parser, often)
     add_feed_arguments(parser, often)
     add_json_argument(often)
@@ -116,12 +108,6 @@ def _add_seldom(group: "argparse._ActionsContainer") -> None:
         help="with --hub: accept frames faster than the bit rate (-b, else 1 Mbit/s) carries "
         "them; without it, a program has to wait",
     )
-    group.add_argument(
-        "--whole-bus",
-        action="store_true",
-        help="with --record: also record frames that the bench does not use; each costs the loop "
-        "time (in lock-step all frames are recorded anyway)",
-    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -148,10 +134,7 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--hub {args.hub}: give a port from 1 to 65535, or 0 for a free one")
     if math.isinf(args.speed):
         refuse_timing(args, "at --speed max")
-    check_recording_arguments(args)
     check_feed_arguments(args)
-    if args.whole_bus and not args.record:
-        raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")
     if args.hub_unlimited and args.hub is None:
         raise ConfigError("--hub-unlimited: belongs to --hub; leave it out")
     if args.hub is not None and ("interface" in args or "channel" in args):

@@ -9,18 +9,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any, NamedTuple, Self
+from typing import IO, Any, NamedTuple, Protocol, Self
 
-from hil_bench.abilities.recording.inline_recorder import RecordingSink
-from hil_bench.abilities.recording.options import recording_code, recording_wish
-from hil_bench.abilities.recording.sessions import recorded
+from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.bench.events import event_content
 from hil_bench.bench.peers import peers_of
 from hil_bench.cli.devices import device_table
-from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption
+from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.cli.streams import collection_put_off
@@ -191,6 +189,28 @@ def join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, 
 # Common parts of both ways to `hil-bench run`: the set-up before the first tick, and the end.
 
 
+class Companion(Protocol):
+    """An ability at work beside a run, as one that records it.
+
+    Attributes:
+        hears_all: whether it wants all frames of the bus, and not only those of the bench.
+    """
+
+    hears_all: bool
+
+    @property
+    def code(self) -> ExitCode:
+        """The exit code of the run by now, as far as it is concerned."""
+
+    def lines(self) -> list[str]:
+        """Return the lines that it adds to the summary."""
+        ...
+
+    def content(self) -> Mapping[str, object]:
+        """Return its part of the summary for a program."""
+        ...
+
+
 class RunSetup(NamedTuple):
     """A bench that is about to run, and what is open around it.
 
@@ -200,7 +220,7 @@ class RunSetup(NamedTuple):
         session: the bench, not yet powered on.
         bus: its buses.
         served: what its parts have opened for others.
-        recording: what is recorded, None for nothing.
+        companions: what abilities do beside it.
         wish: whether somebody wants the end.
     """
 
@@ -209,7 +229,7 @@ class RunSetup(NamedTuple):
     session: Session
     bus: OpenBus
     served: Sequence[Served]
-    recording: RecordingSink | None
+    companions: Sequence[Companion]
     wish: Interruption
 
     def watch(self, *helpers: Helper) -> Helpers:
@@ -217,7 +237,7 @@ class RunSetup(NamedTuple):
         return Helpers(
             [*self.bus.helpers, *(each for part in self.served for each in part.helpers), *helpers],
             ends_on_loss=self.args.end_on_loss,
-            has_lost_data=lambda: self._recording_code() is not ExitCode.DONE,
+            has_lost_data=lambda: self.code is not ExitCode.DONE,
         )
 
     def announcement(self) -> Callable[[], None]:
@@ -247,11 +267,17 @@ class RunSetup(NamedTuple):
         with ending.going_on():
             print_results(self.args, lines, content)
         ending.take_error(lost)
-        ending.take(self._recording_code(), helpers.code, self.wish.code)
+        ending.take(self.code, helpers.code, self.wish.code)
         return ending.code
 
-    def _recording_code(self) -> ExitCode:
-        return recording_code(None if self.recording is None else self.recording.report)
+    def companion_lines(self) -> list[str]:
+        """Return the lines that its companions add to the summary."""
+        return [line for each in self.companions for line in each.lines()]
+
+    @property
+    def code(self) -> ExitCode:
+        """The exit code of the run, as far as its companions are concerned."""
+        return worst(*(each.code for each in self.companions))
 
 
 @contextlib.contextmanager
@@ -262,12 +288,12 @@ def set_up(
     is_real_time: bool,
     open_buses: OpenBuses = open_bus,
 ) -> Iterator[RunSetup]:
-    """Build the bench and open its recording, its buses, and what its parts serve.
+    """Build the bench and open its companions, its buses, and what its parts serve.
 
     Args:
         args: the command line.
         config: of the bench.
-        is_real_time: whether ticks must not wait for the recording.
+        is_real_time: whether ticks must not wait for companions.
         open_buses: opens its buses.
 
     Yields:
@@ -279,8 +305,10 @@ def set_up(
     with contextlib.ExitStack() as stack:
         stack.callback(session.door.close)
         wish = stack.enter_context(interruption())
-        files = recording_wish(args)
-        recording = stack.enter_context(recorded(session, files, config, is_real_time=is_real_time))
+        companions = [
+            stack.enter_context(module.accompany(args, session, config, is_real_time=is_real_time))
+            for module in given_to("run")
+        ]
         bus = stack.enter_context(open_buses(args, config))
         served = []
         for part in config.parts:
@@ -288,7 +316,7 @@ def set_up(
                 served.append(stack.enter_context(part.served(session, config)))
             else:
                 stack.enter_context(part.attached(session, config))
-        yield RunSetup(args, config, session, bus, served, recording, wish)
+        yield RunSetup(args, config, session, bus, served, companions, wish)
 
 
 def introduction(config: BenchConfig, bus: OpenBus, served: Sequence[Served]) -> str:
@@ -440,14 +468,6 @@ def common_content(
             }
             for name, ecu in peers_of(bench).items()
         ],
-        "recording": _recorded(setup.recording),
+        **{name: each for part in setup.companions for name, each in part.content().items()},
         "helpers": helpers.lines(),
     }
-
-
-def _recorded(recording: RecordingSink | None) -> dict[str, object] | None:
-    """Return the report of a recording, None where there is none."""
-    if recording is None:
-        return None
-    report = recording.report
-    return asdict(report) | {"is_complete": report.is_complete}

@@ -265,6 +265,8 @@ class WatchView:
         from rich.text import Text  # noqa: PLC0415 - it is an extra
 
         for module in given_to("ctl"):
+            if not module.NOTHING:
+                continue
             lines = module.state_lines(self._state)
             yield Text("\n".join(lines), style="bold red") if lines else Text(module.NOTHING)
 

@@ -209,8 +209,7 @@ def bench(
 
         yield PhysicalBench(_bench_config)
         return
-    from hil_bench.abilities.recording.fixtures import check_recorded, make_recording_path
-    from hil_bench.abilities.recording.sessions import NO_RECORDING
+    from hil_bench.ability import given_to
     from hil_bench.outside.realtime.clock import MonotonicClock
     from hil_bench.outside.realtime.pacer import Pacer
     from hil_bench.session.virtual_bench import VirtualBench
@@ -218,10 +217,12 @@ def bench(
     directory = path_option(request.config, "artifacts")
     request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")
     pacer = Pacer(MonotonicClock(), _bench_config.tick_ns) if hil_realtime else None
-    path = make_recording_path(request.node)
-    with VirtualBench(_bench_config, pacer=pacer, record=path or NO_RECORDING) as virtual:
+    recorder = next(iter(given_to("pytest")), None)
+    path = None if recorder is None else recorder.make_recording_path(request.node)
+    with VirtualBench(_bench_config, pacer=pacer, record=path) as virtual:
         yield virtual
-    check_recorded(virtual.recording)
+    if recorder is not None:
+        recorder.check_recorded(virtual.recording)
 
 
 @pytest.fixture(scope="session")
@@ -260,21 +261,22 @@ def network(
     request: pytest.FixtureRequest, can_bus: "can.BusABC", pytestconfig: pytest.Config
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat; virtual devices have booted."""
-    from hil_bench.abilities.recording.fixtures import make_recording_path, record_frames
+    from contextlib import ExitStack
+
+    from hil_bench.ability import given_to
     from hil_bench.pytest_plugin.devices import hide_drivers_from_tracebacks
     from hil_drivers import Network
 
     hide_drivers_from_tracebacks()
-    path = None
     bench = request.getfixturevalue("bench")
-    if option(pytestconfig, "interface"):
-        network = Network(can_bus)
-        path = make_recording_path(request.node)
-    else:
-        network = Network(can_bus, clock=bench.now)
+    is_physical = bool(option(pytestconfig, "interface"))
+    network = Network(can_bus) if is_physical else Network(can_bus, clock=bench.now)
     bench.pump = network.pump
-    with network, record_frames(network, path):
-        if not option(pytestconfig, "interface") and bench.now() == 0.0:
+    with ExitStack() as stack:
+        stack.enter_context(network)
+        for module in given_to("pytest") if is_physical else ():
+            stack.enter_context(module.record_frames(network, request.node))
+        if not is_physical and bench.now() == 0.0:
             network.pump(bench.config.tick_ns * 1e-9)  # the devices boot
         network.start_heartbeat()
         yield network

@@ -8,8 +8,7 @@ from typing import cast
 
 import pytest
 
-from hil_bench.abilities.recording.fixtures import recording_path
-from hil_bench.ability import load, own_abilities
+from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
 from hil_bench.outside.recording.files import RecordingFile
@@ -87,9 +86,9 @@ def attach_files(
         return
     shown = {what: shown_path(item.config, path) for what, path in files.items()}
     item.user_properties.extend((f"hil_{what}", path) for what, path in shown.items())
-    recording = recording_path(item)
-    if recording is not None and recording.exists():
-        shown["recording"] = shown_path(item.config, recording)
+    for module in given_to("pytest"):
+        found = module.files(item)
+        shown |= {what: shown_path(item.config, path) for what, path in found.items()}
     lines = [f"{what:9} {path}" for what, path in shown.items()]
     report.sections.append(("hil-bench files", "\n".join(lines)))
 

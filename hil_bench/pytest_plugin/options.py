@@ -17,7 +17,6 @@ OPTIONS = {
     ),
     "channel": ("NAME", "channel of that interface"),
     "seed": ("N", "seed of all random generators of the bench"),
-    "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
     "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
 }
 

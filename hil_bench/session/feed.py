@@ -7,13 +7,12 @@ come and go with its clients.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from time import monotonic_ns
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.ability import load
 from hil_bench.bench.bench import Shown
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
 from hil_bench.canopen_device.frame import Frame
@@ -64,6 +63,39 @@ Health = Callable[[], Mapping[str, float]]
 """Returns counters of the bus, and what else says how the loop is."""
 
 
+class FeedPart(Protocol):
+    """A part of the feed that begins what takes longer than a tick, as a recording.
+
+    Attributes:
+        actions: take the fields of a request and return what gets its answer, by the action's name.
+    """
+
+    actions: Mapping[str, Callable[[Mapping[str, Any]], "Future[Any]"]]
+
+    def look(self) -> None:
+        """Go on with it; called between two ticks."""
+
+    def state(self) -> Mapping[str, Any]:
+        """Return its state for those who watch, in a key of its own."""
+        ...
+
+    def close(self) -> None:
+        """End it with the bench."""
+
+
+def feed_parts(session: Session, config: BenchConfig, *, is_real_time: bool) -> list[FeedPart]:
+    """Return the parts that abilities bring to the feed of a session.
+
+    Args:
+        session: what is watched.
+        config: of the bench.
+        is_real_time: whether ticks must not wait.
+    """
+    places = dict.fromkeys(each.part for each in added_actions().values() if each.part)
+    makers = [cast("Callable[..., FeedPart]", load(place)) for place in places]
+    return [make(session, config, is_real_time=is_real_time) for make in makers]
+
+
 class Feed:
     """A session's end of the feed.
 
@@ -72,7 +104,7 @@ class Feed:
         process: of the server.
         plan: that of the server.
         health: asked ten times a second while somebody watches.
-        recording: records on request; None where nobody may ask for it.
+        parts: begin what takes longer than a tick.
         work: returns what is played on the bench; None where nothing is.
         clock: says when to look [ns].
     """
@@ -84,12 +116,12 @@ class Feed:
         plan: FeedPlan,
         *,
         health: Health = dict,
-        recording: LiveRecording | None = None,
+        parts: Sequence[FeedPart] = (),
         work: Callable[[], WorkState] | None = None,
         clock: Callable[[], int] = monotonic_ns,
     ) -> None:
         self._health = health
-        self._recording = recording
+        self._parts = tuple(parts)
         self._work = work
         self._session = session
         self._events = EventWatch(session.bench)
@@ -111,8 +143,8 @@ class Feed:
                     self._want(message[0])
                 elif kind == COMMAND:
                     self._obey(json.loads(message))
-        if self._recording is not None:
-            self._recording.look()
+        for part in self._parts:
+            part.look()
         now = self._clock()
         if now < self._look_at:
             return
@@ -124,12 +156,12 @@ class Feed:
             self._publish()
 
     def stop(self) -> None:
-        """Let clients know of the end; a recording that was asked for ends with it."""
+        """Let clients know of the end; what was asked for, as a recording, ends with it."""
         if self._wanted and self._work is not None:
             self._publish()  # with its verdicts
         self._want(0)
-        if self._recording is not None:
-            self._recording.close()
+        for part in self._parts:
+            part.close()
         self._process.stop()
 
     def _want(self, wanted: int) -> None:
@@ -181,7 +213,6 @@ class Feed:
                 session.nodes, session.bench.nodes, session.bench.fittings, strict=True
             )
         }
-        recording = None if self._recording is None else self._recording.state
         ecus = {
             name: _ecu_state(ecu, standing(ecu.ecu))
             for name, ecu in peers_of(session.bench).items()
@@ -190,7 +221,8 @@ class Feed:
         for each in session.bench.extensions:
             if isinstance(each, Shown):
                 state |= each.state(session.now)
-        state["recording"] = recording
+        for part in self._parts:
+            state |= part.state()
         return state if self._work is None else {**state, "work": self._work().content()}
 
     def _put_row(self, values: Sequence[float]) -> None:
@@ -217,13 +249,13 @@ class Feed:
         Raises:
             ConfigError: nobody may ask for it here.
         """
-        if action not in {"start_recording", "stop_recording"}:
+        added = added_actions().get(action)
+        if added is None or not added.part:
             return self._session.door.put(make_command(action, fields))
-        if self._recording is None:
-            raise ConfigError("record: this bench records nothing on request")
-        if action == "start_recording":
-            return self._recording.start(Path(fields["path"]))
-        return self._recording.stop()
+        for part in self._parts:
+            if action in part.actions:
+                return part.actions[action](fields)
+        raise ConfigError(f"{action}: this bench does not do so on request")
 
     def _answer(self, content: Mapping[str, Any], future: "Future[Any]") -> None:
         ticket, action = content["ticket"], content["do"]
@@ -232,7 +264,7 @@ class Feed:
         else:
             value = pack_value(future.result())
             added = added_actions().get(action)
-            if added is not None or action in _NOTED:
+            if action in _NOTED or (added is not None and added.command):
                 journal = self._session.controls.journal
                 answer = {added.answer: value} if added is not None and added.answer else {}
                 entry = journal.add(self._session.now, action, content["fields"], **answer)

@@ -4,13 +4,8 @@ First what each axis does, then what each of its sensors measures, with the sens
 and noise. The spool is in fractions of the valve's full opening, as on the bus.
 """
 
-from datetime import UTC, datetime
-
-import hil_bench
 from hil_bench.bench.bench import Bench
-from hil_bench.bench.configuration import BenchConfig
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.formats import Heading
 
 
 def bench_channels(bench: Bench) -> tuple[Channel, ...]:
@@ -34,11 +29,3 @@ def sample(bench: Bench) -> list[float]:
         if sensor.rate_path is not None:
             row.append(sensor.measured_rate)
     return row
-
-
-def recording_heading(config: BenchConfig, *, is_real_time: bool) -> Heading:
-    """Return the heading of a recording: version, bench file, seed and start time."""
-    comment = (
-        f"hil-bench {hil_bench.__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
-    )
-    return Heading(comment, datetime.now(UTC) if is_real_time else None)

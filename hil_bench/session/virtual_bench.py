@@ -8,19 +8,17 @@
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
 from typing import Any, Protocol, Self, cast
 
-from hil_bench.abilities.recording.report import RecordingReport
-from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish, recorded
-from hil_bench.ability import load, own_abilities
+from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import HilBenchError, WaitTimeoutError
+from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -38,6 +36,15 @@ LOGGED_FRAMES = 100_000
 """Frames that `VirtualBench.frames` reaches back unless told otherwise."""
 
 
+class Wish(Protocol):
+    """Files to record in, as `hil_bench.RecordingWish`."""
+
+    @property
+    def paths(self) -> Sequence[Path | str]:
+        """The files."""
+        ...
+
+
 class VirtualBench:
     """A powered-on bench in virtual time, in the caller's thread.
 
@@ -51,7 +58,7 @@ class VirtualBench:
         stimuli: what else to record, each a function of bench time [s], such as a set-point.
         session: of `config`, not yet powered on; without it, a new one.
         record: a file to record all signals and frames in, up to the end of the `with` block; or
-            more than one, or from a trigger on.
+            a `hil_bench.RecordingWish` for more than one, or from a trigger on.
 
     Attributes:
         config: as passed in.
@@ -77,7 +84,7 @@ class VirtualBench:
         pacer: Pacer | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
         session: Session | None = None,
-        record: Path | str | RecordingWish = NO_RECORDING,
+        record: Path | str | Wish | None = None,
     ) -> None:
         self.config = config or load_config()
         self.session = session or open_session(self.config, stimuli)
@@ -90,12 +97,11 @@ class VirtualBench:
         self._recorder = ChannelRecorder(self.session.channels, rows)
         log = self._log if logged_frames else None
         self.session.watch(frames=log, rows=self._recorder.append)
-        if isinstance(record, (str, Path)):
-            record = RecordingWish((record,))
         self._open = ExitStack()
-        self._recording = self._open.enter_context(
-            recorded(self.session, record, self.config, is_real_time=pacer is not None)
-        )
+        self._recording = None
+        if record is not None:
+            opened = _recorded(self.session, record, self.config, is_real_time=pacer is not None)
+            self._recording = self._open.enter_context(opened)
         self.session.watch(ticks=self._tell_observers)
         for part in self.config.parts:
             self._open.enter_context(part.attached(self.session, self.config))
@@ -127,8 +133,8 @@ class VirtualBench:
         self._open.close()
 
     @property
-    def recording(self) -> RecordingReport | None:
-        """The report on the files of `record`; None without such files."""
+    def recording(self) -> Any:  # noqa: ANN401 - of who records
+        """The report on the files of `record`, a `RecordingReport`; None without such files."""
         return None if self._recording is None else self._recording.report
 
     @property
@@ -243,3 +249,22 @@ class FrameReader(Protocol):
 
     def latest(self, frames: Sequence[LoggedFrame]) -> Iterator[LoggedFrame]:
         """Yield the last frame of each identifier that comes cyclically."""
+
+
+# What is recorded of a bench, by the ability that records.
+
+
+def _recorded(
+    session: Session, record: Path | str | Wish, config: BenchConfig, *, is_real_time: bool
+) -> AbstractContextManager[Any]:
+    """Return a context manager in whose block a session is recorded.
+
+    Raises:
+        ConfigError: nothing records.
+    """
+    for module in given_to("record"):
+        opened: AbstractContextManager[Any] = module.recorded(
+            session, record, config, is_real_time=is_real_time
+        )
+        return opened
+    raise ConfigError(f"record = {record}: nothing here records; leave it out")

@@ -156,11 +156,32 @@ def kept_with(name: str) -> set[str]:
     return kept
 
 
+RUN = """
+import hashlib
+from hil_bench import VirtualBench
+with VirtualBench() as bench:
+    bench.bus.send(__import__("can").Message(arbitration_id=0, data=[1, 0], is_extended_id=False))
+    bench.run(0.5)
+    print(hashlib.sha256(bench.signals.tobytes() + repr([*bench.frames]).encode()).hexdigest())
+"""
+
+
+@pytest.mark.long  # a process each, without what is imported already
+def test_without_any_ability_a_bench_runs_to_the_same_bytes(without):
+    bare = without({*OWN}, "-c", RUN)
+    whole = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", RUN], capture_output=True, text=True, check=True
+    )
+    assert bare.stdout == whole.stdout != "", bare.stderr
+    refused = without({*OWN}, "-c", "import hil_bench; hil_bench.VirtualBench(record='x.csv')")
+    assert "record = x.csv: nothing here records; leave it out" in refused.stderr
+
+
 @pytest.mark.long  # runs the golden runs in a process of their own
 @pytest.mark.parametrize("name", ["", *dict.fromkeys(GOLDEN.values())])
 def test_the_golden_runs_stay_with_one_ability_alone(name, without, tmp_path):
-    """The core makes its runs without any ability, and each ability its own with what it needs."""
-    gone = {*OWN} - (kept_with(name) if name else set())
+    """The core makes its runs with what writes them down, and each ability with what it needs."""
+    gone = {*OWN} - kept_with("recording") - (kept_with(name) if name else set())
     gone -= {"faults"} if name in ON_FAULTY_BENCHES else set()
     assert (
         str(tmp_path) in without(gone, "-c", "import hil_bench; print(hil_bench.__file__)").stdout

@@ -6,7 +6,7 @@ number of ticks, not after a time.
 
 import json
 
-from hil_bench.abilities.recording.sessions import LiveRecording, RecordingWish, open_sink
+from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.outside.feed.client import FeedClient
@@ -114,14 +114,9 @@ class FeedLoop:
         self.is_served = True
         self.server = FeedServer(self.plan)
         self.now = -TICK
-        self.recording = LiveRecording(
-            self.session,
-            lambda path: open_sink(
-                self.session, RecordingWish((path,)), config, is_real_time=False
-            ),
-        )
+        self.recording = LiveRecording(self.session, config, is_real_time=False)
         self.feed = Feed(
-            self.session, self, self.plan, recording=self.recording, clock=lambda: self.now
+            self.session, self, self.plan, parts=[self.recording], clock=lambda: self.now
         )
         self.session.start()
         self.tick()

@@ -9,14 +9,13 @@ from pathlib import Path
 
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
-from hil_bench.abilities.recording.sessions import LiveRecording, RecordingWish, open_sink
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli.feed_side import hello_of
 from hil_bench.outside.feed.places import Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.feed import Feed
+from hil_bench.session.feed import Feed, feed_parts
 from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else
@@ -41,12 +40,10 @@ class LiveBench:
         plan = FeedPlan(
             content, 1 + len(session.channels), SharedRing(CAPACITY), SharedRing(MOST_COMMANDS)
         )
-        recording = LiveRecording(
-            session,
-            lambda path: open_sink(session, RecordingWish((path,)), config, is_real_time=False),
-        )
         process = FeedProcess(self.place.listener, plan)
-        self.feed = Feed(session, process, plan, recording=recording)
+        self.feed = Feed(
+            session, process, plan, parts=feed_parts(session, config, is_real_time=False)
+        )
         session.watch(ticks=lambda _now: self.feed.look())
 
     def close(self):

@@ -8,6 +8,12 @@ from hil_bench.cli.results import print_results
 from hil_bench.errors import ConfigError, printable
 from hil_bench.outside.feed.client import FeedClient
 
+EXAMPLES = """\
+  hil-bench ctl fault freeze position for_s=1
+  hil-bench ctl fault offset pressure_a offset_bar=20
+  hil-bench ctl clear position                  or the number of a fault, or nothing for all
+"""
+
 NOTHING: Final = "fault  none"
 """The line of a bench on which nothing is wrong."""
 

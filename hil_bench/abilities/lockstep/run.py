@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
-from hil_bench.abilities.recording.options import recording_lines
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import Serving
@@ -122,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
         setup.bus.transport.send(setup.session.tick((), 0))
         announce()
         report, helpers = follow(setup)
-    lines = summary_lines(report, config, setup.session.bench) + recording_lines(setup.recording)
+    lines = summary_lines(report, config, setup.session.bench) + setup.companion_lines()
     lines += helper_lines(helpers.lines())
     content = lockstep_content(report, setup, helpers)
     return setup.finish(Ending(args), helpers, report.lost, lines, content)

@@ -14,7 +14,7 @@ from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
 from hil_bench.errors import BusError, WaitTimeoutError, printable
 from hil_bench.outside.feed.client import TIMEOUT
-from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of
+from hil_bench.outside.feed.messages import check_version, encode, patience, value_of
 from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
 
 # A connection to the feed of a bench in asyncio: what arrives, and requests with their answers.
@@ -98,7 +98,7 @@ class BenchLink:
         number = next(self._numbers)
         future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._open[number] = future
-        timeout = max(self._timeout, PATIENCE.get(action, 0.0))
+        timeout = patience(action, self._timeout)
         self._writer.write(encode({"id": number, "do": action, **fields}))
         try:
             async with asyncio.timeout(timeout):

@@ -7,4 +7,14 @@ _HERE = "hil_bench.abilities.recording"
 ABILITY = Ability(
     "recording",
     verbs={"plot": Verb("start", 50, "draw a recording", f"{_HERE}.verbs")},
+    options={"run": f"{_HERE}.options"},
+    gives={
+        "ctl": f"{_HERE}.ctl",
+        "feed": f"{_HERE}.requests",
+        "pytest": f"{_HERE}.fixtures",
+        "record": f"{_HERE}.sessions",
+        "run": f"{_HERE}.companion",
+    },
+    fixtures=f"{_HERE}.fixtures",
+    exports={"RecordingWish": f"{_HERE}.report"},
 )

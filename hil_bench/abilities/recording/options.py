@@ -3,18 +3,43 @@
 import argparse
 from pathlib import Path
 
-from hil_bench.abilities.recording.inline_recorder import RecordingSink
-from hil_bench.abilities.recording.report import FileReport, RecordingReport
-from hil_bench.abilities.recording.sessions import RecordingWish
+from hil_bench.abilities.recording.report import FileReport, RecordingReport, RecordingWish
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.formats import check_suffix
 
+EXAMPLES = """\
+  hil-bench run -i socketcan -c vcan0 --record run.mf4
+  hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
+                --fault freeze pressure_a at_s=10
+"""
+
+
+def add_options(parser: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:
+    """Add the arguments of a recording of a run."""
+    add_recording_arguments(parser, often).add_argument(
+        "--whole-bus",
+        action="store_true",
+        help="with --record: also record frames that the bench does not use; each costs the loop "
+        "time (in lock-step all frames are recorded anyway)",
+    )
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant of a run.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    check_recording_arguments(args)
+    if args.whole_bus and not args.record:
+        raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")
+
 
 def add_recording_arguments(
     parser: argparse.ArgumentParser, often: "argparse._ActionsContainer | None" = None
-) -> None:
-    """Add the arguments of a recording, --record to the group `often` where there is one."""
+) -> "argparse._ActionsContainer":
+    """Add the arguments of a recording, and return their group; --record to `often` if given."""
     group = parser.add_argument_group("recording")
     (often or group).add_argument(
         "--record",
@@ -27,6 +52,7 @@ def add_recording_arguments(
     )
     right = 'start recording when a signal passes a level, as in "axis1.P_A > 80 bar"'
     add_trigger_arguments(group, right)
+    return group
 
 
 def add_trigger_arguments(parser: "argparse._ActionsContainer", right: str) -> None:
@@ -69,11 +95,6 @@ def check_pre_trigger(args: argparse.Namespace) -> None:
 def recording_wish(args: argparse.Namespace) -> RecordingWish:
     """Return the recordings that the command line asks for."""
     return RecordingWish(tuple(args.record), args.trigger, args.pre_trigger)
-
-
-def recording_lines(recording: RecordingSink | None) -> list[str]:
-    """Return the content of a recording that has ended, a line a fact."""
-    return [] if recording is None else report_lines(recording.report)
 
 
 def recording_code(report: RecordingReport | None) -> ExitCode:

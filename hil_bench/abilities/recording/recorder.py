@@ -13,7 +13,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.units import UNITS_OF
+from hil_bench.units import quantity
 
 if TYPE_CHECKING:
     from hil_bench.outside.recording.block_file import BlockFile
@@ -64,28 +64,6 @@ def parse_trigger(text: str, channels: Sequence[Channel]) -> Trigger:
     if name not in units:
         raise ConfigError(f'trigger "{text}": no signal {name}; there are {", ".join(units)}')
     return Trigger(name, relation == ">", quantity(text, level, symbol, units[name]))
-
-
-def quantity(text: str, level: str, symbol: str, unit: str) -> float:
-    """Return a number with the symbol of its unit in the SI unit of a channel.
-
-    Args:
-        text: what it is part of, for the message.
-        level: the number.
-        symbol: of its unit; empty for the SI unit.
-        unit: the SI unit.
-
-    Raises:
-        ConfigError: it is no number, or the unit is none of the quantity's.
-    """
-    units = {each.symbol: each.factor for each in UNITS_OF.get(unit, ())} or {unit: 1.0}
-    if symbol and symbol not in units:
-        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(units)}')
-    try:
-        value = float(level) * units.get(symbol, 1.0)
-    except ValueError:
-        raise ConfigError(f'"{text}": {level} is no number') from None
-    return value
 
 
 # Takes rows and frames, and writes them to the files of a recording in blocks.

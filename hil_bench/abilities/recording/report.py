@@ -1,4 +1,4 @@
-"""The counts of a recording, shared by two processes: they survive a killed recorder."""
+"""The wish for a recording, and its counts: shared by two processes, they outlive a recorder."""
 
 import ctypes
 import multiprocessing
@@ -12,6 +12,20 @@ from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
 _ROWS, _ROWS_END, _FRAMES, _FRAMES_END = range(4)
 _FIELDS = 4
 _NS_PER_S = 1_000_000_000
+
+
+class RecordingWish(NamedTuple):
+    """The files to record to, with trigger and pre-trigger time.
+
+    Attributes:
+        paths: the files; their suffixes are their formats, see docs/recording.md.
+        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
+        pre_trigger: time before the trigger that is recorded too [s].
+    """
+
+    paths: tuple[Path | str, ...] = ()
+    trigger: str = ""
+    pre_trigger: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

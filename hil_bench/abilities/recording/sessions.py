@@ -6,20 +6,22 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import hil_bench
 from hil_bench.abilities.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
-from hil_bench.abilities.recording.report import RecordingReport
+from hil_bench.abilities.recording.report import RecordingReport, RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_spans
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.outside.recording.formats import Heading
 from hil_bench.outside.recording.spans import Span
 from hil_bench.session.session import Session
-from hil_bench.session.telemetry import recording_heading
 
 logger = logging.getLogger(__name__)
 
@@ -44,38 +46,23 @@ def write_spans(report: RecordingReport, ranges: list[Span]) -> None:
 # Recording as an observer of a session, whatever makes its ticks.
 
 
-class RecordingWish(NamedTuple):
-    """The files to record to, with trigger and pre-trigger time.
-
-    Attributes:
-        paths: the files; their suffixes are their formats, see docs/recording.md.
-        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
-        pre_trigger: time before the trigger that is recorded too [s].
-    """
-
-    paths: tuple[Path | str, ...] = ()
-    trigger: str = ""
-    pre_trigger: float = 1.0
-
-
-NO_RECORDING = RecordingWish()
-
-
 @contextmanager
 def recorded(
-    session: Session, wish: RecordingWish, config: BenchConfig, *, is_real_time: bool
+    session: Session, wish: RecordingWish | Path | str, config: BenchConfig, *, is_real_time: bool
 ) -> Iterator[RecordingSink | None]:
     """Record a session from now until the end of the block.
 
     Args:
         session: not yet started.
-        wish: what to record.
+        wish: what to record, or into which file.
         config: of the bench.
         is_real_time: whether ticks must not wait for a disk, so that another process writes.
 
     Yields:
         What takes the recording; None where nothing is wished for.
     """
+    if isinstance(wish, (str, Path)):
+        wish = RecordingWish((wish,))
     if not wish.paths:
         yield None
         return
@@ -99,9 +86,17 @@ def open_sink(
         session.channels,
         trigger=wish.trigger,
         pre_trigger=wish.pre_trigger,
-        heading=recording_heading(config, is_real_time=is_real_time),
+        heading=_heading(config, is_real_time=is_real_time),
     )
     return RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
+
+
+def _heading(config: BenchConfig, *, is_real_time: bool) -> Heading:
+    """Return the heading of a recording: version, bench file, seed and start time."""
+    comment = (
+        f"hil-bench {hil_bench.__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
+    )
+    return Heading(comment, datetime.now(UTC) if is_real_time else None)
 
 
 class RecordingObserver:
@@ -128,32 +123,42 @@ class RecordingObserver:
 
 # A recording that somebody begins and ends while the bench runs, through its door.
 
-OpenSink = Callable[[Path], RecordingSink]
-"""Returns what will record into a file; it is not started yet."""
-
 
 class LiveRecording:
     """Records a session on request, one file at a time.
 
     Another thread opens the file and closes it, so that no tick waits for a disk.
 
+    It is a part of the feed.
+
     Args:
         session: what is recorded.
-        open_sink: returns what records into a file.
+        config: of the bench.
+        is_real_time: whether ticks must not wait for a disk.
+
+    Attributes:
+        actions: what is asked for, by name.
     """
 
-    def __init__(self, session: Session, open_sink: OpenSink) -> None:
+    def __init__(self, session: Session, config: BenchConfig, *, is_real_time: bool) -> None:
+        self.actions = {
+            "start_recording": lambda fields: self.start(Path(fields["path"])),
+            "stop_recording": lambda _: self.stop(),
+        }
         self._session = session
-        self._open_sink = open_sink
+        self._config = config
+        self._is_real_time = is_real_time
         self._path: Path | None = None
         self._begins = 0
         self._sink: RecordingSink | None = None
         self._observer: RecordingObserver | None = None
         self._job: _Job | None = None
 
-    @property
-    def state(self) -> dict[str, object] | None:
+    def state(self) -> dict[str, object]:
         """File and beginning [s] of the recording that runs; None without one."""
+        return {"recording": self._running()}
+
+    def _running(self) -> dict[str, object] | None:
         if self._observer is None:
             return None
         return {"path": str(self._path), "begins": self._begins * 1e-9}
@@ -165,7 +170,7 @@ class LiveRecording:
             path: absolute; its suffix is its format, see docs/recording.md.
 
         Returns:
-            What gets the `state` once rows are recorded.
+            What gets its path and begin [s] once rows are recorded.
 
         Raises:
             ConfigError: a recording runs already, or the path cannot be one.
@@ -174,7 +179,9 @@ class LiveRecording:
             raise ConfigError(f"record: {self._path} is being recorded; stop that first")
         if not path.is_absolute():
             raise ConfigError(f"record: {path}: give an absolute path")
-        sink = self._sink = self._open_sink(path)
+        sink = self._sink = open_sink(
+            self._session, RecordingWish((path,)), self._config, is_real_time=self._is_real_time
+        )
         self._path = path
         return self._begin(sink.start, self._started)
 
@@ -230,7 +237,7 @@ class LiveRecording:
         if self._sink is not None:
             self._begins = self._session.now
             self._observer = RecordingObserver(self._session, self._sink)
-        return self.state
+        return self._running()
 
     def _stopped(self) -> Mapping[str, object]:
         path, sink, self._path, self._sink = self._path, self._sink, None, None

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import can
 
-from hil_bench.abilities.recording.recorder import quantity
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     SignalDeviation,
@@ -43,6 +42,7 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.shown_units import display_unit
+from hil_bench.units import quantity
 
 _EXAMPLES = """\
 examples:

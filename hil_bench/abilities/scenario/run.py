@@ -21,7 +21,7 @@ from hil_bench.abilities.faults.building import schedule_faults
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.section import FaultsPart
-from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, Step, SyncStep
@@ -205,7 +205,7 @@ class PlayOptions(NamedTuple):
     """
 
     stops_at_failure: bool = False
-    record: RecordingWish = NO_RECORDING
+    record: RecordingWish | None = None
     keeps_evidence: bool = False
     reader: Callable[[VirtualBench], FrameReader] | None = None
     halt: Halt = _go_on

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
-from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of
+from hil_bench.outside.feed.messages import check_version, encode, patience, value_of
 from hil_bench.outside.feed.places import HAS_SOCKETS, find_names, place_of
 
 TIMEOUT = 5.0
@@ -89,7 +89,7 @@ class FeedClient:
                 printable(f"{action}: {sent}: give finite numbers and texts")
             ) from None
         self._send(line)
-        timeout = max(self._timeout, PATIENCE.get(action, 0.0))
+        timeout = patience(action, self._timeout)
         deadline = self._clock() + timeout
         while True:
             message = self._read(deadline - self._clock())

@@ -122,11 +122,16 @@ class AddedAction(NamedTuple):
         fields: of the request.
         command: ``module:name`` of what makes the command of these fields, by name.
         answer: the name of its answer in the journal; empty where that has none.
+        part: ``module:class`` of the part of the feed that begins it in place of a command: it
+            takes longer than a tick, and is not in the journal.
+        patience: longest wait for its answer where that is longer than others [s].
     """
 
     fields: Mapping[str, Field]
-    command: str
+    command: str = ""
     answer: str = ""
+    part: str = ""
+    patience: float = 0.0
 
 
 @cache
@@ -160,13 +165,14 @@ _ACTIONS: Actions = {
     "histograms": {},
     "journal": {},
     "mark": {"text": Field(_is_mark, f"a text of up to {MOST_MARK} characters")},
-    "start_recording": {"path": TEXT},
-    "stop_recording": {},
     "stop": {},
 }
 
-PATIENCE = {"start_recording": 60.0, "stop_recording": 60.0}
-"""Longest wait for answers that take longer than others [s]."""
+
+def patience(action: str, usual: float) -> float:
+    """Return the longest wait for the answer to an action, at least the usual one [s]."""
+    added = added_actions().get(action)
+    return usual if added is None else max(usual, added.patience)
 
 
 @cache

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from hil_bench.abilities.recording.sessions import RecordingWish
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.outside.recording.files import read_recording

@@ -6,9 +6,10 @@ import pytest
 
 from hil_bench.abilities.recording.inline_recorder import InlineRecorder
 from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
-from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

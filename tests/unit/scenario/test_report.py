@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
-from hil_bench.abilities.recording.sessions import RecordingWish
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario import picture
 from hil_bench.abilities.scenario import report as report_module
 from hil_bench.abilities.scenario.examination import Examination

@@ -2,7 +2,8 @@
 
 import pytest
 
-from hil_bench.abilities.recording.sessions import RecordingWish, recorded
+from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel

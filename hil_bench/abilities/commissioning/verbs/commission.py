@@ -37,6 +37,7 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
 )
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
+from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (
     add_bench_arguments,
@@ -46,7 +47,7 @@ from hil_bench.cli.arguments import (
     make_directory,
     seen_from_bus,
 )
-from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
+from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.feed_side import ShownRows, add_work_arguments, hold_to_real_time, watched_work
 from hil_bench.cli.parser import add_units_argument

@@ -18,7 +18,7 @@ from hil_bench.abilities.demo.verbs.demo_sensors import (
     canopen_sensors,
     modbus_sensors,
 )
-from hil_bench.abilities.recording.sessions import NO_RECORDING, RecordingWish
+from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
@@ -230,7 +230,7 @@ class DemoSession:
         is_paced: bool,
         speed: float = 1.0,
         sensors: SensorBus = SensorBus.CANOPEN,
-        recording: RecordingWish = NO_RECORDING,
+        recording: RecordingWish | None = None,
     ) -> None:
         self._config = config
         self._duration = duration

@@ -22,6 +22,7 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
 )
 from hil_bench.abilities.recording.inline_recorder import RecordingSink
 from hil_bench.abilities.recording.options import recording_code, report_lines
+from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.abilities.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.abilities.scenario.recorded import judge_trace
 from hil_bench.abilities.scenario.records import ticks_of
@@ -35,7 +36,7 @@ from hil_bench.abilities.scenario.verbs.machine_side import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.arguments import make_directory
-from hil_bench.cli.controller_side import OpenNetwork, open_network, recorded_work
+from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.feed_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.cli.results import is_silent

@@ -8,6 +8,7 @@ import pytest
 from support.feed_loop import FeedLoop, Wire
 
 import hil_bench
+from hil_bench.abilities.recording import sessions
 from hil_bench.cli import ctl, main
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.files import read_recording
@@ -81,12 +82,13 @@ def test_what_cannot_be_recorded_is_said_in_words(loop, tmp_path):
         bench.record(tmp_path / "other.mf4")
 
 
-def test_another_error_is_an_answer_and_the_bench_goes_on(loop, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("loop")
+def test_another_error_is_an_answer_and_the_bench_goes_on(tmp_path, monkeypatch):
     class Sink:
         def start(self):
             raise OSError("no process left")
 
-    monkeypatch.setattr(loop.recording, "_open_sink", lambda _path: Sink())
+    monkeypatch.setattr(sessions, "open_sink", lambda *_, **_options: Sink())
     bench = hil_bench.attach()
     with pytest.raises(ControllerError, match="record: OSError: no process left"):
         bench.record(tmp_path / "run.mf4")
@@ -97,5 +99,5 @@ def test_the_end_of_the_bench_closes_the_file(loop, tmp_path):
     hil_bench.attach().record(tmp_path / "run.mf4")
     loop.tick(50)
     loop.feed.stop()
-    assert loop.recording.state is None
+    assert loop.recording.state() == {"recording": None}
     assert len(read_recording(tmp_path / "run.mf4")) >= 50

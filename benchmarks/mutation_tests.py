@@ -49,11 +49,11 @@ def modules(path: Path) -> list[Path]:
 
 
 def tests_of_map(as_python: bool) -> list[str]:
-    """Return the folders of the tests of a map, or their files and names."""
+    """Return the tests of a map, as pytest takes them."""
     if not as_python:
         return [f"tests/{folder}" for folder in QUICK]
     names = (name if "." in name else f"{name}.py" for name in AS_PYTHON.split())
-    return [f"tests/unit/plant/test_{name}" for name in names]
+    return ["-m", "not slow", *(f"tests/unit/plant/test_{name}" for name in names)]
 
 
 def is_kernel(path: Path) -> bool:

@@ -37,7 +37,9 @@ def test_each_area_of_mutation_has_modules_and_its_tests_are_there():
     assert {"drivers", "scenario", "plants"} < parts.areas().keys()
     assert all(parts.areas().values())
     tests = [*parts.tests_of_map(as_python=False), *parts.tests_of_map(as_python=True)]
-    assert all((FOLDER.parent / name.partition("::")[0]).exists() for name in tests)
+    files = [name.partition("::")[0] for name in tests if name.startswith("tests/")]
+    assert files
+    assert all((FOLDER.parent / name).exists() for name in files)
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,22 @@ def test_real_time_shows_itself_at_the_first_heartbeat(config):
         network.pump(0.01)
 
 
+def test_only_the_first_heartbeat_costs_a_pause(config):
+    """With one a tick, as 0x1017 = 1 ms asks for, a pause each would be 300 times real time."""
+    transport, pauses = DirectLockStep(config), []
+    producer = join(transport)
+
+    def wait(timeout):
+        pauses.append(timeout)
+        return DirectLockStep.wait(transport, timeout)
+
+    transport.wait = wait
+    producer.tick([Frame(0x604, bytes.fromhex("2b17100001000000"))], 0)
+    heard = [frame for _ in range(5) for frame in producer.tick([], 0)]
+    assert sum(frame.can_id == 0x704 for frame in heard) == 5
+    assert pauses.count(QUIET) == 1
+
+
 def test_after_an_interruption_the_rest_of_the_answers_is_no_surprise(config, monkeypatch):
     transport = DirectLockStep(config)
     producer = join(transport)

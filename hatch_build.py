@@ -5,9 +5,9 @@
 Without that variable, in an editable installation, and where there is no C compiler, the wheel is
 pure Python and does the same, slower. mypyc compiles the core, whose modules `pyproject.toml`
 names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only; the C compiler makes
-what calls controllers of the kind `library`, and on Linux the library that those of the kind
-`program` are run with. Where one of them fails the wheel has the others. It says in
-`hil_bench/compiled.json` of which sources the core was made.
+what calls controllers of the kind `library` and the simulator of those of the kind `elf`, and on
+Linux the library that those of the kind `program` are run with. Where one of them fails the wheel
+has the others. It says in `hil_bench/compiled.json` of which sources the core was made.
 """
 
 import hashlib
@@ -35,8 +35,11 @@ REQUIREMENTS = [
 ]
 NO_KERNELS = "the plant's kernels are not compiled: {}; Numba does it at run time"
 NO_PRELOAD = "the library of programs is not compiled: {}; a first run does it"
-NO_CALLS = "calls of libraries are not compiled: {}; ctypes does them, slower"
-LIBRARY = "hil_bench/abilities/controllers/library"
+NO_CALLS = "calls are not compiled: {}; ctypes or a first run does it"
+CALLS = (
+    "hil_bench/abilities/controllers/elf/_calls",
+    "hil_bench/abilities/controllers/library/_call",
+)
 PROGRAM = "hil_bench/abilities/controllers/program"
 KERNELS = "hil_bench.plants.hydraulic_cylinder.model._kernels"
 
@@ -176,15 +179,17 @@ def compile_kernels(root: Path, built: Path) -> None:
 
 
 def compile_calls(root: Path, built: Path) -> None:
-    """Compile the calls of controllers' libraries into an extension module in `built`/lib.
+    """Compile calls of controllers' libraries and of unicorn into extension modules in `built`/lib.
 
     `Problem` says that there is no compiler, or that it refuses.
     """
     from setuptools import Extension  # noqa: PLC0415 - there only where it is asked for
 
-    name = f"{LIBRARY}/_call".replace("/", ".")
-    source = str(root / LIBRARY / "_call.c")
-    build_extensions([Extension(name, [source], extra_compile_args=["-O2"])], built)
+    extensions = [
+        Extension(name.replace("/", "."), [str(root / f"{name}.c")], extra_compile_args=["-O2"])
+        for name in CALLS
+    ]
+    build_extensions(extensions, built)
 
 
 def compile_preload(root: Path, built: Path) -> None:

@@ -145,7 +145,7 @@ def test_without_a_compiler_the_wheel_is_pure_python(hook, monkeypatch):
     assert warnings == [
         "the core is not compiled: command 'cc' failed; it runs as Python",
         "the plant's kernels are not compiled: command 'cc' failed; Numba does it at run time",
-        "calls of libraries are not compiled: command 'cc' failed; ctypes does them, slower",
+        "calls are not compiled: command 'cc' failed; ctypes or a first run does it",
         "the library of programs is not compiled: command 'cc' failed; a first run does it",
     ]
 

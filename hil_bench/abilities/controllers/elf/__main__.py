@@ -4,6 +4,7 @@ It is started with the descriptor of its link to the bench, ends with it, and he
 terminal.
 """
 
+import gc
 import os
 import signal
 import socket
@@ -32,6 +33,7 @@ def simulate(link: socket.socket) -> None:
         send_message(link, pack_answer(Answer(State.FAILED, AWAKE, [], str(error))))
         return
     send_message(link, pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
+    gc.freeze()  # it stays for good: no collection has to look at it
     while True:
         message = receive_message(link)
         if not message:

@@ -1,8 +1,8 @@
 """A Cortex-M core on unicorn, with what unicorn lacks: exceptions, sleep and time."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from struct import Struct
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from unicorn import arm_const as arm
 
@@ -11,7 +11,6 @@ from hil_bench.abilities.controllers.elf.engine import (
     INVALID_INSTRUCTION,
     Engine,
     EngineError,
-    Registers,
 )
 from hil_bench.abilities.controllers.elf.nvic import (
     FIRST_INTERRUPT,
@@ -21,6 +20,9 @@ from hil_bench.abilities.controllers.elf.nvic import (
     Exceptions,
 )
 from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
+
+if TYPE_CHECKING:
+    from hil_bench.abilities.controllers.elf.calls import Alignment
 
 MODELS: Final = {
     "Cortex-M0": arm.UC_CPU_ARM_CORTEX_M0,
@@ -39,7 +41,7 @@ _PADDED = 1 << 9
 _IPSR = 0x1FF
 _WFI, _WFE = b"\x30\xbf", b"\x20\xbf"
 _CALL, _RETURN = 2, 8  # unicorn's numbers of an SVC and of a branch to EXC_RETURN
-_DIVISION = -1  # our own
+_DIVISION, _UNALIGNED = -1, -2  # our own
 _TRAPS = {
     1: "an undefined instruction",
     3: "no code here",
@@ -48,29 +50,21 @@ _TRAPS = {
     17: "a float instruction, though the chip has none or it is off",
     18: "an instruction that is not Thumb",
     _DIVISION: "a division by zero (DIV_0_TRP in its CCR is set)",
+    _UNALIGNED: "an access that is not aligned",
 }
 
-_FRAME = (
-    *(getattr(arm, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR")),
-    arm.UC_ARM_REG_PC,
-    arm.UC_ARM_REG_XPSR,
-)
-_SAVED = (*_FRAME, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_CONTROL)
+
+def _numbers(names: Iterable[str]) -> tuple[int, ...]:
+    """Return unicorn's numbers of registers."""
+    return tuple(getattr(arm, f"UC_ARM_REG_{name}") for name in names)
+
+
+_FRAME = ("R0", "R1", "R2", "R3", "R12", "LR", "PC")
+_SAVED = _numbers((*_FRAME, "XPSR", "SP", "CONTROL"))
 # The mode first: it says which stack pointer the SP is.
-_RESTORED = (
-    arm.UC_ARM_REG_XPSR,
-    arm.UC_ARM_REG_CONTROL,
-    arm.UC_ARM_REG_SP,
-    *_FRAME[:-1],
-)
-_ENTERED = (
-    arm.UC_ARM_REG_SP,
-    arm.UC_ARM_REG_XPSR,
-    arm.UC_ARM_REG_CONTROL,
-    arm.UC_ARM_REG_LR,
-    arm.UC_ARM_REG_PC,
-)
-_CHAINED = (arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC)
+_RESTORED = _numbers(("XPSR", "CONTROL", "SP", *_FRAME))
+_ENTERED = _numbers(("SP", "XPSR", "CONTROL", "LR", "PC"))
+_CHAINED = _numbers(("XPSR", "LR", "PC"))
 _FLOATS = (*range(arm.UC_ARM_REG_S0, arm.UC_ARM_REG_S0 + 16), arm.UC_ARM_REG_FPSCR)
 _SHOWN = (*(f"R{number}" for number in range(13)), "SP", "LR", "PC", "XPSR")
 _NAMES = {SVCALL: "SVCall", PENDSV: "PendSV", SYSTICK: "SysTick"}
@@ -118,6 +112,7 @@ class Cpu:
         self._has_floats = model == "Cortex-M4F"
         self.exceptions = exceptions
         self.vectors = 0
+        self._alignment: Alignment | None = None
         self.sleeps_on_exit = self.wants_reset = False
         self._per_ms = per_ms
         self._timeline = Timeline()
@@ -127,18 +122,17 @@ class Cpu:
         self._trap = 0
         self._access = ""
         self._count = engine.count
-        self._pc = Registers(engine, (arm.UC_ARM_REG_PC,))
-        self._saved = Registers(engine, _SAVED)
-        self._restored = Registers(engine, _RESTORED)
-        self._entered = Registers(engine, _ENTERED)
-        self._chained = Registers(engine, _CHAINED)
-        self._floats = Registers(engine, _FLOATS)
+        self._at = 0  # where it goes on
+        self._pc = engine.registers((arm.UC_ARM_REG_PC,))
+        self._saved = engine.registers(_SAVED)
+        self._restored = engine.registers(_RESTORED)
+        self._entered = engine.registers(_ENTERED)
+        self._chained = engine.registers(_CHAINED)
+        self._floats = engine.registers(_FLOATS)
         masks = ("PRIMASK", "BASEPRI", "FAULTMASK") if self._has_masks else ("PRIMASK",)
-        self._masks = Registers(engine, [getattr(arm, f"UC_ARM_REG_{name}") for name in masks])
-        self._stacks = Registers(
-            engine, (arm.UC_ARM_REG_MSP, arm.UC_ARM_REG_PSP, arm.UC_ARM_REG_CONTROL)
-        )
-        self._shown = Registers(engine, [getattr(arm, f"UC_ARM_REG_{name}") for name in _SHOWN])
+        self._masks = engine.registers(_numbers(masks))
+        self._stacks = engine.registers(_numbers(("MSP", "PSP", "CONTROL")))
+        self._shown = engine.registers(_numbers(_SHOWN))
         engine.hook_traps(self._take_trap)
 
     def now(self) -> int:
@@ -181,6 +175,16 @@ class Cpu:
         if self._is_running and self.divisions.are_due:
             self._interrupt()
 
+    def watch_alignment(self) -> None:
+        """Have accesses that are not aligned be traps, now that all memory is mapped."""
+        self._alignment = self.engine.watch_alignment(self._take_unaligned)
+        self.trap_unaligned(is_on=False)
+
+    def trap_unaligned(self, *, is_on: bool) -> None:
+        """Have each of them be a trap; on a Cortex-M0 they always are."""
+        if self._alignment is not None:
+            self._alignment.traps_all = is_on or not self._has_masks
+
     def map_peripheral(
         self,
         address: int,
@@ -215,7 +219,8 @@ class Cpu:
         self.sleeps_on_exit = self.wants_reset = False
         self._is_asleep = self._has_event = False
         stack, start = (self._word(self.vectors + at) for at in (0, 4))
-        self._restored.write((_THUMB, 0, stack & ~3, 0, 0, 0, 0, 0, 0xFFFF_FFFF, start & ~1))
+        self._at = start & ~1
+        self._restored.write((_THUMB, 0, stack & ~3, 0, 0, 0, 0, 0, 0xFFFF_FFFF, self._at))
         self._masks.write([0] * (3 if self._has_masks else 1))
 
     def jump_to(self, time: int) -> None:
@@ -270,19 +275,21 @@ class Cpu:
             elif trap == _CALL:
                 self._enter(SVCALL)
             else:
-                raise self._fault(_TRAPS.get(trap, f"exception {trap} of the simulator"))
+                why = _TRAPS.get(trap, f"exception {trap} of the simulator")
+                raise self._fault(self._access or why)
         elif done < count:
-            self._is_asleep = self._code(self._pc.read()[0] - 2) == _WFI
+            self._is_asleep = self._code(self._at - 2) == _WFI
 
     def _start(self, count: int) -> int:
         """Do a number of instructions; return how many were done."""
         self._is_running = True
-        error = self.engine.start(self._pc.read()[0], count)
+        error = self.engine.start(self._at, count)
         self._is_running = False
+        self._at = self._pc.read()[0]
         done = min(self._count.value, count)  # unicorn counts the one that it stops at
         self._done += done
         if error and not self._trap:
-            if error == INVALID_INSTRUCTION and self._code(self._pc.read()[0] - 2) == _WFE:
+            if error == INVALID_INSTRUCTION and self._code(self._at - 2) == _WFE:
                 self._is_asleep, self._has_event = not self._has_event, False
             else:
                 undefined = _TRAPS[1] if error == INVALID_INSTRUCTION else str(EngineError(error))
@@ -301,6 +308,10 @@ class Cpu:
     def _take_trap(self, number: int) -> None:
         self._trap = number
         self.engine.stop()
+
+    def _take_unaligned(self, address: int) -> None:
+        self._access = f"reaches 0x{address:08X}, which is not aligned"
+        self._take_trap(_UNALIGNED)
 
     def _divide(self, register: int) -> None:
         if not self._shown.read()[register]:
@@ -323,9 +334,8 @@ class Cpu:
 
     # Exceptions.
 
-    def _ceiling(self) -> int:
-        """The priority that an exception has to be below to preempt what runs now."""
-        ceiling = self.exceptions.priority
+    def _ceiling(self, ceiling: int) -> int:
+        """Return the priority that an exception has to be below, by a priority and the masks."""
         primask, *others = self._masks.read()
         if primask & 1:
             ceiling = min(ceiling, 0)
@@ -340,12 +350,16 @@ class Cpu:
     def _preempt(self) -> int:
         """Enter the exception that is due; return a number of instructions to look again after."""
         exceptions = self.exceptions
-        if not exceptions.find_due(exceptions.priority):
+        priority = exceptions.priority
+        number = exceptions.find_due(priority)
+        if not number:
             return 0
         self._is_asleep = False
-        number = exceptions.find_due(self._ceiling())
-        if not number:
-            return MASKED_STEP
+        ceiling = self._ceiling(priority)
+        if ceiling < priority:
+            number = exceptions.find_due(ceiling)
+            if not number:
+                return MASKED_STEP
         self._enter(number)
         return 0
 
@@ -377,12 +391,13 @@ class Cpu:
         self.exceptions.begin(number)
         self._has_event = True
         control &= ~(_SPSEL | _FPCA)
-        self._entered.write((top, _THUMB | number, control, back, self._vector(number)))
+        self._at = self._vector(number)
+        self._entered.write((top, _THUMB | number, control, back, self._at))
 
     def _leave(self) -> None:
         """End the exception that runs: enter the next one, or go back to what it interrupted."""
         exceptions = self.exceptions
-        back = self._pc.read()[0] | 1
+        back = self._at | 1
         if not exceptions.active:
             raise self._fault("a return from an exception where there is none")
         exceptions.end()
@@ -392,10 +407,11 @@ class Cpu:
                 self._masks.write((primask, basepri, 0))
         self._has_event = True
         if exceptions.pending & exceptions.enabled:
-            number = exceptions.find_due(self._ceiling())
+            number = exceptions.find_due(self._ceiling(exceptions.priority))
             if number:
                 exceptions.begin(number)
-                self._chained.write((_THUMB | number, back, self._vector(number)))
+                self._at = self._vector(number)
+                self._chained.write((_THUMB | number, back, self._at))
                 return
         is_psp = back & _FROM_PSP
         main, process, control = self._stacks.read()
@@ -413,6 +429,7 @@ class Cpu:
         if not back & _NO_FLOATS:
             control |= _FPCA
             self._floats.write(stacked[8:25])
+        self._at = stacked[6]
         self._restored.write((status & ~_PADDED | _THUMB, control, sp, *stacked[:7]))
         if self.sleeps_on_exit and not exceptions.active:
             self._is_asleep = True

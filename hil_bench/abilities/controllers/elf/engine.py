@@ -1,46 +1,23 @@
-"""Unicorn by its C functions: its Python wrapper takes longer than the work for what is short."""
+"""The engine of a core: unicorn in Thumb, its memory and its hooks."""
 
 import ctypes
-from collections.abc import Callable, Sequence
-from ctypes import CFUNCTYPE, POINTER, byref, c_int, c_size_t, c_uint, c_uint32, c_uint64, c_void_p
+from collections.abc import Callable
+from ctypes import CFUNCTYPE, byref, c_int, c_size_t, c_uint32, c_uint64, c_void_p
+from functools import partial
 from typing import Any, Final
 
 import unicorn
-from unicorn.unicorn_py3.unicorn import uclib
+from unicorn import arm_const as arm
 
-_C = ctypes.CDLL(uclib._name)  # noqa: SLF001 - a handle of our own, with types of our own
-_READ = CFUNCTYPE(c_uint64, c_void_p, c_uint64, c_uint, c_void_p)
-_WRITE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint, c_uint64, c_void_p)
-_TRAP = CFUNCTYPE(None, c_void_p, c_uint32, c_void_p)
+from hil_bench.abilities.controllers.elf.calls import LIBRARY, Alignment, Registers, find_calls
+
 _CODE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint32, c_void_p)
 _MISS = CFUNCTYPE(ctypes.c_bool, c_void_p, c_int, c_uint64, c_int, ctypes.c_int64, c_void_p)
-_FUNCTIONS: dict[str, tuple[Any, ...]] = {
-    "uc_open": (c_int, c_int, POINTER(c_void_p)),
-    "uc_close": (c_void_p,),
-    "uc_mem_map": (c_void_p, c_uint64, c_size_t, c_uint32),
-    "uc_mem_map_ptr": (c_void_p, c_uint64, c_size_t, c_uint32, c_void_p),
-    "uc_mmio_map": (c_void_p, c_uint64, c_size_t, _READ, c_void_p, _WRITE, c_void_p),
-    "uc_mem_read": (c_void_p, c_uint64, c_void_p, c_size_t),
-    "uc_mem_write": (c_void_p, c_uint64, ctypes.c_char_p, c_size_t),
-    "uc_reg_read_batch": (c_void_p, POINTER(c_int), POINTER(c_void_p), c_int),
-    "uc_reg_write_batch": (c_void_p, POINTER(c_int), POINTER(c_void_p), c_int),
-    "uc_emu_start": (c_void_p, c_uint64, c_uint64, c_uint64, c_size_t),
-    "uc_emu_stop": (c_void_p,),
-}
-for _name, _arguments in _FUNCTIONS.items():
-    _function = getattr(_C, _name)
-    _function.argtypes, _function.restype = _arguments, c_int
-_open, _close, _map, _map_pointer, _map_functions = (
-    _C.uc_open,
-    _C.uc_close,
-    _C.uc_mem_map,
-    _C.uc_mem_map_ptr,
-    _C.uc_mmio_map,
-)
-_read, _write, _start, _stop = _C.uc_mem_read, _C.uc_mem_write, _C.uc_emu_start, _C.uc_emu_stop
-_read_batch, _write_batch = _C.uc_reg_read_batch, _C.uc_reg_write_batch
-_add_hook = _C.uc_hook_add
-_add_hook.restype = c_int
+_map, _map_pointer = LIBRARY.uc_mem_map, LIBRARY.uc_mem_map_ptr
+_map.argtypes = c_void_p, c_uint64, c_size_t, c_uint32
+_map_pointer.argtypes = c_void_p, c_uint64, c_size_t, c_uint32, c_void_p
+
+_PERIPHERALS = 0x4000_0000  # from here on nothing can be executed (Armv7-M ARM, B3.1)
 
 READ_EXECUTE: Final = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC
 ALL: Final = unicorn.UC_PROT_ALL
@@ -55,32 +32,6 @@ class EngineError(Exception):
         self.number = number
 
 
-class Registers:
-    """Some registers, read and written together.
-
-    Args:
-        engine: whose.
-        numbers: of unicorn.
-    """
-
-    def __init__(self, engine: "Engine", numbers: Sequence[int]) -> None:
-        count = len(numbers)
-        self._values = (c_uint32 * count)()
-        first = ctypes.addressof(self._values)
-        pointers = (c_void_p * count)(*(first + 4 * place for place in range(count)))
-        self._arguments = (engine.handle, (c_int * count)(*numbers), pointers, count)
-
-    def read(self) -> list[int]:
-        """Return their values."""
-        _read_batch(*self._arguments)
-        return self._values[:]
-
-    def write(self, values: Sequence[int]) -> None:
-        """Set them, in their order."""
-        self._values[:] = list(values)
-        _write_batch(*self._arguments)
-
-
 class Engine:
     """A core of unicorn in Thumb.
 
@@ -90,6 +41,9 @@ class Engine:
     Attributes:
         handle: of unicorn.
         count: the instructions since the last start, also in the middle of them.
+        start: does instructions from an address, up to a number of them; returns unicorn's number
+            of an error, 0 for none.
+        stop: has `start` return.
     """
 
     def __init__(self, model: int) -> None:
@@ -100,9 +54,15 @@ class Engine:
         self._wrapper.ctl_set_cpu_model(model)
         self.handle = _address(self._wrapper)
         self._kept: list[object] = []  # functions that unicorn calls
-        self._error: BaseException | None = None
-        self._word = ctypes.create_string_buffer(8)
+        self._code: list[tuple[int, int, int]] = []  # memory for it: address, size and place here
+        self._calls = calls = find_calls()
+        self.start: Callable[[int, int], int] = partial(calls.start, self.handle)
+        self.stop: Callable[[], None] = partial(calls.stop, self.handle)
         self.count = c_uint64.from_address(self.handle + _counter_offset())
+
+    def registers(self, numbers: tuple[int, ...]) -> Registers:
+        """Return some registers by unicorn's numbers, to read and write them together."""
+        return self._calls.Registers(self.handle, numbers)
 
     def map(self, address: int, size: int, protection: int = ALL) -> None:
         """Map memory of unicorn's own."""
@@ -111,6 +71,8 @@ class Engine:
     def map_memory(self, address: int, memory: Any, protection: int = ALL) -> None:  # noqa: ANN401 - an array of ctypes
         """Map memory that stays the caller's."""
         at = ctypes.addressof(memory)
+        if address < _PERIPHERALS:
+            self._code.append((address, len(memory), at))
         _check(_map_pointer(self.handle, address, len(memory), protection, at))
 
     def map_functions(
@@ -121,27 +83,24 @@ class Engine:
         write: Callable[[int, int, int], None],
     ) -> None:
         """Have functions answer for a range of addresses; see `Cpu.map_peripheral`."""
-
-        def on_read(_engine: int, offset: int, size: int, _data: int) -> int:
-            try:
-                return read(offset, size)
-            except BaseException as error:  # C is between us and the caller
-                self._keep(error)
-                return 0
-
-        def on_write(_engine: int, offset: int, size: int, value: int, _data: int) -> None:
-            try:
-                write(offset, size, value)
-            except BaseException as error:
-                self._keep(error)
-
-        functions = _READ(on_read), _WRITE(on_write)
+        functions = read, write
         self._kept.append(functions)
-        _check(_map_functions(self.handle, address, size, functions[0], None, functions[1], None))
+        _check(self._calls.map_functions(self.handle, address, size, functions))
 
     def hook_traps(self, take: Callable[[int], None]) -> None:
         """Have a function take the number of each trap."""
-        self._hook(unicorn.UC_HOOK_INTR, _TRAP(lambda _engine, number, _data: take(number)))
+        self._kept.append(take)
+        _check(self._calls.hook_traps(self.handle, take))
+
+    def watch_alignment(self, take: Callable[[int], None]) -> Alignment:
+        """Have a function take the address of an access that is not aligned, in front of it.
+
+        Looked at are the instructions in the caller's memory that is mapped by now: those that need
+        alignment always, and where ``traps_all`` is set, all others.
+        """
+        registers = tuple(range(arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R12 + 1))
+        registers += arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC
+        return self._calls.Alignment(self.handle, take, registers, tuple(self._code))
 
     def hook_address(self, address: int, take: Callable[[], None]) -> None:
         """Have a function called in front of the instruction at an address."""
@@ -164,42 +123,30 @@ class Engine:
             | unicorn.UC_HOOK_MEM_FETCH_UNMAPPED
             | unicorn.UC_HOOK_MEM_WRITE_PROT
         )
-        self._hook(
-            kinds, _MISS(lambda _engine, kind, address, _size, _value, _data: take(kind, address))
-        )
+        function = _MISS(lambda _engine, kind, address, _size, _value, _data: take(kind, address))
+        self._hook(kinds, function)
 
     def read(self, address: int, size: int) -> bytes:
-        """Return bytes of memory; an `EngineError` says that nothing is there."""
-        buffer = self._word if size <= len(self._word) else ctypes.create_string_buffer(size)
-        _check(_read(self.handle, address, buffer, size))
-        return buffer.raw[:size]
+        """Return bytes of memory.
+
+        Raises:
+            EngineError: nothing is there.
+        """
+        found = self._calls.read(self.handle, address, size)
+        if isinstance(found, int):
+            raise EngineError(found)
+        return found
 
     def write(self, address: int, data: bytes) -> None:
         """Write bytes to memory; an `EngineError` says that nothing is there."""
-        _check(_write(self.handle, address, data, len(data)))
-
-    def start(self, address: int, count: int) -> int:
-        """Do up to a number of instructions; return unicorn's number of an error, 0 for none."""
-        result: int = _start(self.handle, address | 1, _NEVER, 0, count)
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
-        return result
-
-    def stop(self) -> None:
-        """Have `start` return."""
-        _stop(self.handle)
-
-    def _keep(self, error: BaseException) -> None:
-        self._error = error
-        self.stop()
+        _check(self._calls.write(self.handle, address, data))
 
     def _hook(self, kinds: int, function: object, first: int = 1, last: int = 0) -> None:
         """Have unicorn call a function for a range of addresses; for all, where it ends first."""
         self._kept.append(function)
         begin, end = c_uint64(first), c_uint64(last)
-        handle = c_size_t()
-        _check(_add_hook(c_void_p(self.handle), byref(handle), kinds, function, None, begin, end))
+        made, handle = c_size_t(), c_void_p(self.handle)
+        _check(LIBRARY.uc_hook_add(handle, byref(made), kinds, function, None, begin, end))
 
 
 _NEVER = 0xFFFF_FFFE  # an address that no program comes to

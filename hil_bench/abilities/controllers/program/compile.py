@@ -1,4 +1,4 @@
-"""Compiles the library that is loaded before a program: ``python compile.py TARGET``.
+"""Compiles libraries of ours at their first use; that of programs: ``python compile.py TARGET``.
 
 It imports nothing of the package, since a wheel is built without it.
 """
@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 SOURCES = Path(__file__).parent / "preload"
@@ -21,10 +22,17 @@ class CompilerError(Exception):
 
 
 def compile_library(target: Path) -> None:
-    """Compile the library.
+    """Compile the library that is loaded before a program; see `compile_files`."""
+    compile_files(target, sorted(SOURCES.glob("*.c")))
+
+
+def compile_files(target: Path, sources: Sequence[Path], *flags: str) -> None:
+    """Compile a shared library.
 
     Args:
         target: the file, which is replaced at once.
+        sources: of it.
+        flags: beside `FLAGS`.
 
     Raises:
         CompilerError: there is no compiler, or it refuses.
@@ -33,8 +41,7 @@ def compile_library(target: Path) -> None:
     if compiler is None:
         raise CompilerError("there is no C compiler (cc)")
     partial = target.with_name(f".{os.getpid()}.{target.name}")
-    sources = sorted(map(str, SOURCES.glob("*.c")))
-    command = [compiler, *FLAGS, "-o", str(partial), *sources]
+    command = [compiler, *FLAGS, *flags, "-o", str(partial), *map(str, sources)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     if done.returncode:
         wrong = [line for line in done.stderr.splitlines() if "error" in line] or [compiler]

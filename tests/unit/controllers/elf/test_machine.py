@@ -12,10 +12,11 @@ from support.chip_programs import CAN_BUILD, WHY_NOT, build_for_chip
 
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ControllerError
+from hil_bench.errors import ConfigError, ControllerError
 
 pytest.importorskip("unicorn")
 
+from hil_bench.abilities.controllers.elf.calls import compiled_calls
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.machine import Machine
 
@@ -366,6 +367,57 @@ def test_a_trap_that_is_switched_off_again_is_none(make: Make) -> None:
     assert lines(make(source)) == ["before", "trapped from here", "zero"]
 
 
+UNALIGNED = """
+static uint8_t bytes[32];
+static __attribute__((noinline)) void reach(uint8_t *at) {{ {body} }}
+void program(void)
+{{ R32(0xE000ED14) |= {trap}; reach(bytes + 8); reach(bytes + 9); rest(); }}
+"""
+WORD, HALF = "(void)*(volatile uint32_t *)at;", "*(volatile uint16_t *)(at + 2) = 1;"
+INDEXED = (
+    "(void)*(volatile uint32_t *)(bytes + 4 * (unsigned)(at - bytes) + 4 * (at == bytes + 9));"
+)
+BYTE = "*(volatile uint8_t *)at = 1;"
+DOUBLE = '__asm volatile("ldrd r2, r3, [%0, #4]" :: "r"(at) : "r2", "r3");'
+MULTIPLE = '__asm volatile("ldmia %0, {{r2, r3}}" :: "r"(at) : "r2", "r3");'
+WIDE = '__asm volatile("stmdb %0, {{r0, r8}}" :: "r"(at));'
+FLOAT = '__asm volatile("vldr s0, [%0]" :: "r"(at) : "s0");'
+SKIPPED = (
+    '__asm volatile("cmp %0, #0\\nit eq\\nldrdeq r2, r3, [%0]" :: "r"(at) : "r2", "r3", "cc");'
+)
+NO_MEMORY = '__asm volatile("vmov s0, s1, %0, %0" :: "r"(at) : "s0", "s1");'
+F4, F1, F0 = "STM32F407", "STM32F103", "STM32F042"
+
+
+@pytest.mark.parametrize(
+    ("chip", "trap", "body", "is_fault"),
+    [
+        # Armv7-M ARM, A3.2.1: several words, doubles and floats always, any other as CCR has it.
+        *((F4, 0, body, True) for body in (DOUBLE, MULTIPLE, WIDE, FLOAT)),
+        *((F4, 0, body, False) for body in (WORD, HALF, BYTE, INDEXED, SKIPPED, NO_MEMORY)),
+        *((F4, 8, body, True) for body in (WORD, HALF, DOUBLE)),
+        *((F4, 8, body, False) for body in (BYTE, INDEXED, SKIPPED)),
+        (F1, 0, MULTIPLE, True),
+        (F1, 8, WORD, True),
+        # Armv6-M ARM, A3.2: each.
+        *((F0, 0, body, True) for body in (WORD, HALF, MULTIPLE)),
+        (F0, 0, BYTE, False),
+    ],
+)
+def test_an_access_that_is_not_aligned_is_a_fault(
+    make: Make, chip: str, trap: int, body: str, *, is_fault: bool
+) -> None:
+    machine = make(UNALIGNED.format(body=body.format(), trap=trap), chip)
+    if is_fault:
+        with pytest.raises(
+            ControllerError, match=r"^hard fault in reach.*: reaches 0x200000\w\w, which"
+        ):
+            machine.advance(MS, ())
+    else:
+        machine.advance(MS, ())
+        assert machine.wake is not None
+
+
 @pytest.mark.parametrize("chip", ["STM32F042", "STM32F103"])
 def test_other_cores_run(make: Make, chip: str) -> None:
     data = 0x40004428 if chip == "STM32F042" else 0x40004404
@@ -418,3 +470,12 @@ void program(void) { R32(0xE000E014) = 159999; R32(0xE000E018) = 0; R32(0xE000E0
     machine.advance(MS, ())
     assert machine.wake is not None
     assert 10 * MS <= machine.wake < 10 * MS + 10_000
+
+
+def test_without_a_compiler_the_calls_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ConfigError, match=r'^kind "elf": there is no C compiler \(cc\); install'):
+        compiled_calls()

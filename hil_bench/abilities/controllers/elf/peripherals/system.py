@@ -17,7 +17,7 @@ _ENABLE, _TICKINT, _OF_CORE, _COUNTFLAG = 1, 2, 4, 1 << 16
 _KEY, _KEY_READ = 0x05FA, 0xFA05
 _SYSRESETREQ, _VECTRESET = 4, 1
 _SLEEPONEXIT = 2
-_DIV_0_TRP, _STKALIGN = 0x10, 0x200
+_UNALIGN_TRP, _DIV_0_TRP, _STKALIGN = 8, 0x10, 0x200
 
 
 class SystemControl(Peripheral):
@@ -68,6 +68,7 @@ class SystemControl(Peripheral):
         self._is_over = False
         self._cpu.vectors = 0
         self._cpu.trap_divisions(is_on=False)
+        self._cpu.trap_unaligned(is_on=False)
 
     def load(self, offset: int) -> int:
         """Return a register."""
@@ -162,6 +163,7 @@ class SystemControl(Peripheral):
     def _set_configuration(self, value: int) -> None:
         self._others[_CCR] = value
         self._cpu.trap_divisions(is_on=bool(value & _DIV_0_TRP))
+        self._cpu.trap_unaligned(is_on=bool(value & _UNALIGN_TRP))
 
     def _trigger(self, value: int) -> None:
         self._cpu.pend(FIRST_INTERRUPT + (value & 0x1FF))

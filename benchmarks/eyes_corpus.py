@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from corpus.faults import broken_logs
 from corpus.logs import sound_logs
+from corpus.sound_j1939 import variants
 
 from hil_bench.abilities.eyes.explain.explain import Explainer, Explanation, explain
 from hil_bench.abilities.eyes.explain.finding import Finding
@@ -24,7 +25,7 @@ class Judgement(NamedTuple):
     """The verdicts on one half of the corpus.
 
     Attributes:
-        sound: sound logs, and those with a finding.
+        sound: sound logs and their sound variants, and those with a finding.
         broken: broken logs, and those whose first finding is the cause, by cause.
         buried: broken logs whose cause stands below another finding, or is told as consequence.
         missed: names of the others.
@@ -36,18 +37,22 @@ class Judgement(NamedTuple):
     missed: list[str]
 
 
-def judge(*, kept_apart: bool, most: int | None = None) -> Judgement:
+def judge(*, kept_apart: bool, most: int | None = None, series: str = "") -> Judgement:
     """Explain all logs of one half.
 
     Args:
         kept_apart: which half.
         most: sound logs at most.
+        series: which logs.
     """
     accused, total, right, buried, missed = [], Counter[str](), Counter[str](), [], []
-    logs = [*sound_logs(kept_apart=kept_apart)][:most]
+    logs = [*sound_logs(kept_apart=kept_apart, series=series)][:most]
+    count = 0
     for log in logs:
-        if explain(log.frames, log.known(), log.bitrate).findings:
-            accused.append(log.name)
+        for sound in (log, *(variants(log) if series == "j1939" else ())):
+            count += 1
+            if explain(sound.frames, sound.known(), sound.bitrate).findings:
+                accused.append(sound.name)
         for broken in broken_logs(log):
             found = explain(broken.frames, log.known(), log.bitrate)
             total[broken.cause.name] += 1
@@ -57,7 +62,7 @@ def judge(*, kept_apart: bool, most: int | None = None) -> Judgement:
                 buried.append(broken.name)
             else:
                 missed.append(broken.name)
-    return Judgement((len(logs), accused), (total, right), buried, missed)
+    return Judgement((count, accused), (total, right), buried, missed)
 
 
 def every(found: Explanation) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import NamedTuple
 
-from corpus.logs import SoundLog
+from corpus.logs import SoundLog, is_kept_apart
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -21,9 +21,11 @@ MS = 1_000_000
 Frames = list[LoggedFrame]
 Found = tuple[Frames, str] | None
 """The broken frames, and the node whose fault it is; empty for the bus."""
+Maker = Callable[["Scene"], Found]
 
 PER_LOG = 8
-"""Faults of one log at most, drawn by its name."""
+PER_LOG_OF_J1939 = 16
+"""Faults of one log at most, drawn by its name; of J1939 beside the others."""
 
 
 class BrokenLog(NamedTuple):
@@ -34,7 +36,7 @@ class BrokenLog(NamedTuple):
         frames: in the order of time.
         sound: the log that it comes from.
         cause: the true one.
-        node: that has it; empty for the bus.
+        node: that has it, several where either may be named, as in ``3|11``; empty for the bus.
     """
 
     name: str
@@ -46,8 +48,9 @@ class BrokenLog(NamedTuple):
     def is_told_by(self, finding: Finding) -> bool:
         """Return True if a finding is the fault that was put in, of the node that has it."""
         words = f"{finding.node} "
-        is_node = (
-            not self.node or words.startswith(f"{self.node} ") or words == f"address {self.node} "
+        is_node = not self.node or any(
+            words.startswith(f"{node} ") or words == f"address {node} "
+            for node in self.node.split("|")
         )
         return finding.cause is self.cause and is_node
 
@@ -56,18 +59,32 @@ class Fault(NamedTuple):
     """A registered fault: what it does to a scene, and its label."""
 
     name: str
-    make: Callable[["Scene"], Found]
+    make: Maker
     cause: Cause
 
 
 FAULTS: dict[str, Fault] = {}
+FAULTS_OF_J1939: dict[str, Fault] = {}
+"""Those that the logs of the series "j1939" get beside the others."""
 
 
-def fault(cause: Cause) -> Callable[[Callable[["Scene"], Found]], Callable[["Scene"], Found]]:
+def fault(cause: Cause) -> Callable[[Maker], Maker]:
     """Register a function as a fault of a cause."""
 
-    def register(make: Callable[["Scene"], Found]) -> Callable[["Scene"], Found]:
+    def register(make: Maker) -> Maker:
         FAULTS[make.__name__] = Fault(make.__name__, make, cause)
+        return make
+
+    return register
+
+
+def fault_of_j1939(
+    cause: Cause,
+) -> Callable[[Callable[["Scene"], Found]], Callable[["Scene"], Found]]:
+    """Register a function as a fault of a cause, for the logs of the series "j1939"."""
+
+    def register(make: Callable[["Scene"], Found]) -> Callable[["Scene"], Found]:
+        FAULTS_OF_J1939[make.__name__] = Fault(make.__name__, make, cause)
         return make
 
     return register
@@ -96,6 +113,15 @@ class Scene:
         self.random = random
         self.frames = list(log.frames)
         self.end = self.frames[-1].now
+        self.is_apart = is_kept_apart(log.name)
+
+    def share(self, low: float, high: float) -> float:
+        """Draw a parameter: below 60 % of its range for one half of the logs, above for the other.
+
+        So the faults of the half that is kept apart are not those that the rules were written with.
+        """
+        middle = low + 0.6 * (high - low)
+        return self.random.uniform(*((middle, high) if self.is_apart else (low, middle)))
 
     def times(self, can_id: int, after: int = 0) -> list[int]:
         """Return when frames of an identifier came [ns]."""
@@ -206,15 +232,22 @@ def merged(frames: Frames, added: list[tuple[int, Frame]]) -> Frames:
 
 
 def faults() -> dict[str, Fault]:
-    """Return all faults by their names."""
+    """Return the faults of every log by their names."""
     for module in ("faults_nodes", "faults_messages", "faults_j1939", "faults_masters"):
         import_module(f"corpus.{module}")
     return FAULTS
 
 
+def faults_of_j1939() -> dict[str, Fault]:
+    """Return those of the series "j1939" alone."""
+    for module in ("devices", "messages", "bus", "transfers"):
+        import_module(f"corpus.faults_j1939_{module}")
+    return FAULTS_OF_J1939
+
+
 def broken_log(log: SoundLog, name: str) -> BrokenLog | None:
     """Return the log with one fault; None where it has nothing that the fault could befall."""
-    each = faults()[name]
+    each = {**faults(), **faults_of_j1939()}[name]
     found = each.make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311 - of tests
     if found is None:
         return None
@@ -222,14 +255,23 @@ def broken_log(log: SoundLog, name: str) -> BrokenLog | None:
     return BrokenLog(f"{log.name}:{name}", tuple(frames), log, each.cause, node)
 
 
-def broken_logs(log: SoundLog, most: int = PER_LOG) -> Iterator[BrokenLog]:
+def broken_logs(
+    log: SoundLog, most: int = PER_LOG, most_of_j1939: int = PER_LOG_OF_J1939
+) -> Iterator[BrokenLog]:
     """Yield the broken logs of a sound one.
 
     Args:
         log: the sound one.
         most: how many at most.
+        most_of_j1939: how many of the series "j1939" beside them.
     """
-    order = sorted(faults())
+    yield from _drawn(log, faults(), most)
+    if log.series == "j1939":
+        yield from _drawn(log, faults_of_j1939(), most_of_j1939)
+
+
+def _drawn(log: SoundLog, among: dict[str, Fault], most: int) -> Iterator[BrokenLog]:
+    order = sorted(among)
     random.Random(log.name).shuffle(order)  # noqa: S311 - a draw of tests
     for name in order:
         if most == 0:

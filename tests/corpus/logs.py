@@ -33,12 +33,14 @@ class SoundLog(NamedTuple):
         frames: in the order of time.
         eds: EDS file of `device_profiles` of each node that has one at hand, by node-ID.
         bitrate: of the bus [bit/s].
+        series: it belongs to; empty for the first one.
     """
 
     name: str
     frames: tuple[LoggedFrame, ...]
     eds: dict[int, str]
     bitrate: int
+    series: str = ""
 
     def known(self) -> list[KnownNode]:
         """Return the nodes of which the reader has an EDS, new ones each time."""
@@ -56,13 +58,16 @@ def manifest() -> dict[str, dict[str, object]]:
     return tomllib.loads((HERE / "corpus.toml").read_text(encoding="utf-8"))
 
 
-def sound_logs(*, kept_apart: bool | None = None) -> Iterator[SoundLog]:
+def sound_logs(*, kept_apart: bool | None = None, series: str | None = None) -> Iterator[SoundLog]:
     """Yield the sound logs: all, those of one half, and each that copper has timed.
 
     Args:
         kept_apart: which half; None for both.
+        series: which series; None for all.
     """
-    for name in sorted(manifest()):
+    for name, entry in sorted(manifest().items()):
+        if series is not None and str(entry.get("series", "")) != series:
+            continue
         if kept_apart is None or is_kept_apart(name) is kept_apart:
             yield sound_log(name)
 
@@ -75,7 +80,7 @@ def sound_log(name: str) -> SoundLog:
     frames = read(HERE / "logs" / f"{entry.get('log', name)}.log.xz")
     if entry.get("copper"):
         frames = timed_like_copper(frames, bitrate)
-    return SoundLog(name, tuple(frames), eds, bitrate)
+    return SoundLog(name, tuple(frames), eds, bitrate, str(entry.get("series", "")))
 
 
 def read(path: Path) -> list[LoggedFrame]:

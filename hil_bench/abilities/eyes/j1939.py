@@ -33,6 +33,7 @@ _EXIT_REASONS: Final = {
     int(reason): reason.name.lower().replace("timeout", "time-out") for reason in ExitReason
 }
 _DIAGNOSES: Final = (DM1, DM2)
+_LAMPS: Final = ((6, "malfunction"), (4, "stop"), (2, "warning"), (0, "protect"))
 
 _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
     {
@@ -118,6 +119,11 @@ def trouble_codes(data: bytes) -> list[tuple[int, int]]:
     ]
 
 
+def lamps_of(data: bytes) -> list[str]:
+    """Return the lamps that a DM1 or DM2 has on."""
+    return [lamp for shift, lamp in _LAMPS if data and data[0] >> shift & 3 == 1]
+
+
 def _address(address: int) -> str:
     return "none" if address == NULL else str(address)
 
@@ -167,11 +173,7 @@ def _diagnosis(data: bytes) -> str:
     """Return the lamps and the trouble codes."""
     if len(data) < 6:
         return ""
-    lamps = [
-        lamp
-        for shift, lamp in ((6, "malfunction"), (4, "stop"), (2, "warning"), (0, "protect"))
-        if data[0] >> shift & 3 == 1
-    ]
+    lamps = lamps_of(data)
     lit = f"lamp {' and '.join(lamps)}" if lamps else "no lamp"
     codes = [f"SPN {spn} FMI {fmi}" for spn, fmi in trouble_codes(data)]
     return ", ".join([lit, *codes]) if codes else f"{lit}, no trouble code"

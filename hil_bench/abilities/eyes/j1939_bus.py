@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from hil_bench.abilities.eyes.j1939 import content_of, group_name
+from hil_bench.abilities.eyes.j1939_spns import SPNS
 from hil_bench.abilities.eyes.j1939_transfers import LongMessage, LongMessages
-from hil_bench.abilities.eyes.known_ecu import KnownEcu
+from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
@@ -121,7 +122,8 @@ class J1939Reader:
     def _of_frame(self, logged: LoggedFrame, group: int, way: tuple[int, int]) -> Sight:
         frame, (source, destination) = logged.frame, way
         receiver = self._receiver(frame.bus, destination)
-        message = J1939Message(group, source, destination, frame.data, logged.now, receiver)
+        shown = self._shown(frame.bus, source, group, frame.data)
+        message = J1939Message(group, source, destination, frame.data, logged.now, receiver, shown)
         words = f"{_head(message)}{self._content(frame.bus, message)}"
         return self._sight(logged.now, frame, message, words)
 
@@ -129,14 +131,16 @@ class J1939Reader:
         bus, source, destination = found.key
         data = None if found.problem or not found.is_whole else found.data
         receiver = self._receiver(bus, destination)
-        message = J1939Message(found.group, source, destination, data, found.begin, receiver)
+        message = J1939Message(
+            found.group, source, destination, data, found.begin, receiver, culprit=found.culprit
+        )
         by = "BAM" if found.is_to_all else "RTS and CTS"
         lasted = (found.last - found.begin) * _MS
         words = f"{_head(message)}, {found.size} bytes by {by}"
         if data is not None:
             words = f"{words} in {lasted:.4g} ms{self._content(bus, message)}"
         frame = self._last.pop(found.key)
-        return self._sight(now, frame, message, words, found.problem)
+        return self._sight(now, frame, message, words, found.problem or found.pace)
 
     def _sight(
         self, now: int, frame: Frame, message: J1939Message, words: str, problem: str = ""
@@ -164,16 +168,29 @@ class J1939Reader:
         return "" if destination == GLOBAL else self.label(bus, destination)
 
     def _content(self, bus: int, message: J1939Message) -> str:
-        text = ", ".join(self._values(bus, message)) or content_of(
-            message.group, message.data or b""
-        )
-        return f": {text}" if text else f" [{(message.data or b'').hex(' ').upper()}]"
+        data = message.data or b""
+        text = ", ".join(self._values(bus, message)) or content_of(message.group, data)
+        return f": {text}" if text else f" [{data.hex(' ').upper()}]"
+
+    def _signals(self, bus: int, source: int, group: int) -> tuple[KnownSignal, ...]:
+        """Return the signals of a message: those of the bench, or else those of the standard."""
+        ecu = self._at.get((bus, source))
+        found = ecu.signals.get(group, ()) if ecu is not None else ()
+        return found or SPNS.get(group, ())
+
+    def _shown(self, bus: int, source: int, group: int, data: bytes) -> tuple[tuple[str, str], ...]:
+        return tuple((each.name, each.shown(data)) for each in self._signals(bus, source, group))
 
     def _values(self, bus: int, message: J1939Message) -> Iterator[str]:
+        """Yield the values of a message; of the standard's signals those that the sender has."""
+        data = message.data or b""
         ecu = self._at.get((bus, message.source))
-        if ecu is not None:
-            for signal in ecu.signals.get(message.group, ()):
-                yield signal.text(message.data or b"")
+        if ecu is not None and message.group in ecu.signals:
+            yield from (each.text(data) for each in ecu.signals[message.group])
+            return
+        for each in SPNS.get(message.group, ()):
+            if each.shown(data) != "not available":
+                yield each.text(data)
 
 
 def _head(message: J1939Message) -> str:

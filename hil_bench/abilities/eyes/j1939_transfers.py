@@ -1,6 +1,7 @@
 """Messages of more than eight bytes, put together from the frames of a bus (SAE J1939-21)."""
 
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Final
 
 from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, HIGHEST_GROUP
@@ -8,6 +9,7 @@ from hil_bench.abilities.j1939.protocol.transport_protocol import (
     LEAST_BYTES,
     MOST_BYTES,
     PACKET_BYTES,
+    T1,
     T3,
     AbortReason,
     Control,
@@ -16,8 +18,27 @@ from hil_bench.abilities.j1939.protocol.transport_protocol import (
 LONGEST_PAUSE: Final = T3
 """Time without a frame after which a transfer is given up [ns]; T3 is the longest of all."""
 
+_PAUSE_OF_BAM: Final = T1 + T1 // 5
+"""The same of a message to all, of which receivers wait T1 for a packet [ns]."""
+
+_MS: Final = 1_000_000
+_SHORTEST: Final = 9 * _MS
+_LONGEST: Final = 220 * _MS
+"""Median times between packets to all that are too short and too long [ns], a tenth beyond 10 ms
+to 200 ms: J1939-21 has 50 ms to 200 ms, ISO 11783-3 from 10 ms on, as public stacks cite them."""
+
+_FEWEST: Final = 3
 _MOST: Final = 256
 _REASONS: Final = {int(reason): reason.name.lower().replace("_", " ") for reason in AbortReason}
+_OF_SENDER: Final = frozenset(
+    {
+        AbortReason.UNEXPECTED_DATA,
+        AbortReason.BAD_SEQUENCE,
+        AbortReason.DUPLICATE,
+        AbortReason.TOO_LONG,
+    }
+)
+"""Reasons of a receiver that the sender of the message has given it."""
 
 Key = tuple[int, int, int]
 """Bus, sender of the message, receiver of the message."""
@@ -36,6 +57,13 @@ class LongMessage:
         packets: those that have come, by number.
         is_accepted: whether the receiver has sent a CTS; of one to all, yes.
         problem: why it did not arrive; empty while nothing is wrong.
+        culprit: the address that did not do what was due; None for nobody.
+        pace: what is wrong with the times between its packets; empty for nothing.
+        due: number of the packet that is due.
+        misplaced: the first packet that came in place of another, in words.
+        is_held: whether the last CTS said wait.
+        is_new: whether no packet has come since the last CTS.
+        gaps: times between its packets to all [ns].
     """
 
     key: Key
@@ -46,6 +74,13 @@ class LongMessage:
     packets: dict[int, bytes] = field(default_factory=dict)
     is_accepted: bool = False
     problem: str = ""
+    culprit: int | None = None
+    pace: str = ""
+    due: int = 1
+    misplaced: str = ""
+    is_held: bool = False
+    is_new: bool = True
+    gaps: list[int] = field(default_factory=list)
 
     @property
     def count(self) -> int:
@@ -67,6 +102,49 @@ class LongMessage:
         """The message, as far as its packets have come in order."""
         found = b"".join(self.packets.get(number, b"") for number in range(1, self.count + 1))
         return found[: self.size]
+
+    def add(self, number: int, data: bytes, now: int) -> None:
+        """Take a packet."""
+        if number != self.due and not self.misplaced:
+            self.misplaced = f"packet {number} came in place of {self.due}"
+        if self.is_to_all:
+            self.gaps.append(now - self.last)
+        self.packets[number] = data
+        self.due, self.is_new, self.last = number + 1, False, now
+
+    def clear(self, count: int, first: int, now: int) -> None:
+        """Take a CTS, which may ask for packets again."""
+        self.is_accepted, self.is_held, self.is_new, self.last = True, not count, True, now
+        if count:
+            self.due, self.misplaced = first, ""
+
+    def stage(self) -> tuple[str, int]:
+        """Return the frame that is due and did not come, and the address that it is due from."""
+        _, source, destination = self.key
+        if not self.is_accepted:
+            return "no CTS of the receiver (T3)", destination
+        if self.is_held:
+            return "no CTS after the one that says wait (T4)", destination
+        if self.is_whole and not self.is_to_all and not self.misplaced:
+            return "no end of message of the receiver (T3)", destination
+        return self._lack(), source
+
+    def _lack(self) -> str:
+        """Return the packet that did not come when its sender was to send it, in words."""
+        missing = [n for n in range(1, max(self.packets, default=0)) if n not in self.packets]
+        if self.misplaced or missing:
+            return self.misplaced or f"packet {missing[0]} is missing"
+        if self.packets and not self.is_new:
+            return f"no packet after number {self.due - 1} (T1)"
+        if self.is_to_all:
+            return "no packet after the announcement (T1)"
+        return "no packet after the CTS (T2)"
+
+    def judge_pace(self) -> None:
+        """Say whether the packets to all came too fast or too slowly."""
+        if len(self.gaps) >= _FEWEST and not _SHORTEST <= median(self.gaps) <= _LONGEST:
+            self.pace = f"{median(self.gaps) / _MS:.3g} ms between its packets, 10 ms to 200 ms"
+            self.pace += " are right"
 
 
 class LongMessages:
@@ -99,16 +177,30 @@ class LongMessages:
             found = self._open.get(back)
             if found is None or found.group != group:
                 return False, []
-            found.is_accepted, found.last = True, now
-            return True, self._end(found, "") if control == Control.END else []
+            if control == Control.CTS:
+                found.clear(data[1], data[2], now)
+                return True, []
+            found.is_accepted, found.is_held, found.last = True, False, now
+            return True, self._end(found)
         if control == Control.ABORT:
-            for key, who in ((forth, source), (back, source)):
-                found = self._open.get(key)
-                if found is not None and found.group == group:
-                    found.last = now
-                    reason = f"reason {data[1]} {_REASONS.get(data[1], '')}".rstrip()
-                    return True, self._end(found, f"aborted by {who}, {reason}")
+            both = [each for key in (forth, back) if (each := self._open.get(key)) is not None]
+            ended = [each for each in both if each.group == group]
+            if ended:  # of two messages of one group to and fro, the one that was last at work
+                found = max(ended, key=lambda each: each.last)
+                self._abort(found, source, data[1])
+                found.last = now
+                return True, self._end(found)
         return False, []
+
+    def _abort(self, message: LongMessage, by: int, reason: int) -> None:
+        """Note who has ended a message, and whose fault that is."""
+        what, culprit = message.stage()
+        words = f"aborted by {by}, reason {reason} {_REASONS.get(reason, '')}".rstrip()
+        is_of_sender = by != message.key[1] and reason in _OF_SENDER
+        if reason == AbortReason.TIMEOUT or (is_of_sender and message.misplaced):
+            message.problem, message.culprit = f"{words}: {what}", culprit
+        else:
+            message.problem, message.culprit = words, message.key[1]
 
     def take_packet(
         self, bus: int, way: tuple[int, int], data: bytes, now: int
@@ -117,16 +209,21 @@ class LongMessages:
         found = self._open.get((bus, *way))
         if found is None or len(data) != 8 or not 1 <= data[0] <= found.count:
             return False, []
-        found.packets[data[0]] = data[1:]
-        found.last = now
+        found.add(data[0], data[1:], now)
         if not (found.is_to_all and data[0] == found.count):
             return True, []
-        return True, self._end(found, _missing(found))
+        return True, self._end(found)
 
     def expire(self, now: int) -> list[LongMessage]:
         """End the transfers that nobody continues at `now` [ns], and return them."""
-        late = [each for each in self._open.values() if now - each.last > LONGEST_PAUSE]
-        return [ended for each in late for ended in self._end(each, _missing(each))]
+        late = [
+            each
+            for each in self._open.values()
+            if now - each.last > (_PAUSE_OF_BAM if each.is_to_all else LONGEST_PAUSE)
+        ]
+        for each in late:
+            each.problem, each.culprit = _missing(each)
+        return [ended for each in late for ended in self._end(each)]
 
     def finish(self) -> list[LongMessage]:
         """Return the transfers that the end of the log has interrupted."""
@@ -141,23 +238,34 @@ class LongMessages:
         if not fits or is_to_all != (key[2] == GLOBAL) or group > HIGHEST_GROUP:
             return False, []
         before = self._open.get(key)
-        ended = [] if before is None else self._end(before, f"{_missing(before)}, then a new one")
+        ended = []
+        if before is not None:
+            missing, before.culprit = _missing(before)
+            before.problem = f"{missing}, then a new one"
+            ended = self._end(before)
         if len(self._open) >= _MOST:
-            ended += self._end(next(iter(self._open.values())), "not followed: too many at once")
+            oldest = next(iter(self._open.values()))
+            oldest.problem = "not followed: too many at once"
+            ended += self._end(oldest)
         self._open[key] = new
         return True, ended
 
-    def _end(self, message: LongMessage, problem: str) -> list[LongMessage]:
+    def _end(self, message: LongMessage) -> list[LongMessage]:
+        """End a message; it is one that did not arrive where nobody has said so, and it is not."""
         del self._open[message.key]
-        message.problem = problem
-        if not problem and not message.is_whole:
-            message.problem = _missing(message)
+        message.judge_pace()
+        if not message.problem and not message.is_whole:
+            message.problem, message.culprit = _missing(message)
+        elif not message.problem and message.is_to_all and message.misplaced:
+            message.problem, message.culprit = message.misplaced, message.key[1]
         return [message]
 
 
-def _missing(message: LongMessage) -> str:
+def _missing(message: LongMessage) -> tuple[str, int]:
+    """Return why a message that nobody continues did not arrive, and whose fault that is."""
+    what, culprit = message.stage()
     if not message.is_accepted:
-        return "not answered"
-    if not message.is_whole:
-        return f"not complete, {len(message.packets)} of {message.count} packets"
-    return "" if message.is_to_all else "not acknowledged"
+        return f"not answered, {what}", culprit
+    if message.is_whole:
+        return f"not acknowledged, {what}", culprit
+    return f"not complete, {len(message.packets)} of {message.count} packets, {what}", culprit

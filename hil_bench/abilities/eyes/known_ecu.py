@@ -30,13 +30,17 @@ class KnownSignal:
 
     def text(self, data: bytes) -> str:
         """Return name and value in a message."""
-        raw = self.signal.raw_in(data)
-        if raw == self.signal.not_available:
-            return f"{self.name} not available"
-        if raw > self.signal.highest:
-            return f"{self.name} error" if raw == self.signal.error else f"{self.name} reserved"
+        if shown := self.shown(data):
+            return f"{self.name} {shown}"
         unit = "" if self.unit == "-" else f" {self.unit}"
         return f"{self.name} {self.signal.value(data):.6g}{unit}"
+
+    def shown(self, data: bytes) -> str:
+        """Return the indicator in a message: "error", "not available"; empty for a value.
+
+        The two highest bytes are theirs (J1939-71): where a signal has more than one, the last.
+        """
+        return self.signal.indicator_in(data)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,10 @@ class J1939Message(NamedTuple):
         data: what it carries; None where it did not arrive.
         begin: when its first frame came [ns].
         receiver: what `destination` is called; empty for all.
+        shown: the known signals in it, each with the indicator that it shows: "error",
+            "not available", or nothing for a value.
+        culprit: address of the one who did not do what was due where it did not arrive; None for
+            nobody.
     """
 
     group: int
@@ -43,6 +47,8 @@ class J1939Message(NamedTuple):
     data: bytes | None
     begin: int
     receiver: str = ""
+    shown: tuple[tuple[str, str], ...] = ()
+    culprit: int | None = None
 
 
 class Sight(NamedTuple):

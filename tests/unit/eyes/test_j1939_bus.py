@@ -103,16 +103,22 @@ def test_a_transfer_to_one_is_one_line():
 @pytest.mark.parametrize(
     ("frames", "problem"),
     [
-        (COMPONENT[1:2], "not answered"),
-        (COMPONENT[1:4], "not complete, 1 of 2 packets"),
-        (COMPONENT[1:5], "not acknowledged"),
-        ([*COMPONENT[1:3], COMPONENT[5]], "not complete, 0 of 2 packets"),
+        (COMPONENT[1:2], "not answered, no CTS of the receiver (T3)"),
+        (COMPONENT[1:4], "not complete, 1 of 2 packets, no packet after number 1 (T1)"),
+        (COMPONENT[1:5], "not acknowledged, no end of message of the receiver (T3)"),
+        (
+            [*COMPONENT[1:3], COMPONENT[5]],
+            "not complete, 0 of 2 packets, no packet after the CTS (T2)",
+        ),
         (
             [*COMPONENT[1:3], (0x1CEC8027, "FF 03 FF FF FF EB FE 00")],
-            "aborted by 39, reason 3 timeout",
+            "aborted by 39, reason 3 timeout: no packet after the CTS (T2)",
         ),
-        (DM1_BAM[:2], "not complete, 1 of 2 packets"),
-        ([DM1_BAM[0], DM1_BAM[2]], "not complete, 1 of 2 packets"),
+        (DM1_BAM[:2], "not complete, 1 of 2 packets, no packet after number 1 (T1)"),
+        (
+            [DM1_BAM[0], DM1_BAM[2]],
+            "not complete, 1 of 2 packets, packet 2 came in place of 1",
+        ),
     ],
 )
 def test_a_transfer_that_fails_is_a_problem(frames, problem):
@@ -123,7 +129,7 @@ def test_a_transfer_that_fails_is_a_problem(frames, problem):
 def test_a_new_message_ends_the_one_before():
     texts = [text for _, _, text in lines(*DM1_BAM[:2], *DM1_BAM)]
     assert len(texts) == 2
-    assert texts[0].endswith("! not complete, 1 of 2 packets, then a new one")
+    assert texts[0].endswith("no packet after number 1 (T1), then a new one")
     assert texts[1].endswith("SPN 101 FMI 4")
 
 
@@ -137,7 +143,9 @@ def test_a_bus_that_speaks_j1939_is_told_by_a_claim():
     frame = (0x0CF00400, "00 11")
     assert lines(frame, known=False)[0][1] == "29-bit"
     after = lines((0x18EEFF00, "00 " * 8), frame, known=False)[1]
-    assert after == ("address 0", "PGN 61444", "EEC1, engine speed [00 11]")
+    # SPN 512 is byte 2: 1 % a bit from -125 %; the rest of the message is not there
+    words = "EEC1, engine speed: demanded torque (SPN 512) -108 %"
+    assert after == ("address 0", "PGN 61444", words)
 
 
 def test_parts_of_no_transfer_are_lines_of_their_own():

@@ -9,8 +9,11 @@ from hil_bench.abilities.eyes.explain.clock import Clock
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch
 from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
-from hil_bench.abilities.eyes.explain.j1939 import Addresses, LongTransfers, Requests, TroubleCodes
+from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
+from hil_bench.abilities.eyes.explain.j1939_addresses import Addresses, Names, Restarts
+from hil_bench.abilities.eyes.explain.j1939_changes import Changes
 from hil_bench.abilities.eyes.explain.j1939_cycles import Cycles
+from hil_bench.abilities.eyes.explain.j1939_doubles import Doubles
 from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
 from hil_bench.abilities.eyes.explain.presence import Presence
 from hil_bench.abilities.eyes.explain.process_data import ProcessData
@@ -85,9 +88,13 @@ class Explainer:
             Syncs(self._decoder),
             Emergencies(),
             Addresses(),
+            Names(),
+            Restarts(),
             LongTransfers(),
             Requests(),
             Cycles(),
+            Changes(),
+            Doubles(),
             TroubleCodes(),
         )
         self._hearers = {

@@ -51,6 +51,11 @@ class Cause(Enum):
         "docs/bus.md",
         "explain each recording alone",
     )
+    TWO_BUSES = (
+        "two buses are in one log",
+        "docs/bus.md",
+        "explain each bus alone; give each recording a channel of its own",
+    )
     BUS_SILENT = (
         "the whole bus falls silent",
         "ISO 11898-1",
@@ -71,6 +76,11 @@ class Cause(Enum):
         "CiA 301, 7.5.2.37",
         "give one of the PDOs another COB-ID",
     )
+    NAME_CLASH = (
+        "two J1939 devices have one NAME",
+        "SAE J1939-81",
+        "give one of them another identity number or instance",
+    )
     ADDRESS_CLASH = (
         "two J1939 devices want one address",
         "SAE J1939-81",
@@ -89,6 +99,11 @@ class Cause(Enum):
     RESTART = (
         "restarts by itself",
         "CiA 301, 7.2.8.3.3",
+        "look at its supply and its watchdog",
+    )
+    J1939_RESTART = (
+        "a J1939 device restarts by itself",
+        "SAE J1939-81",
         "look at its supply and its watchdog",
     )
     OTHER_DEVICE = (
@@ -177,6 +192,11 @@ class Cause(Enum):
         "SAE J1939-21",
         "look whether the device has this parameter group",
     )
+    J1939_PACE = (
+        "packets of a long J1939 message come too fast or too slowly",
+        "SAE J1939-21",
+        "look at the transport protocol of the sender",
+    )
     PDO_LENGTH = (
         "length of a PDO differs from its mapping",
         "CiA 301, 7.2.7.1 (8210h, 8220h)",
@@ -215,7 +235,27 @@ class Cause(Enum):
         "SAE J1939-71 and -73",
         "look at the sender's application",
     )
+    J1939_PERIOD = (
+        "a J1939 message leaves its period",
+        "SAE J1939-71",
+        "look at the sender's application, and at the load",
+    )
+    J1939_LENGTH = (
+        "the length of a J1939 message changes",
+        "SAE J1939-21 and -71",
+        "look at the sender's software version",
+    )
+    J1939_PRIORITY = (
+        "the priority of a J1939 message changes",
+        "SAE J1939-21",
+        "look at the sender's software version",
+    )
     TROUBLE_CODE = ("trouble code", "SAE J1939-73", "look the code up in the manual of the device")
+    J1939_INDICATOR = (
+        "a J1939 signal shows an error, or is not available any more",
+        "SAE J1939-71",
+        "look at the sensor behind the signal",
+    )
 
     def __init__(self, title: str, clause: str, advice: str) -> None:
         self.title = title

@@ -70,8 +70,21 @@ _OF_PDO: Final = frozenset({Cause.PDO_MISSING, Cause.RPDO_TIMEOUT, Cause.ABSENT_
 _OF_SETTINGS: Final = frozenset({Cause.MAPPING, Cause.PDO_LENGTH, Cause.PDO_TIMERS})
 _OF_SYNC: Final = frozenset({Cause.SYNC_MISSING, Cause.SYNC_JITTER})
 _OF_J1939: Final = frozenset(
-    {Cause.J1939_SILENT, Cause.J1939_MISSING, Cause.J1939_TRANSFER, Cause.J1939_REQUEST}
+    {
+        Cause.J1939_SILENT,
+        Cause.J1939_RESTART,
+        Cause.J1939_MISSING,
+        Cause.J1939_TRANSFER,
+        Cause.J1939_REQUEST,
+        Cause.J1939_PACE,
+        Cause.J1939_PERIOD,
+    }
 )
+_OF_TWO_J1939: Final = _OF_J1939 | {
+    Cause.J1939_LENGTH,
+    Cause.J1939_PRIORITY,
+    Cause.J1939_INDICATOR,
+}
 _OF_TRAFFIC: Final = (
     _OF_SDO - {Cause.SDO_ABORT} | _OF_PDO | _OF_SYNC | _OF_J1939 | {Cause.HEARTBEAT_LOST}
 )
@@ -83,6 +96,13 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
     Cause.OTHER_BUS: (_Lead(frozenset(Cause) - {Cause.OTHER_BUS}, _anywhere, slack=None),),
     Cause.TWO_RECORDINGS: (
         _Lead(frozenset(Cause) - {Cause.OTHER_BUS, Cause.TWO_RECORDINGS}, _anywhere, slack=None),
+    ),
+    Cause.TWO_BUSES: (
+        _Lead(
+            frozenset(Cause) - {Cause.OTHER_BUS, Cause.TWO_RECORDINGS, Cause.TWO_BUSES},
+            _anywhere,
+            slack=None,
+        ),
     ),
     Cause.BUS_SILENT: (_Lead(_OF_TRAFFIC, _anywhere), _GIVEN_UP),
     Cause.ERROR_FRAMES: (
@@ -110,7 +130,8 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
             slack=None,
         ),
     ),
-    Cause.ADDRESS_CLASH: (_Lead(_OF_J1939, _same_node),),
+    Cause.NAME_CLASH: (_Lead(_OF_TWO_J1939 | {Cause.ADDRESS_CLASH}, _awaited),),
+    Cause.ADDRESS_CLASH: (_Lead(_OF_TWO_J1939, _same_node), _Lead(_OF_J1939, _awaited)),
     Cause.RESTART: (_Lead(_OF_NODE, _awaited), _Lead(frozenset({Cause.SYNC_MISSING}), _awaited)),
     Cause.OTHER_DEVICE: (
         _Lead(_OF_SDO | _OF_PDO | {Cause.PDO_LENGTH, Cause.MAPPING}, _same_node, slack=None),
@@ -138,7 +159,12 @@ _LEADS: Final[dict[Cause, tuple[_Lead, ...]]] = {
         _Lead(frozenset({Cause.PDO_MISSING}), _same_node),
         _Lead(_OF_NODE - {Cause.EMCY}, _off_the_bus, slack=None),
     ),
-    Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT}, _awaited),),
+    Cause.J1939_RESTART: (_Lead(_OF_J1939 - {Cause.J1939_RESTART}, _awaited),),
+    Cause.J1939_SILENT: (_Lead(_OF_J1939 - {Cause.J1939_SILENT, Cause.J1939_RESTART}, _awaited),),
+    Cause.J1939_PACE: (_Lead(frozenset({Cause.J1939_TRANSFER}), _same_node, slack=None),),
+    Cause.TROUBLE_CODE: (_Lead(frozenset({Cause.J1939_INDICATOR}), _same_node),),
+    Cause.J1939_LENGTH: (_Lead(frozenset({Cause.J1939_INDICATOR}), _same_node),),
+    Cause.J1939_PERIOD: (_Lead(frozenset({Cause.J1939_MISSING}), _same_node),),
     Cause.PDO_LENGTH: (_Lead(_OF_PDO, _same_node),),
     Cause.SYNC_MISSING: (_Lead(_OF_PDO, _anywhere),),
 }

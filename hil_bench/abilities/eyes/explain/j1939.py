@@ -1,4 +1,4 @@
-"""Faults on J1939: addresses, transfers, requests, missing messages, trouble codes."""
+"""Faults on J1939: transfers, requests, trouble codes."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -11,26 +11,31 @@ from hil_bench.abilities.eyes.explain.finding import (
     milliseconds,
     seconds,
 )
-from hil_bench.abilities.eyes.j1939 import group_name, trouble_codes
+from hil_bench.abilities.eyes.j1939 import group_name, lamps_of, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
+    COMMANDED_ADDRESS,
     DM1,
     GLOBAL,
-    NULL,
     REQUEST,
 )
-from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
 
 _MS: Final = 1_000_000
 _ANSWER: Final = 1250 * _MS
 """Longest time from a request to its answer, T3 of J1939-21 [ns]."""
 
 
+_CLAIMED_AFTER: Final = 300 * _MS
+"""Time in which a request for claims is answered [ns]."""
+
+_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
 _MOST: Final = 4096
-_VIOLATION_SPN: Final = 2000
-_VIOLATION_FMI: Final = 31
+VIOLATION_SPN: Final = 2000
+VIOLATION_FMI: Final = 31
+"""Trouble code of a device from whose address another one sends: SPN 2000 + address, FMI 31."""
+
 _REFUSALS: Final = {1: "refused", 2: "access denied", 3: "cannot respond"}
 
 Who = tuple[int, int]
@@ -46,85 +51,43 @@ class OfJ1939:
         """Nothing of it depends on the time."""
 
 
-class Addresses(OfJ1939):
-    """Watches who claims which address, and who has none."""
+class ClaimRequests:
+    """Knows whether an address claim is the answer to a request, or to a commanded address."""
 
     def __init__(self) -> None:
-        self._owners: dict[Who, tuple[bytes, Sight]] = {}
-        self._without: dict[tuple[int, bytes], Sight] = {}
-        self._contended: dict[tuple[int, bytes], tuple[Sight, Sight]] = {}
-        self._violations: dict[Who, Evidence] = {}
+        self._asked: dict[Who, int] = {}
 
-    def hear(self, sight: Sight) -> None:
-        """Take a sight."""
+    def is_answer(self, sight: Sight) -> bool:
+        """Take a sight; return True for a claim that somebody has asked for just before."""
         message = sight.message
-        if message is None or message.data is None:
-            return
+        if message is None:
+            return False
         bus = sight.frame.bus
-        if message.group == ADDRESS_CLAIMED and len(message.data) == NAME_BYTES:
-            self._hear_claim(bus, message.source, message.data, sight)
-        elif message.group == DM1:
-            for spn, fmi in trouble_codes(message.data):
-                if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
-                    self._violations.setdefault((bus, message.source), Evidence()).append(sight)
-
-    def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
-        if address == NULL:  # without a contender it merely signs off
-            if self._contended.pop((bus, name), None) is not None:
-                self._without.setdefault((bus, name), sight)
-            return
-        self._without.pop((bus, name), None)
-        self._contended.pop((bus, name), None)
-        owner = self._owners.get((bus, address))
-        if owner is not None and owner[0] != name:
-            loser = max(owner[0], name, key=lambda each: int.from_bytes(each, "little"))
-            self._contended[bus, loser] = owner[1], sight
-        if len(self._owners) < _MOST:
-            self._owners[bus, address] = name, sight
-
-    def findings(self, end: int) -> Iterator[Finding]:
-        """Yield the devices without an address, and the addresses of two.
-
-        Args:
-            end: of the log [ns].
-
-        Yields:
-            The findings.
-        """
-        for (_, name), sight in self._without.items():
-            text = (
-                f"the device of NAME {_name(name)} cannot claim an address, at {seconds(sight.now)}"
-            )
-            text += ": another one of a smaller NAME has it"
-            yield Finding(Cause.ADDRESS_CLASH, sight.node, sight.now, text, (sight,))
-        for (_, name), (first, second) in self._contended.items():
-            if end - second.now > _ANSWER:
-                text = f"{second.node} is claimed by two, at {seconds(second.now)}; NAME"
-                text += f" {_name(name)} has to yield, and claims no other address"
-                sights = (first, second)
-                yield Finding(Cause.ADDRESS_CLASH, second.node, second.now, text, sights)
-        for (_, address), said in self._violations.items():
-            first = said[0]
-            text = f"{first.node} says that another device sends from its address {address}"
-            text += f", SPN {_VIOLATION_SPN + address} FMI {_VIOLATION_FMI} at {seconds(first.now)}"
-            yield finding(Cause.ADDRESS_CLASH, first.node, said, text)
+        if message.group == ADDRESS_CLAIMED:
+            asked = [self._asked.get((bus, each)) for each in (message.source, GLOBAL)]
+            return any(each is not None and sight.now - each <= _CLAIMED_AFTER for each in asked)
+        asks = message.group == REQUEST and (message.data or b"")[:3] == _CLAIMS
+        if asks or message.group == COMMANDED_ADDRESS:
+            self._asked[bus, message.destination if asks else GLOBAL] = sight.now
+        return False
 
 
 class LongTransfers(OfJ1939):
-    """Keeps the long messages that did not arrive."""
+    """Keeps the long messages that did not arrive, and those at a wrong pace."""
 
     def __init__(self) -> None:
-        self._failed: dict[tuple[str, int, int], Evidence] = {}
+        self._failed: dict[tuple[Cause, str, int, int], Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
         if message is not None and sight.problem and len(self._failed) < _MOST:
-            key = sight.node, message.group, message.destination
+            cause = Cause.J1939_TRANSFER if message.data is None else Cause.J1939_PACE
+            key = cause, sight.node, message.group, message.destination
             self._failed.setdefault(key, Evidence()).append(sight)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
-        """Yield them, a sender and a group at a time.
+        """Yield them, a sender and a group at a time; with the one who did not do what was due.
 
         Args:
             end: of the log [ns].
@@ -132,11 +95,22 @@ class LongTransfers(OfJ1939):
         Yields:
             The findings.
         """
-        for (node, group, _), sights in self._failed.items():
+        for (cause, node, group, _), sights in self._failed.items():
             first = sights[0]
-            text = f"{node}: {group_title(group)}: {first.problem}, first at {seconds(first.now)}"
+            receiver = first.message.receiver if first.message is not None else ""
+            text = f"{node}: {group_title(group)}{f' to {receiver}' if receiver else ''}: "
+            text += f"{first.problem}, first at {seconds(first.now)}"
             text += f"; {sights.total} such" if sights.total > 1 else ""
-            yield finding(Cause.J1939_TRANSFER, node, sights, text)
+            found = finding(cause, _culprit(first), sights, text)
+            yield found._replace(others=tuple({node, receiver} - {"", found.node}))
+
+
+def _culprit(sight: Sight) -> str:
+    """Return the one whose fault it is that a message did not arrive: receiver or sender."""
+    message = sight.message
+    if message is not None and message.culprit == message.destination and message.receiver:
+        return message.receiver
+    return sight.node
 
 
 class Requests(OfJ1939):
@@ -144,7 +118,7 @@ class Requests(OfJ1939):
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int, int], Sight] = {}
-        self._failed: list[tuple[Sight, str]] = []
+        self._failed: dict[tuple[str, str, str], Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -168,7 +142,7 @@ class Requests(OfJ1939):
                 self._fail(asked, f"answered after {late}, {milliseconds(_ANSWER)} are right")
 
     def findings(self, end: int) -> Iterator[Finding]:
-        """Yield the requests that failed.
+        """Yield the requests that failed, those alike as one.
 
         Args:
             end: of the log [ns].
@@ -176,35 +150,48 @@ class Requests(OfJ1939):
         Yields:
             The findings.
         """
-        silent = [(s, "not answered") for s in self._open.values() if end - s.now > _ANSWER]
-        for sight, what in [*self._failed, *silent]:
-            text = f"{sight.node}: {sight.words}: {what}, at {seconds(sight.now)}"
-            yield Finding(Cause.J1939_REQUEST, sight.node, sight.now, text, (sight,))
+        silent = {
+            (s.node, s.words, "not answered"): Evidence([s])
+            for s in self._open.values()
+            if end - s.now > _ANSWER
+        }
+        for (node, words, what), sights in [*self._failed.items(), *silent.items()]:
+            first = sights[0]
+            text = f"{node}: {words}: {what}, at {seconds(first.now)}"
+            text += f"; {sights.total} times" if sights.total > 1 else ""
+            asked = first.message.receiver if first.message is not None else ""
+            found = finding(Cause.J1939_REQUEST, node, sights, text)
+            yield found._replace(others=(asked,))
 
     def _fail(self, sight: Sight, why: str) -> None:
-        if len(self._failed) < _MOST:
-            self._failed.append((sight, why))
+        key = sight.node, sight.words, why
+        if key in self._failed or len(self._failed) < _MOST:
+            self._failed.setdefault(key, Evidence()).append(sight)
 
 
 class TroubleCodes(OfJ1939):
-    """Keeps what devices report by DM1."""
+    """Keeps what devices report by DM1: codes, and lamps without one."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int], Evidence] = {}
+        self._lamps: dict[tuple[str, str], Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
         if message is None or message.group != DM1 or message.data is None:
             return
-        for spn, fmi in trouble_codes(message.data):
-            if fmi == _VIOLATION_FMI and spn - _VIOLATION_SPN == message.source:
+        codes, lamps = trouble_codes(message.data), lamps_of(message.data)
+        if not codes and lamps and len(self._lamps) < _MOST:
+            self._lamps.setdefault((sight.node, " and ".join(lamps)), Evidence()).append(sight)
+        for spn, fmi in codes:
+            if fmi == VIOLATION_FMI and spn - VIOLATION_SPN == message.source:
                 continue
             if len(self._found) < _MOST:
                 self._found.setdefault((sight.node, spn, fmi), Evidence()).append(sight)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
-        """Yield each code.
+        """Yield each code, and each device with a lamp and no code.
 
         Args:
             end: of the log [ns].
@@ -216,13 +203,13 @@ class TroubleCodes(OfJ1939):
             first = sights[0]
             text = f"{node} reports SPN {spn} FMI {fmi}, from {seconds(first.now)} on"
             yield finding(Cause.TROUBLE_CODE, node, sights, text)
+        for (node, lamps), sights in self._lamps.items():
+            text = f"{node} has lamp {lamps} on and reports no trouble code, from"
+            text += f" {seconds(sights[0].now)} on"
+            yield finding(Cause.TROUBLE_CODE, node, sights, text)
 
 
 def group_title(group: int) -> str:
     """Return the number and the name of a parameter group."""
     name = group_name(group)
     return f"PGN {group}" + (f" {name}" if name else "")
-
-
-def _name(name: bytes) -> str:
-    return f"0x{int.from_bytes(name, 'little'):016X}"

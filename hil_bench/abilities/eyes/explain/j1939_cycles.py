@@ -7,10 +7,17 @@ from statistics import median
 from typing import Final
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
-from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
+from hil_bench.abilities.eyes.explain.j1939 import ClaimRequests, OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.identifier import ADDRESS_CLAIMED, DM1, GLOBAL, NULL
+from hil_bench.abilities.j1939.protocol.identifier import (
+    ADDRESS_CLAIMED,
+    DM1,
+    GLOBAL,
+    NULL,
+    TRANSPORT_CONNECTION,
+    TRANSPORT_DATA,
+)
 
 _MS: Final = 1_000_000
 _DM1_PERIOD: Final = 1000 * _MS
@@ -27,6 +34,9 @@ _LATE_OF_SILENT: Final = 5.0
 """Less is asked of the messages of a device that sends nothing at all any more."""
 _OFF: Final = 8
 """Of so many intervals one may be off."""
+_PARTS: Final = frozenset({TRANSPORT_CONNECTION, TRANSPORT_DATA})
+"""Parts of a long message whose beginning is not in the log."""
+
 _MOST: Final = 4096
 
 
@@ -79,6 +89,7 @@ class Cycles(OfJ1939):
         self._cycles: dict[tuple[int, int, int], _Cycle] = {}
         self._heard: dict[Who, Sight] = {}
         self._paused: dict[Who, int] = {}
+        self._requests = ClaimRequests()
 
     def pause(self, length: int) -> None:
         """Count from the end of a pause."""
@@ -89,16 +100,16 @@ class Cycles(OfJ1939):
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        message = sight.message
+        message, is_answer = sight.message, self._requests.is_answer(sight)
         if message is None or message.source == NULL:
             return
         bus = sight.frame.bus
         self._heard[bus, message.source] = sight
         self._paused.pop((bus, message.source), None)
-        if message.data is None or message.destination != GLOBAL:
+        if message.data is None or message.destination != GLOBAL or message.group in _PARTS:
             return
         if message.group == ADDRESS_CLAIMED:
-            for place, each in self._cycles.items():
+            for place, each in () if is_answer else self._cycles.items():
                 each.is_new = each.is_new or place[:2] == (bus, message.source)
             return
         key = bus, message.source, message.group

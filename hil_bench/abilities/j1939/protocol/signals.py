@@ -60,6 +60,20 @@ class Signal(NamedTuple):
             return self.not_available
         return int.from_bytes(data, "little") >> self.start & self.not_available
 
+    def indicator_in(self, data: bytes) -> str:
+        """Return the indicator that a message has in place of a value; empty where it has one.
+
+        Where the signal has whole bytes, the highest one alone says so: 0xFE and 0xFF.
+        """
+        raw = self.raw_in(data)
+        if raw <= self.highest:
+            return ""
+        whole = self.length >= _BYTE and self.length % _BYTE == 0
+        low = self.length - _BYTE if whole else 0
+        if raw >> low == self.not_available >> low:
+            return "not available"
+        return "error" if raw >> low == self.error >> low else "reserved"
+
     def put(self, message: int, raw: int) -> int:
         """Return a message, as a number of the lowest byte first, with this raw value in it."""
         return message & ~(self.not_available << self.start) | raw << self.start

@@ -75,7 +75,7 @@ class Ability(NamedTuple):
             the parser. What else it may have: ``check_options(args)`` refuses what cannot be meant;
             ``take_over(args, *known) -> int | None`` runs the verb where one of the options asks
             for it, and returns None where none does; known is what the verb has read by then: the
-            `BenchConfig` of ``check``; ``EXAMPLES`` are lines for the end of its help.
+            `BenchConfig` of ``check``; ``EXAMPLES`` are lines for the ends of helps, by verb.
         collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
             that it makes tests of.
         frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of

@@ -207,18 +207,20 @@ def parse_value(text: str) -> object:
         return text
 
 
-def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> BenchConfig:
+def load_bench_config(args: argparse.Namespace, **given: object) -> BenchConfig:
     """Return the configuration with what the command line says of it.
 
     Args:
         args: the command line.
-        modbus: as for `load_config`.
+        given: as for `load_config`.
 
     Raises:
         ConfigError: the configuration is wrong, or an option is not for this program.
     """
     if "timing" in args:
         raise ConfigError("--timing: bit timing is the adapter's; give -b or leave it out")
+    for module in given_to("arguments"):
+        given |= module.given(args)
     options = {name: getattr(args, name) for name in _FD_OPTIONS if name in args}
     return load_config(
         args.config,
@@ -228,13 +230,8 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         bitrate=getattr(args, "bitrate", None),
         bus_options=(getattr(args, "bus_kwargs", None) or {}) | options,
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
-        modbus=modbus,
         tables=getattr(args, "tables", None),
-        **{
-            name: value
-            for each in given_to("arguments")
-            for name, value in each.given(args).items()
-        },
+        **given,
     )
 
 

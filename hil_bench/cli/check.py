@@ -57,7 +57,6 @@ examples:
   hil-bench check bench.toml
   hil-bench check bench.toml -i socketcan -c can0
   hil-bench check > bench.toml          a file with every key, to begin with
-  hil-bench check bench.toml --fault freeze pressure_a at_s=2     what --fault would do
   hil-bench check bench.toml --json
   hil-bench check bench.toml --bus -i socketcan -c can0           compare the devices with it
   hil-bench check bench.toml --bus -i socketcan -c can0 --apply   and write what differs

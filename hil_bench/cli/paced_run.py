@@ -163,7 +163,7 @@ class Guest(NamedTuple):
 
 def run(args: argparse.Namespace) -> int:
     """Run the bench by the clock, print the summary and return the exit code."""
-    return run_bench(args, load_bench_config(args, modbus=args.modbus))
+    return run_bench(args, load_bench_config(args))
 
 
 def run_bench(

@@ -26,9 +26,6 @@ examples:
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
   hil-bench run -i socketcan -c vcan0 --panel
                                        with a web page to watch and break it
-  hil-bench run -i socketcan -c vcan0 --modbus
-                                       the sensors on Modbus TCP too, on port 5020
-  hil-bench run -i socketcan -c vcan0 --fault freeze pressure_a at_s=10 for_s=2
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -78,11 +75,6 @@ def _add_often(group: "argparse._ActionsContainer") -> None:
         const=DEFAULT_PORT,
         metavar="PORT",
         help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port: {DEFAULT_PORT})",
-    )
-    group.add_argument(
-        "--modbus",
-        action="store_true",
-        help="serve the devices on Modbus also if bench.toml has no [modbus]",
     )
 
 

@@ -83,8 +83,8 @@ def add_options(
     """
     for module in _modules(verb):
         module.add_options(parser, parser if often is None else often)
-        if parser.epilog and (examples := getattr(module, "EXAMPLES", "")):
-            parser.epilog += examples
+        if parser.epilog:
+            parser.epilog += getattr(module, "EXAMPLES", {}).get(verb, "")
 
 
 def check_options(verb: str, args: argparse.Namespace) -> None:

@@ -2,9 +2,21 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import Final
 
 from hil_bench.cli.arguments import parse_value
 from hil_bench.errors import ConfigError
+
+EXAMPLES: Final = {
+    "run": """\
+  hil-bench run -i socketcan -c vcan0 --fault freeze pressure_a at_s=10 for_s=2
+  hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
+                --fault freeze pressure_a at_s=10
+""",
+    "check": """\
+  hil-bench check bench.toml --fault freeze pressure_a at_s=2     what --fault would do
+""",
+}
 
 
 def add_options(_: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:

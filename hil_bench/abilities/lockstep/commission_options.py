@@ -11,10 +11,12 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.opening import open_transport
 from hil_drivers import Network
 
-EXAMPLES = """\
+EXAMPLES = {
+    "commission": """\
   hil-bench commission plan.toml -i socketcan -c vcan0 --lockstep --yes       beside
                                                        'hil-bench run other.toml ... --lockstep'
 """
+}
 
 
 def add_options(parser: argparse.ArgumentParser, _: "argparse._ActionsContainer") -> None:

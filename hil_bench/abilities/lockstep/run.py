@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: a part of the bench serves others in real time.
     """
-    config = load_bench_config(args, modbus=args.modbus)
+    config = load_bench_config(args)
     for part in config.parts:
         if isinstance(part, Serving):
             raise ConfigError(f"--lockstep: {part.real_time_only}, or --lockstep")

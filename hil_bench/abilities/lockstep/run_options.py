@@ -5,9 +5,11 @@ import argparse
 from hil_bench.cli.run import refuse_timing
 from hil_bench.errors import ConfigError
 
-EXAMPLES = """\
+EXAMPLES = {
+    "run": """\
   hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
 """
+}
 
 
 def add_options(parser: argparse.ArgumentParser, _: "argparse._ActionsContainer") -> None:

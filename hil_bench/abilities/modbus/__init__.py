@@ -11,6 +11,8 @@ ABILITY = Ability(
             "bus", 110, "print the register maps of the Modbus units", f"{_HERE}.verbs"
         ),
     },
+    options={"run": f"{_HERE}.run_options"},
+    gives={"arguments": f"{_HERE}.run_options"},
     tables={"modbus": f"{_HERE}.section:ModbusSection"},
     bench_methods={"modbus_link": f"{_HERE}.link:modbus_link"},
 )

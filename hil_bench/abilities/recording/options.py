@@ -8,11 +8,13 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.formats import check_suffix
 
-EXAMPLES = """\
+EXAMPLES = {
+    "run": """\
   hil-bench run -i socketcan -c vcan0 --record run.mf4
   hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
                 --fault freeze pressure_a at_s=10
 """
+}
 
 
 def add_options(parser: argparse.ArgumentParser, often: "argparse._ActionsContainer") -> None:

@@ -6,12 +6,14 @@ from pathlib import Path
 from hil_bench.abilities.scenario.verbs.scenario_arguments import add_parameter_argument, has_bus
 from hil_bench.errors import ConfigError
 
-EXAMPLES = """\
+EXAMPLES = {
+    "run": """\
   hil-bench run --scenario examples/scenarios/settling.scenario.toml
                                        in real time, for people who watch; then the verdicts
   hil-bench run --scenario sag.scenario.toml -i socketcan -c can0
                                        the same, driven by the controller on the bus
 """
+}
 
 _NEVER = ("config", "duration", "lockstep", "fault")
 _WITH_A_BUS = (

@@ -65,7 +65,7 @@ def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, f
             right = "leave -i, -c and --hub out"
             raise ConfigError(f"{step.place}: nothing starts firmware on a bus; {right}")
     args.config = scenario.bench_path
-    config = load_bench_config(args, modbus=args.modbus)
+    config = load_bench_config(args)
     values = parameter_values(scenario, given)
     prepared = prepare_on(config, scenario, values, drives_itself=False)
     return run_bench(args, config, lambda session: _Played(prepared, session).guest())

@@ -10,8 +10,6 @@ from hil_bench.errors import ConfigError
 EXAMPLES: Final = {
     "run": """\
   hil-bench run -i socketcan -c vcan0 --fault freeze pressure_a at_s=10 for_s=2
-  hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
-                --fault freeze pressure_a at_s=10
 """,
     "check": """\
   hil-bench check bench.toml --fault freeze pressure_a at_s=2     what --fault would do

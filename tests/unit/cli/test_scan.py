@@ -26,6 +26,7 @@ def test_the_virtual_bench_is_scanned(capsys: pytest.CaptureFixture[str]) -> Non
         *("1", "PRE-OPERATIONAL", "CiA 408, proportional valve"),
         *("0x00010000", "0x00", "HIL bench valve"),
     ]
+    assert "  type      0x00000198, CiA 408, proportional valve\n" in out  # 0x198 is 408
     assert "  versions  hardware virtual, software 1.0\n" in out
     assert out.rstrip().endswith("4 nodes found")
 

@@ -209,6 +209,28 @@ def test_only_the_pdos_of_the_node_that_was_configured_are_found_anew():
     assert changed == {0x181, 0x201}  # both of the valve
 
 
+@pytest.mark.parametrize(
+    ("index", "factor"),
+    [
+        (0x6130, 1.0),
+        (0x6148, 1.0),  # of the span: start and end
+        (0x6149, 1.0),
+        (0x9130, 0.01),
+        (0x9148, 0.01),
+        (0x9149, 0.01),
+        (0x6110, None),  # not of the sensor, but of its scaling
+    ],
+)
+def test_a_measured_value_has_the_unit_and_digits_of_its_channel(index, factor):
+    """CiA 404: 0x6131 the unit, 0x6132 the digits of the integers; REAL32 has no digits."""
+    objects = load_eds(PRESSURE_404, 2)
+    objects.variable(0x6131, 1).value = 0x004E0000  # bar, CiA 303-2
+    objects.variable(0x6132, 1).value = 2
+    scale = scale_of(objects, index, 1)
+    assert (scale and scale.factor) == factor
+    assert scale is None or scale.unit.symbol == "bar"
+
+
 def test_a_rotary_encoder_shows_revolutions_and_rpm():
     objects = load_eds(ROTARY_ENCODER_406, 4)
     assert scale_of(objects, 0x6004, 0) == Scale(1.0 / 65536, REVOLUTION)

@@ -275,6 +275,18 @@ def test_long_messages_that_do_not_arrive_are_counted(times, end):
     assert finding.text.endswith(end)
 
 
+@pytest.mark.parametrize(("claims", "gap"), [([], "1.101 s for 900"), ([1300], "2.901 s for 800")])
+def test_a_device_that_claims_again_may_pause_and_is_watched_on(claims, gap):
+    """Every 100 ms, and twice too late; another sends all the time. The first frame, 1 ms before, is 0 s."""
+    times = [*range(0, 1200, 100), *range(2000, 3000, 100), *range(3700, 4500, 100)]
+    messages = [extended(time, 0x18FF1021, "00") for time in times]
+    messages += [extended(time, 0x18EEFF21, "0100000000000080") for time in (-1, *claims)]
+    messages += [extended(time, 0x18FF1022, "00") for time in range(50, 4500, 100)]
+    found = explain(sorted(messages, key=lambda each: each.now), [], 250_000).findings
+    assert [each.cause for each in found] == [Cause.J1939_MISSING]
+    assert f"after {gap} ms (every 100 ms before)" in found[0].text
+
+
 @pytest.mark.parametrize(("waited", "causes"), [(1250, []), (1251, [Cause.J1939_REQUEST])])
 def test_a_request_is_answered_within_its_time(waited, causes):
     """Address 3 asks 0x21 for PGN 65242; J1939-21 gives a response 1250 ms (T3)."""

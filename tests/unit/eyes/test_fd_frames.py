@@ -80,6 +80,22 @@ def test_frames_of_can_fd_with_the_identifiers_of_heartbeats_hide_no_silence():
     assert finding.cause is Cause.BUS_SILENT
 
 
+@pytest.mark.parametrize(
+    ("fd", "is_excused"), [(0, True), (FDF, False)], ids=["NMT", "its identifier in CAN FD"]
+)
+def test_nodes_that_were_stopped_leave_no_silent_bus(fd, is_excused):
+    """PDOs of two nodes each 100 ms; NMT stops all, and the bus is quiet for 2 s."""
+    logged = [
+        LoggedFrame(Frame(0x180 + node_id, b"\0"), (100 * number + node_id) * MS, None)
+        for number in range(60)
+        for node_id in (1, 2)
+    ]
+    logged.append(LoggedFrame(Frame(0x000, b"\x02\0", fd=fd), logged[-1].now + MS, None))
+    logged.append(LoggedFrame(Frame(0x181, b"\0"), logged[-1].now + 2000 * MS, None))
+    causes = {finding.cause for finding in explain(logged, (), BITRATE).findings}
+    assert (Cause.BUS_SILENT not in causes) == is_excused
+
+
 def test_the_load_counts_the_data_at_their_own_bit_rate():
     """A frame of 64 bytes each millisecond: too much at 500 kbit/s, little with 8 Mbit/s."""
     frame = Frame(0x300, bytes(64), fd=FDF | BRS)

@@ -89,6 +89,29 @@ def test_a_frame_in_words(can_id, data, words):
     assert describe(can_id, bytes.fromhex(data)) == words
 
 
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [
+        (65227, "DM2"),
+        (65228, "DM3"),
+        (65240, "commanded address"),
+        (65242, "software identification"),
+        (65253, "engine hours"),
+        (65259, "component identification"),
+        (65260, "vehicle identification"),
+        (65262, "ET1"),
+        (65263, "EFL/P1"),
+        (65265, "CCVS"),
+        (65266, "LFE"),
+        (65269, "AMB"),
+        (65271, "VEP1"),
+    ],
+)
+def test_groups_have_the_names_of_the_standard(group, name):
+    """SAE J1939-71 and -73 number them in decimal."""
+    assert describe(group << 8 | 3, b"").startswith(f"PGN {group} {name}")
+
+
 @given(st.integers(0, (1 << 29) - 1), st.binary(max_size=8))
 def test_any_frame_has_words_of_one_line(can_id, data):
     text = describe(can_id, data)

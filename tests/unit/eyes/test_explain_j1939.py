@@ -277,7 +277,7 @@ def test_long_messages_that_do_not_arrive_are_counted(times, end):
 
 @pytest.mark.parametrize(("claims", "gap"), [([], "1.101 s for 900"), ([1300], "2.901 s for 800")])
 def test_a_device_that_claims_again_may_pause_and_is_watched_on(claims, gap):
-    """Every 100 ms, and twice too late; another sends all the time. The first frame, 1 ms before, is 0 s."""
+    """Every 100 ms, and twice too late, as another sends on. Times count from the first frame."""
     times = [*range(0, 1200, 100), *range(2000, 3000, 100), *range(3700, 4500, 100)]
     messages = [extended(time, 0x18FF1021, "00") for time in times]
     messages += [extended(time, 0x18EEFF21, "0100000000000080") for time in (-1, *claims)]

@@ -1,0 +1,107 @@
+"""Steps and ramps on a machine that is played: the numbers found are those it was made with.
+
+Both sides are unequal throughout, so that none stands for the other.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind
+from hil_bench.abilities.commissioning.procedure import Procedure
+from hil_bench.abilities.commissioning.responses import steps
+from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
+from hil_bench.bench.configuration import load_config
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+
+PERIOD = 0.002  # [s]
+EDGES, GAINS = (0.2, 0.1), (0.30, 0.20)  # extending and retracting: [-], [m/s]
+COULOMB, VISCOUS, LOAD = 250.0, 900.0, 40.0  # [N], [N s/m], [N]
+LAG = 0.01  # of the spool, a dead time [s]
+LOW = 12e5  # pressure in chamber B [Pa]
+LIMITS = Limits(position=(-0.15, 0.15), speed=0.4, pressure=(-1e5, 110e5), time=60.0)
+TOLERANCES = {"speed_tolerance": 0.1, "rise_time": 0.05, "gain_tolerance": 0.2, "asymmetry": 0.3}
+TOLERANCES |= {"friction_tolerance": 0.25, "dead_band_tolerance": 0.3, "zero": 0.02}
+
+
+class Machine:
+    """Moves with a speed of its own each way, against friction and a load."""
+
+    def __init__(self, parameters):
+        self.parameters = parameters
+
+    def enable(self):
+        pass
+
+    def move(self, command, duration):
+        time = np.arange(0.0, duration, PERIOD)
+        setpoint = np.array([command(t) for t in time])
+        spool = np.array([command(t - LAG) for t in time])
+        out = GAINS[0] * np.maximum(spool - EDGES[0], 0.0)
+        speed = out - GAINS[1] * np.maximum(-spool - EDGES[1], 0.0)
+        force = LOAD + np.sign(speed) * COULOMB + VISCOUS * speed
+        force += self.parameters.m * np.gradient(speed, time)
+        return {
+            "time": time,
+            "spool_setpoint": setpoint,
+            "spool_position": spool,
+            "speed": speed,
+            "position": np.cumsum(speed) * PERIOD,
+            P_A: (force + LOW * self.parameters.A_B) / self.parameters.A_A,
+            P_B: np.full_like(time, LOW),
+        }
+
+
+@pytest.fixture
+def measured():
+    """Do a step of a plan; return its measures by name, with their limits."""
+    axis = load_config().axes[0]
+    procedure = SimpleNamespace(
+        rig=Machine(axis.parameters),
+        parameters=axis.parameters,
+        go_to=lambda _position: None,
+        dead_zone=0.0,
+    )
+    procedure.force = lambda trace: Procedure.force(procedure, trace)
+
+    def measure(do, kind, **values):
+        found = do(procedure, Step(kind, LIMITS, TOLERANCES | values)).measures
+        return {each.name: each for each in found}
+
+    return measure
+
+
+def test_each_way_of_a_step_has_its_speed_and_the_spool_its_time(measured):
+    found = measured(steps, StepKind.STEPS, opening=0.5, duration=0.4)
+    assert found["speed, extending"].value == pytest.approx(0.30 * 0.3, rel=1e-3)
+    assert found["speed, retracting"].value == pytest.approx(0.20 * 0.4, rel=1e-3)
+    assert found["spool: time to 63 %"].value == pytest.approx(LAG, abs=PERIOD)
+    assert found["spool: time to 63 %"].high == 0.05
+    assert found["lowest pressure"].value <= LOW <= found["highest pressure"].value
+
+
+def test_a_ramp_finds_gains_and_friction_again(measured):
+    found = measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)
+    assert found["speed per percent, extending"].value == pytest.approx(0.0030, rel=0.02)
+    assert found["speed per percent, retracting"].value == pytest.approx(0.0020, rel=0.02)
+    assert found["asymmetry"].value == pytest.approx(0.1 / 0.25, rel=0.05)
+    assert found["Coulomb friction"].value == pytest.approx(COULOMB, rel=0.02)
+    assert found["viscous friction"].value == pytest.approx(VISCOUS, rel=0.02)
+    assert found["load force"].value == pytest.approx(LOAD, rel=0.05)
+
+
+def test_friction_is_judged_by_the_data_sheet(measured):
+    parameters = load_config().axes[0].parameters
+    found = measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)
+    for name, sheet in (("Coulomb", parameters.F_c), ("viscous", parameters.sigma)):
+        measure = found[f"{name} friction"]
+        assert (measure.low, measure.high) == pytest.approx((0.75 * sheet, 1.25 * sheet))
+
+
+def test_a_sweep_through_zero_finds_both_edges(measured):
+    found = measured(dead_band, StepKind.DEAD_BAND, opening=0.6, duration=6.0)
+    assert found["edge for extending"].value == pytest.approx(0.2, abs=0.005)
+    assert found["edge for retracting"].value == pytest.approx(-0.1, abs=0.005)
+    assert found["valve zero"].value == pytest.approx(0.05, abs=0.005)
+    assert found["dead band"].value == pytest.approx(0.3, abs=0.01)

@@ -20,7 +20,7 @@ from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_pool
 from hil_bench.abilities.campaign.store import Store
-from hil_bench.abilities.campaign.summary import compare, summarise
+from hil_bench.abilities.campaign.summary import compare, correlations, summarise
 from hil_bench.abilities.campaign.table import to_table
 from hil_bench.errors import ConfigError
 
@@ -356,6 +356,39 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert (len(change.broken), change.mended, change.undecided) == (1, (), 2)
     assert "1 newly failed, 0 no longer, 2 not decided before or now" in change.line()
     assert change.margins == (3.0, 0.0)  # medians of 1, 5 and of 1, -1
+
+
+def test_correlations_are_those_of_ranks_over_decided_runs():
+    """Spearman's 1 - 6 sum(d²) / (n (n² - 1)): pairs that are swapped have d² = 1 each."""
+    swapped = [1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10]
+
+    def result(number, margin, values):
+        verdict = Verdict("R-1", "passed" if margin is not None else "inconclusive", margin, "")
+        key, outcome = f"{number}", RunOutcome(verdict.outcome)
+        return RunResult(key, "s", "", "", None, values, outcome, verdicts=(verdict,))
+
+    results = [
+        result(x, swapped[x] ** 3, {"x": float(x), "fixed": 1.0, "falls": 100.0 - swapped[x]})
+        for x in range(12)
+    ]
+    results += [result(12, None, {"x": 12.0, "falls": 999.0}), result(13, 1.0, {"fixed": 2.0})]
+    falls, x = correlations(results)[:2]
+    assert (falls.parameter, falls.rank, falls.runs) == ("falls", pytest.approx(-1.0), 12)
+    rank = pytest.approx(1 - 6 * 12 / (12 * (12**2 - 1)))
+    assert (x.parameter, x.rank, x.runs) == ("x", rank, 12)
+    assert correlations(results[:9]) == []  # too few
+
+
+@pytest.mark.parametrize("key", ["runs", "levels", "seed", "timeout"])
+def test_a_default_is_that_of_the_document(tmp_path, key):
+    path = tmp_path / "c.toml"
+    path.write_text('scenarios = ["rest.scenario.toml"]\n')
+    write_rest(tmp_path)
+    document = Path(__file__).parents[3] / "docs" / "campaigns.md"
+    rows = [row.split("|")[1:3] for row in document.read_text().splitlines() if "`" in row]
+    said = {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
+    name = "timeout_s" if key == "timeout" else key
+    assert getattr(read_campaign(path), key) == float(said[f"`{name}`"])
 
 
 def test_a_summary_says_how_little_a_run_has_seen(tmp_path):

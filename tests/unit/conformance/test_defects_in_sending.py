@@ -100,6 +100,11 @@ SAYS = {
         "7.5.2.21",
         "Object dictionary",
     ),
+    "another product": (
+        altered(SDO_ANSWER, flips(4, 1, starts(b"\x43\x18\x10\x02"))),
+        "7.5.2.21",
+        "Object dictionary",
+    ),
     "every answer twice": (twice(SDO_ANSWER), "7.2.4.3.6", "SDO upload"),
     "wrong length of a segmented upload": (
         altered(SDO_ANSWER, flips(4, 1, starts(b"\x41"))),

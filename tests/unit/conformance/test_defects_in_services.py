@@ -125,6 +125,47 @@ def test_an_sdo_server_that_is_mute_before_its_first_transfer(laboratory):
     ]
 
 
+def test_sdo_that_is_served_in_stopped(laboratory):
+    """The node leaves STOPPED for the time of a request."""
+    is_stopped = False
+
+    def hears(frame):
+        nonlocal is_stopped
+        if frame.can_id == 0x000:
+            is_stopped = frame.data[:1] == b"\x02"
+        if frame.can_id == 0x605 and is_stopped:
+            return [Frame(0x000, b"\x80\x05"), frame]
+        return [frame]
+
+    laboratory.hears = hears
+    assert ("7.3.2.3", "STOPPED has no SDO; leaving it brings SDO back") in failed(
+        laboratory, "NMT"
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        ("01000405", Outcome.NOT_APPLICABLE),  # 0504 0001h: no such command
+        ("00000106", Outcome.NOT_APPLICABLE),  # 0601 0000h: no such access
+        ("00000008", Outcome.FAILED),
+    ],
+)
+def test_a_server_without_block_transfer_has_nothing_to_judge(laboratory, code, outcome):
+    def hears(frame):
+        is_block = frame.can_id == 0x605 and frame.data[0] >> 5 in {5, 6}
+        return [frame._replace(data=b"\xe0" + frame.data[1:])] if is_block else [frame]
+
+    def says(frame):
+        is_it = frame.data[:1] == b"\x80" and frame.data[4:] == bytes.fromhex("01000405")
+        return [frame._replace(data=frame.data[:4] + bytes.fromhex(code))] if is_it else [frame]
+
+    laboratory.hears, laboratory.says = hears, says
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
+    assert outcome in {result.outcome for result in laboratory.run(chapters=chapters)}
+    assert bool(failed(laboratory, "SDO block transfer")) == (outcome is Outcome.FAILED)
+
+
 def test_a_missing_boot_up_is_one_finding(laboratory):
     laboratory.says = lambda f: [] if f.can_id == 0x705 and f.data == b"\0" else [f]
     assert failed(laboratory) == [

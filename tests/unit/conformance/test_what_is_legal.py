@@ -61,6 +61,27 @@ def test_texts_of_any_capacity(laboratory, present, code, takes, size):
     assert text.value == present
 
 
+def test_a_value_beyond_its_limits_may_be_refused_in_general(laboratory):
+    """0609 0030h is right beside 0031h and 0032h, which say which way (CiA 301, table 22)."""
+    general = struct.pack("<I", 0x06090030)
+    either = {struct.pack("<I", 0x06090031), struct.pack("<I", 0x06090032)}
+    laboratory.says = lambda f: (
+        [f._replace(data=f.data[:4] + general)]
+        if f.can_id == 0x585 and f.data[:1] == b"\x80" and f.data[4:] in either
+        else [f]
+    )
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Object dictionary"]
+    results = laboratory.run(chapters=chapters)
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+
+
+def test_the_period_of_a_sync_producer_is_shown(laboratory):
+    """Asked for: 20 ms."""
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SYNC and TIME"]
+    found = {r.check.text: r.detail for r in laboratory.run(chapters=chapters)}
+    assert found["a SYNC producer has the period of 1006h"] == "20.0 ms"
+
+
 def test_a_text_that_takes_nothing_is_not_judged(laboratory):
     text = laboratory.node.object_dictionary.variable(TEXT)
     text.default = text.value = ""

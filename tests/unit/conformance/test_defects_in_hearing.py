@@ -118,6 +118,11 @@ HEARS = {
         "TPDO",
     ),
     "takes a reserved type": (written_otherwise("2f001802 f1", "2f001802 01"), "7.5.2.37", "TPDO"),
+    "answers remote frames by type 252 alone": (
+        written_otherwise("2f001802 fd", "2f001802 f0"),
+        "7.2.2.5",
+        "TPDO",
+    ),
     "misses RPDOs too early": (
         written_otherwise("2b001405 f401", "2b001405 0a00"),
         "7.5.2.35",

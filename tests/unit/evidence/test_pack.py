@@ -96,6 +96,25 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_checks(monkeypatch
         check_folder(tmp_path / "pack")
 
 
+def test_a_manifest_that_is_too_large_is_not_read(pack):
+    with (pack / MANIFEST).open("r+b") as file:
+        file.truncate(10_000_001)
+    assert verify_pack(pack) == ["manifest.json: was changed: it is too large"]
+
+
+@pytest.mark.parametrize("kind", ["file", "link to a folder", "link to nothing"])
+def test_what_is_no_folder_is_refused(tmp_path, kind):
+    place, folder = tmp_path / "pack", tmp_path / "elsewhere"
+    if kind == "file":
+        place.touch()
+    else:
+        place.symlink_to(folder)
+    if kind == "link to a folder":
+        folder.mkdir()
+    with pytest.raises(ConfigError, match="pack: is no folder; give the name of a new one"):
+        check_folder(place)
+
+
 def test_an_empty_folder_becomes_the_pack(tmp_path):
     write_pack(tmp_path, FILES)
     assert verify_pack(tmp_path) == []

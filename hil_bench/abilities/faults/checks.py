@@ -1,4 +1,4 @@
-"""Refusals of what a fault cannot be given."""
+"""The words and numbers that faults accept, and refusals of others."""
 
 import math
 from enum import StrEnum
@@ -60,3 +60,30 @@ def identifier(can_id: int | None) -> int | None:
 def to_ns(name: str, seconds: float) -> int:
     """Return a time [s] in nanoseconds; ConfigError where it is negative or endless."""
     return round(bounded(name, seconds, low=0.0, high=_LONGEST_S) * _NS_PER_S)
+
+
+# The choices of keys of faults, as they are named in `bench.toml`.
+
+
+class LeakPath(StrEnum):
+    """Between what oil leaks."""
+
+    INTERNAL = "internal"
+    A = "a"
+    B = "b"
+
+
+class BrokenReading(StrEnum):
+    """The reading of a sensor behind a broken wire."""
+
+    NOTHING = "nothing"
+    LOW = "low"
+    HIGH = "high"
+
+
+class FaultDirection(StrEnum):
+    """The direction of the frames that a fault meets."""
+
+    BOTH = "both"
+    SENT = "sent"
+    RECEIVED = "received"

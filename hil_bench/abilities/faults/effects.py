@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeVar
 
-from hil_bench.abilities.faults.sensor_stages import SensorStage
+from hil_bench.abilities.faults.stages import Growth, SensorStage
 from hil_bench.devices.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import Influence
@@ -123,30 +123,6 @@ class SpoolEffect:
         """Take the stage out."""
         if self._stage is not None:
             self._point.command.remove(self._stage)
-
-
-class Growth:
-    """An amount that grows from tick to tick.
-
-    Args:
-        full: what it comes to.
-        ticks: how long that takes; 0 for at once.
-    """
-
-    def __init__(self, full: float, ticks: int) -> None:
-        self._full, self._ticks = full, ticks
-        self._passed = 0
-
-    @property
-    def is_full(self) -> bool:
-        """True if it has grown to its full size."""
-        return self._passed > self._ticks
-
-    def next(self) -> float:
-        """Return the amount of the next tick."""
-        share = 1.0 if self._passed >= self._ticks else self._passed / self._ticks
-        self._passed += 1
-        return self._full * share
 
 
 class DefectEffect:

@@ -1,8 +1,13 @@
-"""A fault: when it is there, and how to end it."""
+"""A fault: its effect, when it is there, how to end it; and the schedule of all."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
+
+from hil_bench.abilities.faults.checks import to_ns
+from hil_bench.canopen_device.agenda import NEVER
+from hil_bench.errors import ConfigError
 
 
 class Effect(Protocol):
@@ -92,3 +97,159 @@ class FaultConfig:
     at: float
     duration: float | None
     values: Mapping[str, float | int | str]
+
+
+# When faults begin and end.
+
+MOST_FAULTS = 256
+"""Most faults that commands may have begun, or planned, at a time: each costs every tick."""
+
+_KEPT_EVENTS = 1000
+
+
+class FaultEvent(NamedTuple):
+    """A fault began or ended.
+
+    Attributes:
+        time: bench time [ns].
+        kind: of the fault.
+        target: of the fault.
+        is_begin: whether it began.
+    """
+
+    time: int
+    kind: str
+    target: str
+    is_begin: bool
+
+    @property
+    def what(self) -> str:
+        """The word "fault"."""
+        return "fault"
+
+    @property
+    def name(self) -> str:
+        """The kind and the target."""
+        return f"{self.kind} {self.target}"
+
+    @property
+    def content(self) -> Mapping[str, object]:
+        """The event for programs, without its time."""
+        return {"kind": self.kind, "target": self.target, "begins": self.is_begin}
+
+
+class FaultSchedule:
+    """The faults that are there or are to come; past ones are in `events` only.
+
+    Attributes:
+        due: when `advance` has something to do [ns]: in each tick while a fault is there, since
+            somebody may clear it after any of them, which is then its end.
+        events: what began and ended last, oldest first.
+        kept: the faults that commands have begun, by their numbers.
+    """
+
+    def __init__(self) -> None:
+        self.due = NEVER
+        self.events: deque[FaultEvent] = deque(maxlen=_KEPT_EVENTS)
+        self._now = 0
+        self.kept: dict[int, Fault] = {}
+        self._last_number = 0
+        self._faults: list[Fault] = []
+
+    @property
+    def active(self) -> tuple[Fault, ...]:
+        """The faults that are active."""
+        return tuple(fault for fault in self._faults if fault.is_active)
+
+    def advance(self, now: int) -> None:
+        """Begin and end the faults that are due at `now` [ns]."""
+        self._now = now
+        for fault in self.active:
+            if fault.ends is not None and fault.ends <= now:
+                self._end(fault)
+        for fault in self._faults:
+            if not fault.is_active and (fault.begins is None or fault.begins <= now):
+                self._begin(fault)
+        self._set_due()
+
+    def clear(self, fault: Fault | None = None) -> None:
+        """End one fault, or all, those that are to come included."""
+        for each in list(self._faults) if fault is None else [fault]:
+            if each in self._faults:
+                self._end(each)
+        self._set_due()
+
+    def add(
+        self,
+        kind: str,
+        target: str,
+        effect: Effect,
+        at: float | None = None,
+        duration: float | None = None,
+    ) -> Fault:
+        """Add a fault, which begins by itself, and return it.
+
+        Args:
+            kind: its name.
+            target: of the fault.
+            effect: of the fault.
+            at: bench time at which it begins [s]; None for the next tick.
+            duration: how long it lasts [s]; 0 for one tick, None until it is cleared.
+        """
+        fault = Fault(
+            kind,
+            target,
+            effect,
+            begins=None if at is None else to_ns("at", at),
+            duration=None if duration is None else to_ns("duration", duration),
+            clear=self.clear,
+        )
+        self._faults.append(fault)
+        self._set_due()
+        return fault
+
+    def check_room(self, now: int) -> None:
+        """Refuse that a command begins another one at `now` [ns].
+
+        Raises:
+            ConfigError: there are too many.
+        """
+        self._forget(now)
+        if len(self.kept) >= MOST_FAULTS:
+            raise ConfigError(f"fault: {MOST_FAULTS} are there or planned already; clear one")
+
+    def number_of(self, fault: Fault, now: int) -> int:
+        """Return the number of a fault; one that has none gets it at `now` [ns]."""
+        for number, known in self.kept.items():
+            if known is fault:
+                return number
+        self._forget(now)
+        self._last_number += 1
+        self.kept[self._last_number] = fault
+        return self._last_number
+
+    def _forget(self, now: int) -> None:
+        """Forget the numbers of those that have ended by themselves."""
+        self.kept = {
+            number: known
+            for number, known in self.kept.items()
+            if known.is_active or known.begins is None or known.begins >= now
+        }
+
+    def _begin(self, fault: Fault) -> None:
+        if fault.begins is None:
+            fault.begins = self._now
+        fault.effect.begin(self._now)
+        fault.is_active = True
+        self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=True))
+
+    def _end(self, fault: Fault) -> None:
+        self._faults.remove(fault)
+        if fault.is_active:
+            fault.is_active = False
+            fault.effect.end(self._now)
+            self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=False))
+
+    def _set_due(self) -> None:
+        times = [0 if fault.is_active else fault.begins or 0 for fault in self._faults]
+        self.due = min(times, default=NEVER)

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
+from hil_bench.abilities.faults.checks import FaultDirection
 from hil_bench.abilities.faults.fault import Effect
 from hil_bench.abilities.faults.line import Line
 from hil_bench.abilities.faults.points import FaultPoints, Group, Places
-from hil_bench.abilities.faults.words import FaultDirection
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, integer, number
 from hil_bench.units import (

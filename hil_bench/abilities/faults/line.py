@@ -1,15 +1,46 @@
-"""A node's connection to the bus, and what may happen to frames on it."""
+"""A node's connection to the bus, on copper too, and what may happen to frames on it."""
 
 import heapq
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
-from hil_bench.abilities.faults.wire_point import Disturbance
-from hil_bench.abilities.faults.words import FaultDirection
+from hil_bench.abilities.faults.checks import FaultDirection
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+
+Disturbance = Callable[[Frame], float | None]
+"""Where in a frame a bit is disturbed, as a share of its bits below 1; None for nowhere."""
+
+
+class WirePoint(Protocol):
+    """The point at which a fault acts on a node on a bus of copper; all times in ns."""
+
+    def disturb(self, rule: Disturbance, *, is_sent: bool) -> None:
+        """Have a rule disturb what the node sends, or what it reads."""
+
+    def spare(self, rule: Disturbance, *, is_sent: bool) -> None:
+        """Take the rule back."""
+
+    def force_off(self, now: int) -> None:
+        """Make the node bus-off."""
+
+    def let_recover(self, now: int) -> None:
+        """Let it recover."""
+
+    def stick(self, now: int) -> None:
+        """Let it hold the bus dominant."""
+
+    def unstick(self, now: int) -> None:
+        """Let it leave the bus."""
+
+    def pull(self, now: int) -> None:
+        """Pull its plug: it is alone on its end of the cable."""
+
+    def plug(self, now: int) -> None:
+        """Plug it in again."""
 
 
 class Passage(NamedTuple):

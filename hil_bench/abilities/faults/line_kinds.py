@@ -1,13 +1,19 @@
 """The kinds of faults of a node on its bus, and of its frames."""
 
 from hil_bench.abilities.faults import line
-from hil_bench.abilities.faults.checks import bounded, choose, count, identifier, to_ns
+from hil_bench.abilities.faults.checks import (
+    FaultDirection,
+    bounded,
+    choose,
+    count,
+    identifier,
+    to_ns,
+)
 from hil_bench.abilities.faults.effects import Acts, listed
 from hil_bench.abilities.faults.fault import Effect
 from hil_bench.abilities.faults.kind import CAN_ID, DIRECTION, LARGEST, Site, fault_kind, percent
 from hil_bench.abilities.faults.line import Meeting, Rule
 from hil_bench.abilities.faults.points import NODES
-from hil_bench.abilities.faults.words import FaultDirection
 from hil_bench.config.settings import Key
 from hil_bench.config.values import integer, number, zero_or
 from hil_bench.units import MILLISECOND

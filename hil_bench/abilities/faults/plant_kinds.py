@@ -1,24 +1,96 @@
-"""The kinds of faults of valve, cylinder and supply: what wears, breaks, leaks and falls off.
-
-Most may grow: from nothing, when they begin, to all of it after a time.
-"""
+"""The kinds of faults of sensors, valves, supplies and plants."""
 
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 
-from hil_bench.abilities.faults.checks import bounded, choose, to_ns
-from hil_bench.abilities.faults.effects import Acts, DefectEffect, Growth, SpoolEffect
+from hil_bench.abilities.faults.checks import BrokenReading, LeakPath, bounded, choose, to_ns
+from hil_bench.abilities.faults.effects import Acts, DefectEffect, SensorEffect, SpoolEffect
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import GROWTH, Site, fault_kind, percent
-from hil_bench.abilities.faults.points import ENABLES, PLANTS, SUPPLIES, VALVES
-from hil_bench.abilities.faults.spool_stages import Bound, Weak
-from hil_bench.abilities.faults.words import LeakPath
+from hil_bench.abilities.faults.kind import GROWTH, LARGEST, Site, amounts, fault_kind, percent
+from hil_bench.abilities.faults.points import ENABLES, PLANTS, SENSORS, SUPPLIES, VALVES
+from hil_bench.abilities.faults.stages import (
+    Bound,
+    Broken,
+    Frozen,
+    Growth,
+    Lag,
+    Noisy,
+    Shifted,
+    Slowed,
+    Weak,
+)
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, number
+from hil_bench.devices.measurement.low_pass import normal_numbers
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import SUPPLY
-from hil_bench.units import BAR, LITRE_PER_MINUTE_BAR, MICROMETRE, NEWTON
+from hil_bench.units import BAR, LITRE_PER_MINUTE_BAR, MICROMETRE, MILLISECOND, NEWTON
+
+# Of sensors, and the lag of sensors and spools.
+
+_SHORTEST_LAG = 1e-6
+_LONGEST_LAG = 1e6
+
+
+@fault_kind(SENSORS)
+def freeze(sensor: Site) -> Effect:
+    """Freeze the value of a sensor."""
+    return SensorEffect(sensor.point(SENSORS), Frozen)
+
+
+@fault_kind(SENSORS, keys=amounts("offset", "amount"))
+def offset(sensor: Site, amount: float) -> Effect:
+    """Add an offset [Pa or m] to the value of a sensor."""
+    make = partial(Shifted, bounded("amount", amount), 0.0, sensor.tick)
+    return SensorEffect(sensor.point(SENSORS), make)
+
+
+@fault_kind(SENSORS, keys=amounts("drift", "rate", rate=True))
+def drift(sensor: Site, rate: float) -> Effect:
+    """Let the value of a sensor drift at a rate [Pa/s or m/s]."""
+    make = partial(Shifted, 0.0, bounded("rate", rate), sensor.tick)
+    return SensorEffect(sensor.point(SENSORS), make)
+
+
+@fault_kind(SENSORS, keys=amounts("noise", "rms", low=0.0))
+def noise(sensor: Site, rms: float) -> Effect:
+    """Add noise of an RMS [Pa or m] to the value of a sensor."""
+    draw = normal_numbers(sensor.stream())
+    make = partial(Noisy, bounded("rms", rms, low=0.0), draw)
+    return SensorEffect(sensor.point(SENSORS), make)
+
+
+@fault_kind(SENSORS, keys=(Key("reads", choice(BrokenReading), BrokenReading.NOTHING),))
+def break_wire(sensor: Site, reads: BrokenReading | str = BrokenReading.NOTHING) -> Effect:
+    """Break a sensor's wire: it reads "nothing", or beyond its range, "low" or "high"."""
+    make = partial(Broken, choose("reads", BrokenReading, reads))
+    return SensorEffect(sensor.point(SENSORS), make)
+
+
+_TIME_CONSTANT = Key(
+    "time_constant_ms",
+    number(MILLISECOND, low=1e-3, high=LARGEST),
+    None,
+    MILLISECOND,
+    "time_constant",
+    "100",
+)
+
+
+@fault_kind(SENSORS, VALVES, keys=(_TIME_CONSTANT,), idle=None)
+def slow(target: Site, time_constant: float) -> Effect:
+    """Add a lag of a time constant [s] to a sensor, or to the spool of a valve."""
+    lag = bounded("time_constant", time_constant, low=_SHORTEST_LAG, high=_LONGEST_LAG)
+    valve = target.points.of(VALVES).get(target.name)
+    if valve is None:
+        return SensorEffect(target.point(SENSORS), partial(Slowed, lag, target.tick))
+    return SpoolEffect(valve, lambda position: Lag(lag, target.tick, position).follow)
+
+
+# Of valve, cylinder and supply: what wears, breaks, leaks and falls off.
+#
+# Most may grow: from nothing, when they begin, to all of it after a time.
 
 _HIGHEST_SUPPLY = 1e9  # [Pa], ten times that of a water jet cutter
 _NO_UNIT = 'has no supply unit of its own; give it supply = "unit", or name the shared supply'

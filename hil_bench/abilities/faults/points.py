@@ -11,8 +11,7 @@ from hil_bench.abilities.faults.effects import (
     SpoolPoint,
     SupplyPoint,
 )
-from hil_bench.abilities.faults.line import Receiver
-from hil_bench.abilities.faults.wire_point import WirePoint
+from hil_bench.abilities.faults.line import Receiver, WirePoint
 from hil_bench.canopen_device.frame import Emit
 from hil_bench.devices.axis import Enabled
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Final
 
-from hil_bench.abilities.faults import line_kinds, plant_kinds, sensor_kinds
+from hil_bench.abilities.faults import line_kinds, plant_kinds
 from hil_bench.abilities.faults.kind import LARGEST, FaultKind
 from hil_bench.ability import given_to
 from hil_bench.config.settings import Key
@@ -19,7 +19,7 @@ class _Own(Mapping[str, FaultKind]):
 
     @cached_property
     def _kinds(self) -> dict[str, FaultKind]:
-        modules = [sensor_kinds, plant_kinds, line_kinds, *given_to("faults")]
+        modules = [plant_kinds, line_kinds, *given_to("faults")]
         found = [kind for module in modules for kind in vars(module).items()]
         return {name: kind for name, kind in found if isinstance(kind, FaultKind)}
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from hil_bench.abilities.faults.checks import FaultDirection
 from hil_bench.abilities.faults.line import Line, Meeting, babble, delay, loss, silence, truncation
-from hil_bench.abilities.faults.words import FaultDirection
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.measurement.low_pass import random_stream
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.faults.schedule import FaultSchedule
+from hil_bench.abilities.faults.fault import FaultSchedule
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.errors import ConfigError
 

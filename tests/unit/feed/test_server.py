@@ -6,8 +6,8 @@ import json
 import pytest
 from support.feed_loop import FeedLoop, Wire
 
+from hil_bench.abilities.faults.fault import MOST_FAULTS
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.abilities.faults.schedule import MOST_FAULTS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.feed.client_link import MOST_OPEN
 from hil_bench.outside.feed.messages import MOST_REQUEST

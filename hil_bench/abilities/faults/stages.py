@@ -1,9 +1,9 @@
-"""Effects of faults on a sensor's value and on its rate of change."""
+"""Stages that faults put into signals: of sensors, with their rate of change, and of spools."""
 
 import math
 from typing import Protocol
 
-from hil_bench.abilities.faults.words import BrokenReading
+from hil_bench.abilities.faults.checks import BrokenReading
 from hil_bench.devices.measurement.low_pass import Draw, FirstOrderLowPass
 
 
@@ -125,3 +125,62 @@ class Slowed:
     def __init__(self, time_constant: float, tick: float) -> None:
         self.value = Lag(time_constant, tick).follow
         self.rate = Lag(time_constant, tick).follow
+
+
+class Growth:
+    """An amount that grows from tick to tick.
+
+    Args:
+        full: what it comes to.
+        ticks: how long that takes; 0 for at once.
+    """
+
+    def __init__(self, full: float, ticks: int) -> None:
+        self._full, self._ticks = full, ticks
+        self._passed = 0
+
+    @property
+    def is_full(self) -> bool:
+        """True if it has grown to its full size."""
+        return self._passed > self._ticks
+
+    def next(self) -> float:
+        """Return the amount of the next tick."""
+        share = 1.0 if self._passed >= self._ticks else self._passed / self._ticks
+        self._passed += 1
+        return self._full * share
+
+
+class Bound:
+    """A silted spool: it moves once its set-point is off by a band, and then all the way.
+
+    Args:
+        band: how far the set-point must be off [m], which grows.
+        position: where the spool is at first [m].
+    """
+
+    def __init__(self, band: Growth, position: float) -> None:
+        self._band, self._position = band, position
+
+    def follow(self, setpoint: float) -> float:
+        """Return the position of the spool [m] for a set-point [m]."""
+        if abs(setpoint - self._position) > self._band.next():
+            self._position = setpoint
+        return self._position
+
+
+class Weak:
+    """Solenoids without their full force: the spool goes no further than a share of its stroke.
+
+    Args:
+        loss: share of the stroke that is lost, which grows.
+        full: spool position of 100 % [m].
+    """
+
+    def __init__(self, loss: Growth, full: float) -> None:
+        self._loss, self._full = loss, full
+
+    def follow(self, setpoint: float) -> float:
+        """Return the position of the spool [m] for a set-point [m]."""
+        reach = self._full * (1.0 - self._loss.next())
+        return min(max(setpoint, -reach), reach)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
-from hil_bench.abilities.faults.words import BrokenReading
+from hil_bench.abilities.faults.checks import BrokenReading
+from hil_bench.abilities.faults.stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.devices.measurement.low_pass import normal_numbers, random_stream
 
 TICK = 1e-3

@@ -58,9 +58,20 @@ def test_a_command_in_a_block_is_taken(command):
     cli.build_parser(words, VERBS).parse_args(words)
 
 
-@pytest.mark.parametrize("verb", ["", *VERBS])
+def analyses_of(verb):
+    """Return the names behind a verb that have helps of their own."""
+    for action in parser_of(verb)._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return list(action.choices)
+    return []
+
+
+ANALYSES = [f"analyse {name}" for name in analyses_of("analyse")]
+
+
+@pytest.mark.parametrize("verb", ["", *VERBS, *ANALYSES])
 def test_the_examples_of_a_help_are_taken(verb):
-    shown = parser_of(verb).epilog.partition("examples:\n")[2]
+    shown = parser_of(*verb.split()).epilog.partition("examples:\n")[2]
     examples = [
         words[1:]
         for line in re.findall(r"^  (hil-bench .*)$", shown, re.MULTILINE)

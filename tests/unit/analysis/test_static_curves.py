@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from hil_bench.abilities.analysis.figures import draw_flow_pressure
 from hil_bench.abilities.analysis.operating_point import flow_pressure_curves
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
@@ -37,6 +38,15 @@ def test_a_negative_opening_is_helped_by_a_positive_load(table_1: PlantParameter
 
 def test_by_default_the_curves_go_from_closed_to_fully_open(table_1: PlantParameters) -> None:
     assert flow_pressure_curves(table_1).orifice_states[[0, -1]] == pytest.approx([0.0, 1e-3])
+
+
+def test_a_figure_of_curves_is_in_bar_and_litres_per_minute(table_1: PlantParameters) -> None:
+    curves = flow_pressure_curves(table_1, orifice_states=[0.0, 1e-3], points=11)
+    (place,) = draw_flow_pressure(curves).axes
+    assert (place.get_xlabel()[-5:], place.get_ylabel()[-7:]) == ("[bar]", "[l/min]")
+    for line, flow in zip(place.lines, curves.flow, strict=False):
+        assert line.get_xdata() == pytest.approx(curves.load_pressure / 1e5)
+        assert line.get_ydata() == pytest.approx(flow * 60_000.0)
 
 
 @pytest.mark.parametrize(

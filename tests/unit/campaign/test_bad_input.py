@@ -144,7 +144,10 @@ def test_a_set_parameter_is_part_of_a_campaign(tmp_path, capsys):
     assert cli.main(repeat.split()[1:]) == 1
     capsys.readouterr()
     assert cli.main([*words, "--set", "limit_bar=30", "--merge", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["set"] == {"limit_bar": 30.0}
+    found = json.loads(capsys.readouterr().out)
+    assert found["set"] == {"limit_bar": 30.0}
+    margins = [each["margin"] for run in found["worst"] for each in run["verdicts"][:1]]
+    assert found["requirements"][0]["smallest_margin"] == min(margins) < max(margins)
     for other in (["--set", "limit_bar=31"], []):
         assert cli.main([*words, *other]) == 2
         wrong = "comes from a campaign with --set=limit_bar=30.0, and this has"

@@ -40,5 +40,12 @@ def test_zero_is_an_edge_so_that_no_bin_mixes_verdicts():
     assert sum(found.counts[:place]) == 2  # the two that fail
 
 
+@pytest.mark.parametrize(("largest", "width"), [(1.0, 0.05), (0.6, 0.02), (2.9, 0.1), (0.7, 0.025)])
+def test_a_bin_has_the_next_round_width_of_a_thirtieth(largest, width):
+    """1/30 = 0.0333 of the way, and so on, rounded up to 1, 2, 2.5 or 5 times a power of ten."""
+    found = bin_margins([0.0, largest])
+    assert (found.high - found.low) / len(found.counts) == pytest.approx(width)
+
+
 def test_what_is_no_number_is_left_out():
     assert sum(bin_margins([math.nan, 0.5]).counts) == 1

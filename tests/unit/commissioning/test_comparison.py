@@ -100,6 +100,9 @@ def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, conf
     config = config_of(MACHINE.format(more=""))
     differences = compare(network, config)
     assert (0x1A00, 1) in keys(differences)
+    said = {each.key: each.what for each in differences}
+    assert "is 1; 2 by" in said[0x1A00, 0]
+    assert f"is 0x10010008; 0x{right:08X} by" in said[0x1A00, 1]
     (plan,) = plan_writes(network, config, differences)
     order = [(write.key, write.value) for write in plan.writes]
     # CiA 301: disable the PDO, number of entries 0, the entries, their number, enable the PDO.

@@ -11,6 +11,14 @@ from hil_bench.canopen_device.errors import SdoAbort
 INTEGERS = [t for t in DATA_TYPES.values() if isinstance(t, IntegerType)]
 
 
+@pytest.mark.parametrize("bits", [8, 16, 24, 32, 40, 48, 56, 64])
+def test_integers_have_the_ranges_of_twos_complement(bits):
+    kinds = {kind.signed: kind for kind in INTEGERS if kind.size == bits // 8}
+    assert (kinds[True].low, kinds[True].high) == (-(2**bits) // 2, 2**bits // 2 - 1)
+    if False in kinds:
+        assert (kinds[False].low, kinds[False].high) == (0, 2**bits - 1)
+
+
 @pytest.mark.parametrize(
     ("data_type", "value", "raw"),
     [

@@ -114,6 +114,14 @@ def test_long_emcy_detail_is_a_mistake_of_the_application(rig):
         rig.node.emcy.raise_error(0x5000, 1, bytes(6))
 
 
+def test_the_history_has_the_newest_error_first_with_two_bytes_of_its_detail(rig):
+    """0x1003: the code in the low half, the maker's additional information above it (CiA 301)."""
+    rig.node.emcy.raise_error(0x3100, 4, b"\x01\x02\x03")
+    rig.node.emcy.raise_error(0x5000, 1)
+    dictionary = rig.node.object_dictionary
+    assert [dictionary.number(0x1003, place) for place in range(3)] == [2, 0x5000, 0x02013100]
+
+
 def test_emcy_queue_is_bounded(rig):
     for code in range(0x6000, 0x6020):
         rig.node.emcy.raise_error(code, 1)

@@ -85,6 +85,12 @@ def test_a_broken_key_is_found_at_its_line(findings, section, key, value, text):
     assert found[0].text.startswith(f"{key}: ")
 
 
+def test_as_many_objects_may_be_mapped_as_a_pdo_has_bits(findings):
+    texts = [found.text for found in findings(set_key(VALVE, "1600sub0", "DefaultValue", "64"))]
+    assert any("says 64 mapped objects" in text for text in texts)
+    assert not any("are supported" in text for text in texts)
+
+
 def test_limits_and_default_must_be_in_order(findings):
     broken = set_key(VALVE, "6320sub1", "DefaultValue", "-20000")
     broken = broken.replace("[6320sub1]\n", "[6320sub1]\nLowLimit=-16384\n")

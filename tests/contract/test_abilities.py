@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from support.distribution import PLUGIN, declare
 
+from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.ability import OWN, Ability, own_abilities
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
@@ -108,6 +109,14 @@ def test_the_core_names_no_ability():
     ]
     found = [str(path) for path in core if named.search(path.read_text(encoding="utf-8"))]
     assert found == []
+
+
+def test_a_module_that_went_into_an_ability_is_found_by_its_old_name():
+    """One and the same: kinds of another distribution are instances of our class."""
+    old = importlib.import_module("hil_bench.devices.faults.kind")
+    assert old.FaultKind is FaultKind
+    with pytest.raises(ModuleNotFoundError, match=r"hil_bench\.abilities\.faults\.nothing"):
+        importlib.import_module("hil_bench.devices.faults.nothing")
 
 
 def test_a_public_name_of_the_core_imports_no_ability():

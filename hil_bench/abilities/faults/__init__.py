@@ -11,6 +11,7 @@ ABILITY = Ability(
     bench_attributes={"faults": "hil_bench.abilities.faults.faults:faults_of"},
     fixtures=f"{_HERE}.fixtures",
     registries={"kind of fault": "hil_bench.abilities.faults.registry:FAULT_KINDS"},
+    moved={"hil_bench.devices.faults": _HERE},
     exports={"Faults": "hil_bench.abilities.faults.faults"},
     options={"run": f"{_HERE}.options", "check": f"{_HERE}.options"},
     gives={

@@ -70,7 +70,9 @@ def tests_of_line(path: Path, line: int) -> list[str]:
     lines = data.contexts_by_lineno(str(path.relative_to(ROOT)))
     every = {each: _functions(contexts) for each, contexts in lines.items()}
     reach = _reach(path, line)
-    found = set[str]().union(*(every.get(each, ()) for each in reach or every))
+    if not reach or any("" in lines.get(each, ()) for each in reach):
+        reach = every
+    found = set[str]().union(*(every.get(each, ()) for each in reach))
     files = Counter(
         file for tests in every.values() for file in {name.partition("::")[0] for name in tests}
     )

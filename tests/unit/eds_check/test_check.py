@@ -91,6 +91,23 @@ def test_as_many_objects_may_be_mapped_as_a_pdo_has_bits(findings):
     assert not any("are supported" in text for text in texts)
 
 
+@pytest.mark.parametrize(
+    ("bits", "objects"),
+    [
+        (8, "1001 100D 1019 1029sub1"),
+        (16, "100C 1015 1017"),
+        (32, "1000 1003sub1 1005 1006 1007 1010sub1 1011sub1 1012 1014 1016sub1 1018sub1"),
+    ],
+)
+def test_an_object_of_the_standard_has_its_data_type(findings, bits, objects):
+    """CiA 301, 7.5.2."""
+    for section in objects.split():
+        broken = set_key(VALVE, section, "DataType", "0x0003")  # INTEGER16
+        texts = [found.text for found in findings(broken) if found.section == section]
+        right = f"CiA 301 says UNSIGNED{bits}, which it is here"
+        assert f"DataType: is INTEGER16; {right}" in texts, section
+
+
 def test_limits_and_default_must_be_in_order(findings):
     broken = set_key(VALVE, "6320sub1", "DefaultValue", "-20000")
     broken = broken.replace("[6320sub1]\n", "[6320sub1]\nLowLimit=-16384\n")

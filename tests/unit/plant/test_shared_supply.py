@@ -230,13 +230,13 @@ def test_a_load_sensing_pump_sees_the_highest_load():
     loads = [replace(PlantOptions.bench(), loads=(ConstantLoad(F),)) for F in (5e3, 40e3)]
     plants = (replace(P, P_S=2e7), replace(P, P_S=2e7))
     supply, (light, heavy) = share_out(unit, plants=plants, options=loads, exchange=1)
-    for _ in range(800):
+    for _ in range(300):
         supply.drive((0.5e-3, 0.5e-3), TICK)
     assert heavy.output.P_A > light.output.P_A + 30e5
     leaked = unit.variable.leakage * supply.pressure
     assert supply.flow == pytest.approx(sum(supply.drawn) + leaked, rel=1e-3)
     assert supply.pressure == pytest.approx(heavy.output.P_A + 2e6, rel=1e-3)
-    for _ in range(800):
+    for _ in range(300):
         supply.drive((0.5e-3, 0.0), TICK)
     assert supply.pressure == pytest.approx(light.output.P_A + 2e6, rel=1e-3)
     for _ in range(800):

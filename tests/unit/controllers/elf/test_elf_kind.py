@@ -85,7 +85,9 @@ def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
     # Its targets are 50 and -20 mm, its own limit of error at rest is 0.1 mm.
     assert min(abs(position - 0.050) for position in positions) < 1e-4
     assert abs(positions[-1] + 0.020) < 1e-4
-    assert frames == drive(built, name, 1.6)[0]
+    again, _ = drive(built, name, 0.4)
+    assert again == frames[: len(again)]
+    assert len(again) > 100
 
 
 @needs_compiler

@@ -13,7 +13,6 @@ _MODULES = {
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
     "outside.recording.frames": ("read_frames",),
     "outside.recording.signal_table": ("SignalTable", "open_recording"),
-    "session.attached": ("AttachedBench", "attach"),
     "session.virtual_bench": ("VirtualBench",),
 }
 

@@ -6,6 +6,8 @@ from hil_bench.abilities.controllers.seam import Surroundings as Surroundings
 from hil_bench.abilities.controllers.seam import TimedFrame as TimedFrame
 from hil_bench.abilities.faults.attached import AttachedFaults
 from hil_bench.abilities.faults.faults import Faults as Faults
+from hil_bench.abilities.live.attached import AttachedBench as _AttachedBench
+from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.report import RecordingWish as RecordingWish
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
 from hil_bench.bench.configuration import BenchConfig as BenchConfig
@@ -17,7 +19,6 @@ from hil_bench.errors import WaitTimeoutError as WaitTimeoutError
 from hil_bench.outside.recording.frames import read_frames as read_frames
 from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
 from hil_bench.outside.recording.signal_table import open_recording as open_recording
-from hil_bench.session.attached import AttachedBench as _AttachedBench
 from hil_bench.session.virtual_bench import VirtualBench as _VirtualBench
 
 # Both with the attributes that abilities bring.
@@ -29,6 +30,8 @@ class AttachedBench(_AttachedBench):
 class VirtualBench(_VirtualBench):
     @property
     def faults(self) -> Faults: ...
+    @property
+    def recording(self) -> RecordingReport | None: ...
 
 def attach(name: str | None = None, *, timeout: float = 10.0) -> AttachedBench: ...
 

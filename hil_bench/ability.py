@@ -28,6 +28,7 @@ OWN = (
     "fmu",
     "identification",
     "j1939",
+    "live",
     "lockstep",
     "modbus",
     "panel",

@@ -21,6 +21,7 @@ from hil_bench.abilities.campaign.reading import read_campaign
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.fmu.export import export_axis
+from hil_bench.abilities.live import attached
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.abilities.scenario.load import load_scenario
@@ -31,7 +32,6 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.outside.recording.column_map import read_column_map
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.session import attached
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 from hil_drivers.modbus.framing import TcpFraming

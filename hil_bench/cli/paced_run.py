@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.live.view import ShownWork, open_feed
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
 from hil_bench.bench.peers import peers_of
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.feed_side import ShownWork, open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.live_words import ecu_text
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up
@@ -38,7 +38,7 @@ from hil_bench.session.paced import RunReport, run_paced
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
-    from hil_bench.session.feed import Feed
+    from hil_bench.abilities.live.session_feed import Feed
 
 
 # The figures of a loop in words, for the summary at the end of a run.

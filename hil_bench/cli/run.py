@@ -4,13 +4,13 @@ import argparse
 import math
 from pathlib import Path
 
+from hil_bench.abilities.live.view import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_loop_arguments,
     read_speed,
 )
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument

@@ -26,12 +26,6 @@ CORE = {
         "start", 40, "print the device table: node-IDs, profiles, PDOs", "hil_bench.cli.devices"
     ),
     "run": Verb("run", 10, "run the bench in real time on a CAN bus", "hil_bench.cli.run"),
-    "ctl": Verb(
-        "run", 20, "read, set and break a running bench, from a shell", "hil_bench.cli.ctl"
-    ),
-    "watch": Verb(
-        "run", 30, "watch a running bench or any bus, in the terminal", "hil_bench.cli.watch"
-    ),
     "completion": Verb(
         "more",
         40,

@@ -6,7 +6,7 @@ from support.live_bench import live_bench, panel
 from support.live_work import live_work
 from support.patience import GUARD
 
-from hil_bench.session.work_feed import (
+from hil_bench.abilities.live.work_feed import (
     Band,
     Course,
     Failure,

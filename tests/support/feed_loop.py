@@ -6,15 +6,15 @@ number of ticks, not after a time.
 
 import json
 
+from hil_bench.abilities.live.feed.client import FeedClient
+from hil_bench.abilities.live.feed.client_link import ClientLink
+from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS
+from hil_bench.abilities.live.feed.server import FeedPlan, FeedServer
+from hil_bench.abilities.live.session_feed import LOOK, Feed
+from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.bench.configuration import load_config
-from hil_bench.cli.feed_side import hello_of
-from hil_bench.outside.feed.client import FeedClient
-from hil_bench.outside.feed.client_link import ClientLink
-from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS
-from hil_bench.outside.feed.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.feed import LOOK, Feed
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000

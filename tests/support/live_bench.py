@@ -7,15 +7,15 @@ import tempfile
 import threading
 from pathlib import Path
 
+from hil_bench.abilities.live.feed.places import Place
+from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.session_feed import Feed, feed_parts
+from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
 from hil_bench.bench.configuration import load_config
-from hil_bench.cli.feed_side import hello_of
-from hil_bench.outside.feed.places import Place
-from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.feed import Feed, feed_parts
 from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else

@@ -3,11 +3,11 @@
 import contextlib
 import threading
 
-from hil_bench.outside.feed.places import Place
-from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.abilities.live.feed.places import Place
+from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.work_feed import WorkFeed
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.work_feed import WorkFeed
 
 CHANNELS = [
     ["axis1.position", "m"],

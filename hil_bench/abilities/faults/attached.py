@@ -4,8 +4,8 @@ import contextlib
 from typing import Final, Self
 
 from hil_bench.abilities.faults.verbs import Verbs
+from hil_bench.abilities.live.feed.client import FeedClient
 from hil_bench.errors import ConfigError
-from hil_bench.outside.feed.client import FeedClient
 
 
 class AttachedFault:

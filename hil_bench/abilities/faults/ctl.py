@@ -4,9 +4,9 @@ import argparse
 from collections.abc import Mapping
 from typing import Any, Final
 
+from hil_bench.abilities.live.feed.client import FeedClient
 from hil_bench.cli.results import print_results
 from hil_bench.errors import ConfigError, printable
-from hil_bench.outside.feed.client import FeedClient
 
 EXAMPLES = """\
   hil-bench ctl fault freeze position for_s=1
@@ -30,7 +30,7 @@ def fault_text(fault: Mapping[str, Any]) -> str:
     return printable(f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}")
 
 
-def add_actions(add: Any) -> None:  # noqa: ANN401 - `hil_bench.cli.ctl.Add`
+def add_actions(add: Any) -> None:  # noqa: ANN401 - `hil_bench.abilities.live.ctl.Add`
     """Add the actions, each a name, what it does and its line in the help."""
     fault = add("fault", begin_fault, "begin a fault with the next tick")
     fault.add_argument(

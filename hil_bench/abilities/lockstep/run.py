@@ -6,13 +6,13 @@ import logging
 import math
 from collections.abc import Iterator
 
+from hil_bench.abilities.live.view import open_feed
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import Serving
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import event_lines, frame_lines, helper_lines, node_lines
 from hil_bench.cli.run_setup import (

@@ -10,12 +10,12 @@ from typing import Any, Self
 from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.abilities.faults.live import fault_keys
 from hil_bench.abilities.faults.registry import LASTS_KEY, all_kinds
+from hil_bench.abilities.live.feed.client import TIMEOUT
+from hil_bench.abilities.live.feed.messages import check_version, encode, patience, value_of
+from hil_bench.abilities.live.feed.places import HAS_SOCKETS, place_of
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
 from hil_bench.errors import BusError, WaitTimeoutError, printable
-from hil_bench.outside.feed.client import TIMEOUT
-from hil_bench.outside.feed.messages import check_version, encode, patience, value_of
-from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
 
 # A connection to the feed of a bench in asyncio: what arrives, and requests with their answers.
 

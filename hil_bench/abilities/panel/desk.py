@@ -8,6 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.faults.live import fault_fields
+from hil_bench.abilities.live.feed.messages import (
+    NUMBER,
+    SWITCH,
+    TABLE,
+    TEXT,
+    Actions,
+    Field,
+    RequestError,
+    encode,
+    known_actions,
+    parse_request,
+)
 from hil_bench.abilities.panel.hub import Hub, Viewer
 from hil_bench.abilities.panel.layouts import (
     check_layout,
@@ -33,18 +45,6 @@ from hil_bench.canopen_device.pdo_mapping import MappingEntry
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.config.objects import name_object
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.outside.feed.messages import (
-    NUMBER,
-    SWITCH,
-    TABLE,
-    TEXT,
-    Actions,
-    Field,
-    RequestError,
-    encode,
-    known_actions,
-    parse_request,
-)
 
 # The objects of a node for a page: the list of its EDS, and which PDOs carry what at present.
 

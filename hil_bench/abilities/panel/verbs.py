@@ -5,9 +5,9 @@ import ipaddress
 import os
 from pathlib import Path
 
+from hil_bench.abilities.live.ctl import add_bench_argument
 from hil_bench.abilities.panel import DEFAULT_PORT
 from hil_bench.abilities.panel.layouts import read_layout
-from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import print_lines

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.live.feed.client import FeedClient
 from hil_bench.cli.results import print_results
 from hil_bench.errors import RecordingError, printable
-from hil_bench.outside.feed.client import FeedClient
 
 EXAMPLES = """\
   hil-bench ctl record run.mf4                   and to end it: hil-bench ctl record --stop

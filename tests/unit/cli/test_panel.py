@@ -8,8 +8,10 @@ import pytest
 import uvicorn
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.live import ctl
+from hil_bench.abilities.live import view as feed_side
 from hil_bench.abilities.panel import server
-from hil_bench.cli import ctl, feed_side, main
+from hil_bench.cli import main
 from hil_bench.session.commands import Stop
 from hil_bench.session.session import Session
 

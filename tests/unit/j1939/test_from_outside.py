@@ -9,14 +9,14 @@ from support.feed_loop import FeedLoop
 
 import hil_bench
 from hil_bench import VirtualBench, load_config
+from hil_bench.abilities.live import attached, ctl
+from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.scenario.records import SetStep
 from hil_bench.abilities.scenario.writing import JournalSteps
-from hil_bench.cli import ctl, main
-from hil_bench.cli.feed_side import hello_of
+from hil_bench.cli import main
 from hil_bench.cli.paced_run import node_lines
 from hil_bench.errors import ConfigError
-from hil_bench.session import attached
 
 BENCH = Path(__file__).parents[3] / "examples" / "j1939_lever.toml"
 

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
+from hil_bench.abilities.live.feed.messages import COMMAND, encode
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.errors import BusError
-from hil_bench.outside.feed.messages import COMMAND, encode
 from hil_bench.outside.transports.transport import TransportCounters
 
 SYNC = Frame(0x080)
@@ -76,7 +76,7 @@ def test_a_command_acts_with_a_sync(run, monkeypatch, capsys, tmp_path):
         def stop(self):
             pass
 
-    monkeypatch.setattr("hil_bench.cli.feed_side.FeedProcess", Process)
+    monkeypatch.setattr("hil_bench.abilities.live.view.FeedProcess", Process)
     # Two batches: the loop looks between them, and 64 frames are the most of one.
     assert run(Controller(*[SYNC] * 200), "--duration", "0.2") == 0
     assert re.search(r"0\.\d+ s freeze pressure_a begins", capsys.readouterr().out)

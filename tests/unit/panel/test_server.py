@@ -13,6 +13,7 @@ from support.patience import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from hil_bench.abilities.live.feed.messages import MOST_REQUEST
 from hil_bench.abilities.panel import app
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
 from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
@@ -20,7 +21,6 @@ from hil_bench.abilities.panel.server import open_port, read_password
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.recording.files import read_recording
 
 

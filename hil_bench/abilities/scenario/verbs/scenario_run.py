@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Iterator
 
+from hil_bench.abilities.live.view import open_feed
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
@@ -30,7 +31,6 @@ from hil_bench.abilities.scenario.verbs.scenario_report import (
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
-from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.results import is_silent, print_results

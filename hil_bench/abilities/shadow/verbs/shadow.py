@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.live.view import add_work_arguments, watched_work
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, check_one_bus, load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
-from hil_bench.cli.feed_side import add_work_arguments, watched_work
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import BusError, ConfigError, first_line

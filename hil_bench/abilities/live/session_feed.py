@@ -10,14 +10,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from hil_bench.ability import load
-from hil_bench.bench.bench import Shown
-from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.events import EventWatch
-from hil_bench.bench.peers import Peer, peers_of
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError, ControllerError, HilBenchError
-from hil_bench.outside.feed.messages import (
+from hil_bench.abilities.live.feed.messages import (
     ACTED,
     ANSWER,
     COMMAND,
@@ -35,8 +28,16 @@ from hil_bench.outside.feed.messages import (
     pack_value,
     unpack_value,
 )
-from hil_bench.outside.feed.process import FeedProcess
-from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.abilities.live.feed.process import FeedProcess
+from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.work_feed import WorkState
+from hil_bench.ability import load
+from hil_bench.bench.bench import Shown
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.events import EventWatch
+from hil_bench.bench.peers import Peer, peers_of
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
     Command,
@@ -48,7 +49,6 @@ from hil_bench.session.commands import (
     Stop,
 )
 from hil_bench.session.session import Session
-from hil_bench.session.work_feed import WorkState
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

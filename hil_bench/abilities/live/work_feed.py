@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
-from hil_bench.outside.feed.messages import (
+from hil_bench.abilities.live.feed.messages import (
     ACTED,
     ANSWER,
     COMMAND,
@@ -21,8 +21,8 @@ from hil_bench.outside.feed.messages import (
     WANTS_ROWS,
     encode,
 )
-from hil_bench.outside.feed.process import FeedProcess
-from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.abilities.live.feed.process import FeedProcess
+from hil_bench.abilities.live.feed.server import FeedPlan
 from hil_bench.session.commands import Journal
 
 MOST_ITEMS = 200

@@ -11,11 +11,12 @@ from support.patience import GUARD
 
 from hil_bench.abilities.campaign.verbs import campaign
 from hil_bench.abilities.commissioning.verbs import commission
+from hil_bench.abilities.live import view as feed_side
+from hil_bench.abilities.live.feed.client import connect
+from hil_bench.abilities.live.feed.places import Place, find_names
+from hil_bench.abilities.live.view import ShownRows, WorkView
 from hil_bench.abilities.scenario.verbs import test as test_verb
-from hil_bench.cli import feed_side, main
-from hil_bench.cli.feed_side import ShownRows, WorkView
-from hil_bench.outside.feed.client import connect
-from hil_bench.outside.feed.places import Place, find_names
+from hil_bench.cli import main
 
 
 class Seen(WorkView):

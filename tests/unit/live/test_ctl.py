@@ -8,7 +8,8 @@ import pytest
 from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.cli import ctl, main
+from hil_bench.abilities.live import ctl
+from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import BusError
 

@@ -15,20 +15,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import hil_bench
+from hil_bench.abilities.live.feed.places import HAS_SOCKETS, Place
+from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.session_feed import Feed, Health, feed_parts
+from hil_bench.abilities.live.work_feed import WorkFeed, WorkState
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.feed.places import HAS_SOCKETS, Place
-from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.session.feed import Feed, Health, feed_parts
 from hil_bench.session.session import Session
-from hil_bench.session.work_feed import WorkFeed, WorkState
 
 if TYPE_CHECKING:
     from hil_bench.outside.recording.channels import Channel

@@ -8,9 +8,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
+from hil_bench.abilities.live.feed.messages import check_version, encode, patience, value_of
+from hil_bench.abilities.live.feed.places import HAS_SOCKETS, find_names, place_of
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
-from hil_bench.outside.feed.messages import check_version, encode, patience, value_of
-from hil_bench.outside.feed.places import HAS_SOCKETS, find_names, place_of
 
 TIMEOUT = 5.0
 """Longest wait for an answer [s]."""

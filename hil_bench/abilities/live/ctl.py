@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+from hil_bench.abilities.live.feed.client import FeedClient, connect
+from hil_bench.abilities.live.feed.places import HAS_SOCKETS, find_names
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.live_words import ecu_text, health_text, node_text
@@ -18,8 +20,6 @@ from hil_bench.errors import (
     WaitTimeoutError,
     printable,
 )
-from hil_bench.outside.feed.client import FeedClient, connect
-from hil_bench.outside.feed.places import HAS_SOCKETS, find_names
 from hil_bench.shown_units import shown_unit
 
 _EXAMPLES = """\
@@ -126,7 +126,7 @@ def show_status(client: FeedClient, args: argparse.Namespace) -> None:
 
 def set_values(client: FeedClient, args: argparse.Namespace) -> None:
     """Set objects and loads; nothing is set where a word is wrong."""
-    from hil_bench.cli.live_requests import read_setting  # noqa: PLC0415 - and nobody else
+    from hil_bench.abilities.live.ctl_requests import read_setting  # noqa: PLC0415 - and nobody else
 
     settings = [read_setting(word, client.hello) for word in args.settings]
     for setting in settings:

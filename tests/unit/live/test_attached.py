@@ -8,9 +8,9 @@ from support.feed_loop import FeedLoop, Wire
 
 import hil_bench
 from hil_bench.abilities.faults.faults import Faults
+from hil_bench.abilities.live import attached
+from hil_bench.abilities.live.feed.client import FeedClient, only_one
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError
-from hil_bench.outside.feed.client import FeedClient, only_one
-from hil_bench.session import attached
 
 
 @pytest.fixture

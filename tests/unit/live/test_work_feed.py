@@ -3,13 +3,13 @@
 import pytest
 from support.feed_loop import Wire
 
-from hil_bench.cli.ctl import status_lines
+from hil_bench.abilities.live.ctl import status_lines
+from hil_bench.abilities.live.feed.client import FeedClient
+from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS
+from hil_bench.abilities.live.feed.server import FeedPlan, FeedServer
+from hil_bench.abilities.live.work_feed import MOST_ITEMS, WorkFeed, WorkItem, WorkState
 from hil_bench.errors import ConfigError
-from hil_bench.outside.feed.client import FeedClient
-from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS
-from hil_bench.outside.feed.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.work_feed import MOST_ITEMS, WorkFeed, WorkItem, WorkState
 
 HELLO = {
     "name": "commission",

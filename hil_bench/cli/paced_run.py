@@ -6,9 +6,8 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from hil_bench.abilities.live.view import ShownWork, open_feed
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
@@ -28,6 +27,7 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
+from hil_bench.cli.views import ShownWork, watched_run
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -36,10 +36,6 @@ from hil_bench.outside.transports.bus_load import BusLoad, bitrate_text, load_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport, run_paced
 from hil_bench.session.session import Session
-
-if TYPE_CHECKING:
-    from hil_bench.abilities.live.session_feed import Feed
-
 
 # The figures of a loop in words, for the summary at the end of a run.
 
@@ -230,7 +226,7 @@ class PacedRun:
         self._guest = guest
         self.is_timed = math.isfinite(setup.args.speed)
         self.helpers = Helpers([])
-        self._feed: Feed | None = None
+        self._look: Callable[[], None] | None = None
         self._setup = setup
         self._bench = setup.session.bench
         self._announce = announce
@@ -260,7 +256,7 @@ class PacedRun:
         self.helpers = self._setup.watch(*shown)
         session.watch(ticks=self._watch)
         session.watch(ticks=self._publish if line.is_shown else self._make_progress().look)
-        feed = open_feed(
+        watched = watched_run(
             args,
             config,
             session,
@@ -269,7 +265,7 @@ class PacedRun:
             work=self._guest and self._guest.shown,
         )
         is_stopped = self._make_stopped()
-        with line, contextlib.closing(self.helpers), feed as self._feed:
+        with line, contextlib.closing(self.helpers), watched as self._look:
             return run_paced(
                 session,
                 self._setup.bus.transport,
@@ -303,8 +299,8 @@ class PacedRun:
         self._events.look(now)
         if now >= self._load.due:
             self._load.update(now, self._setup.bus.transport.counters().bits)
-        if self._feed is not None:
-            self._feed.look()
+        if self._look is not None:
+            self._look()
 
     def _health(self) -> dict[str, float]:
         counters, now = self._setup.bus.transport.counters(), self._setup.session.now

@@ -4,7 +4,6 @@ import argparse
 import math
 from pathlib import Path
 
-from hil_bench.abilities.live.view import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_loop_arguments,
@@ -24,8 +23,6 @@ examples:
   hil-bench run -i socketcan -c vcan0
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
-  hil-bench run -i socketcan -c vcan0 --panel
-                                       with a web page to watch and break it
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -45,7 +42,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_bench_arguments(parser)
     _add_often(often)
     add_options("run", parser, often)
-    add_feed_arguments(parser, often)
     add_json_argument(often)
     _add_timing(add_loop_arguments(parser))
     seldom = parser.add_argument_group("seldom used")
@@ -126,7 +122,6 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--hub {args.hub}: give a port from 1 to 65535, or 0 for a free one")
     if math.isinf(args.speed):
         refuse_timing(args, "at --speed max")
-    check_feed_arguments(args)
     if args.hub_unlimited and args.hub is None:
         raise ConfigError("--hub-unlimited: belongs to --hub; leave it out")
     if args.hub is not None and ("interface" in args or "channel" in args):

@@ -38,10 +38,15 @@ ON_FAULTY_BENCHES = {"commissioning", "shadow"}
 """Abilities whose golden runs have faults in the file of their bench."""
 
 
+OF_LIVE = {"attached", "ctl", "feed"}
+"""What the live view takes of other abilities, under names of its parts."""
+
+
 def imported(ability: Ability) -> set[str]:
     """Return the other abilities that the sources of one name, but for those given to others."""
     folder = ROOT / "hil_bench" / "abilities" / ability.name
-    given = {f"{place.replace('.', '/')}.py" for to, place in ability.gives.items() if to in OWN}
+    takers = {*OWN, *OF_LIVE}
+    given = {f"{place.replace('.', '/')}.py" for to, place in ability.gives.items() if to in takers}
     own = (path for path in folder.rglob("*.py") if str(path.relative_to(ROOT)) not in given)
     sources = (path.read_text(encoding="utf-8") for path in own)
     found = {name for text in sources for name in re.findall(r"hil_bench\.abilities\.(\w+)", text)}

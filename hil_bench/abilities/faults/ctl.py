@@ -30,7 +30,7 @@ def fault_text(fault: Mapping[str, Any]) -> str:
     return printable(f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}")
 
 
-def add_actions(add: Any) -> None:  # noqa: ANN401 - `hil_bench.abilities.live.ctl.Add`
+def add_actions(add: Any) -> None:  # noqa: ANN401 - the `Add` of its taker
     """Add the actions, each a name, what it does and its line in the help."""
     fault = add("fault", begin_fault, "begin a fault with the next tick")
     fault.add_argument(

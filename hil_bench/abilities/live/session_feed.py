@@ -30,13 +30,13 @@ from hil_bench.abilities.live.feed.messages import (
 )
 from hil_bench.abilities.live.feed.process import FeedProcess
 from hil_bench.abilities.live.feed.server import FeedPlan
-from hil_bench.abilities.live.work_feed import WorkState
 from hil_bench.ability import load
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli.views import Health, WorkState
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
@@ -58,9 +58,6 @@ LOOK = 100_000_000
 
 MOST_AT_ONCE = 4
 """Most commands taken in a tick, so that nobody can hold up the loop by their number."""
-
-Health = Callable[[], Mapping[str, float]]
-"""Returns counters of the bus, and what else says how the loop is."""
 
 
 class FeedPart(Protocol):

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import importlib.util
 import itertools
 import logging
 import os
@@ -12,21 +11,22 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import hil_bench
 from hil_bench.abilities.live.feed.places import HAS_SOCKETS, Place
 from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.abilities.live.feed.server import FeedPlan
-from hil_bench.abilities.live.session_feed import Feed, Health, feed_parts
-from hil_bench.abilities.live.work_feed import WorkFeed, WorkState
+from hil_bench.abilities.live.options import NAME, check_panel_argument
+from hil_bench.abilities.live.session_feed import Feed, feed_parts
+from hil_bench.abilities.live.work_feed import WorkFeed
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
+from hil_bench.cli.views import Health, ShownWork, WorkView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.session.session import Session
 
@@ -38,48 +38,12 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_NAME = "bench"
 _MOST_NAMES = 100
 _FAREWELL = 3.0  # for a panel to end [s]
 
 
-def add_feed_arguments(
-    parser: argparse.ArgumentParser, often: "argparse._ActionsContainer"
-) -> None:
-    """Add what concerns those who watch the bench, --panel to the group `often`."""
-    group = parser.add_argument_group("watching")
-    group.add_argument(
-        "--name",
-        metavar="NAME",
-        help="name by which hil-bench watch, hil-bench ctl and hil_bench.attach() find this bench "
-        f"(default {_NAME}, {_NAME}-2, ...)",
-    )
-    group.add_argument(
-        "--no-feed", action="store_true", help="let nobody watch this bench or give it commands"
-    )
-    often.add_argument(
-        "--panel",
-        action="store_true",
-        help="serve the web page of hil-bench panel, too, in a process of its own",
-    )
-
-
-class ShownWork(NamedTuple):
-    """The work that plays on a bench, for those who watch.
-
-    Attributes:
-        verb: in a word.
-        title: in words.
-        state: returns how it goes; called ten times a second.
-    """
-
-    verb: str
-    title: str
-    state: Callable[[], WorkState]
-
-
 @contextlib.contextmanager
-def open_feed(
+def watched_run(
     args: argparse.Namespace,
     config: BenchConfig,
     session: Session,
@@ -87,7 +51,7 @@ def open_feed(
     statistics: TickStatistics | None = None,
     health: Health = dict,
     work: ShownWork | None = None,
-) -> Iterator[Feed | None]:
+) -> Iterator[Callable[[], None] | None]:
     """Let people watch a session in the block.
 
     Args:
@@ -99,9 +63,9 @@ def open_feed(
         work: what is played on it; None where nothing is.
 
     Yields:
-        The feed; None where there is none.
+        What is to be called after each tick; None where there is no feed.
     """
-    place = None if args.no_feed or not HAS_SOCKETS else take_place(args.name, _NAME)
+    place = None if args.no_feed or not HAS_SOCKETS else take_place(args.name, NAME)
     if place is None:
         yield None
         return
@@ -129,31 +93,7 @@ def open_feed(
             stack.enter_context(panel_of(place.name))
         stack.callback(place.release)
         stack.callback(feed.stop)
-        yield feed
-
-
-def check_feed_arguments(args: argparse.Namespace) -> None:
-    """Refuse what cannot be meant.
-
-    Raises:
-        ConfigError: it says which option and what would be right.
-    """
-    if not args.panel:
-        return
-    if args.no_feed or not HAS_SOCKETS:
-        why = "--no-feed" if args.no_feed else "this machine has no Unix sockets"
-        raise ConfigError(f"--panel: needs the feed, which is off ({why}); leave one out")
-    check_panel_argument()
-
-
-def check_panel_argument() -> None:
-    """Refuse --panel where it cannot be.
-
-    Raises:
-        ConfigError: its libraries are missing.
-    """
-    if importlib.util.find_spec("uvicorn") is None or importlib.util.find_spec("starlette") is None:
-        raise ConfigError("--panel needs an extra; pip install 'hil-bench[panel]'")
+        yield feed.look
 
 
 def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]:
@@ -294,67 +234,6 @@ def take_place(name: str | None, usual: str) -> Place | None:
 # The page for work that is no running bench: `commission`, `shadow`, `test`, `campaign`.
 
 _PATIENCE = 15.0  # with a panel that starts [s]; the work begins with it
-
-
-class WorkView:
-    """The view of work for people; nobody looks without --panel or --name.
-
-    Args:
-        feed: where it is shown; None for nowhere.
-    """
-
-    def __init__(self, feed: WorkFeed | None = None) -> None:
-        self._feed = feed
-        self.state = WorkState()
-
-    @property
-    def is_watched(self) -> bool:
-        """True if anybody may look."""
-        return self._feed is not None
-
-    def show(self, **changes: object) -> None:
-        """Change what is shown, see `WorkState`."""
-        self.state = self.state._replace(**changes)  # type: ignore[arg-type]
-        if self._feed is not None:
-            self._feed.show(self.state)
-
-    def put_row(self, values: Sequence[float]) -> None:
-        """Show a row: time [s], then a value a channel in its SI unit."""
-        if self._feed is not None:
-            self._feed.put_row(values)
-
-
-class TakesRows(Protocol):
-    """Takes rows, as a recording."""
-
-    def append_row(self, values: Sequence[float]) -> None:
-        """Take a row: time [s], then a value a channel in its SI unit."""
-
-
-class ShownRows:
-    """A recording whose rows people see, too.
-
-    Args:
-        recording: takes everything; None for nobody.
-        view: where the rows are shown.
-    """
-
-    def __init__(self, recording: TakesRows | None, view: WorkView) -> None:
-        self._recording = recording
-        self._view = view
-
-    def append_row(self, values: Sequence[float]) -> None:
-        """Take a row: time [s], then a value a channel in its SI unit."""
-        if self._recording is not None:
-            self._recording.append_row(values)
-        self._view.put_row(values)
-
-
-def hold_to_real_time(session: Session) -> None:
-    """Let the time of a virtual bench pass no faster than a clock, for people who watch."""
-    clock = MonotonicClock()
-    start = clock.now() - session.now
-    session.watch(ticks=lambda now: clock.sleep_until(start + now))
 
 
 def add_work_arguments(parser: argparse.ArgumentParser, verb: str) -> None:

@@ -13,8 +13,9 @@ from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.live_words import ecu_text, health_text, node_text
 from hil_bench.cli.parser import add_units_argument
+from hil_bench.cli.terminal import ONCE, REFRESH, STATE_STYLES, bar, make_console, make_table
 from hil_bench.cli.verbs import add_options, take_over
-from hil_bench.errors import BusError, ConfigError, printable
+from hil_bench.errors import BusError, printable
 from hil_bench.shown_units import shown_unit
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 
 # The values of a bench as tables for a terminal: one axis in a column, several side by side.
-
-_BAR = 20
-_BLOCKS = " ▏▎▍▌▋▊▉█"
 
 Channels = Sequence[tuple[str, str]]
 """Names and SI units."""
@@ -133,43 +131,10 @@ def _limit_text(least: float | None, most: float | None, symbol: str) -> str:
     return shown.range_text(least, most)
 
 
-def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:
-    """Return a bar that is as full as the value lies between the two; empty where they are one."""
-    if value is None or not low < high:
-        return " " * width
-    share = min(max((value - low) / (high - low), 0.0), 1.0)
-    eighths = round(share * width * 8)
-    full, rest = divmod(eighths, 8)
-    return ("█" * full + (_BLOCKS[rest] if rest else "")).ljust(width)
-
-
-def make_table(*heads: str, right: tuple[int, ...] = ()) -> "Table":
-    """Return an empty table.
-
-    Args:
-        heads: of its columns.
-        right: the columns that are aligned right.
-    """
-    from rich.table import Table  # noqa: PLC0415 - it is an extra
-
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for number, head in enumerate(heads):
-        table.add_column(head, no_wrap=True, justify="right" if number in right else "left")
-    return table
-
-
 # The view of `hil-bench watch`: tables made of the messages of the feed.
-
-ONCE = 2.0
-"""The time that a bus is listened to for one picture [s]; most heartbeats come once a second."""
-
-REFRESH = 0.1
-"""Time between two pictures [s]."""
 
 _ITEMS = 12  # of work, most
 _EVENTS = 5
-STATE_STYLES = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": "red"}
-"""Colours of NMT states."""
 
 
 class WatchView:
@@ -367,22 +332,6 @@ def run(args: argparse.Namespace) -> int:
             return ExitCode.DONE
         follow(client, console, lambda: connect(client.name))
     return ExitCode.DONE
-
-
-def make_console() -> "Console":
-    """Return the terminal.
-
-    Raises:
-        ConfigError: the library that draws is missing.
-    """
-    try:
-        from rich.console import Console  # noqa: PLC0415 - it is an extra
-    except ImportError:
-        raise ConfigError(
-            "watch needs rich, which is missing; pip install 'hil-bench[watch]'"
-        ) from None
-    # Device names are texts from outside: no markup, no emoji, no guessed colours.
-    return Console(markup=False, emoji=False, highlight=False)
 
 
 def picture(client: FeedClient) -> Any:  # noqa: ANN401 - a renderable of rich

@@ -8,7 +8,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from hil_bench.abilities.live.feed.messages import (
     ACTED,
@@ -23,165 +23,11 @@ from hil_bench.abilities.live.feed.messages import (
 )
 from hil_bench.abilities.live.feed.process import FeedProcess
 from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.cli.views import WorkState
 from hil_bench.session.commands import Journal
-
-MOST_ITEMS = 200
-"""Most items of a state: those that are worth it come first."""
 
 _LOOK = 0.1  # [s]
 _STATES = 5  # looks between two states
-
-
-class WorkItem(NamedTuple):
-    """A part of the work, or something that it found.
-
-    Attributes:
-        name: of a step, a requirement, a quantity.
-        verdict: "runs" for the one that runs; empty where there is none yet.
-        text: what is to be said of it.
-    """
-
-    name: str
-    verdict: str = ""
-    text: str = ""
-
-
-class Band(NamedTuple):
-    """The range in which a requirement wants a channel.
-
-    Attributes:
-        channel: its name.
-        low: the least right value [SI]; None without one.
-        high: the largest [SI]; None without one.
-        begin: from when on [s].
-        end: until when [s]; None for the end of the run.
-        is_strict: whether the channel must be in it all that time; else at some time of it, or
-            after a trigger.
-    """
-
-    channel: str
-    low: float | None
-    high: float | None
-    begin: float = 0.0
-    end: float | None = None
-    is_strict: bool = True
-
-
-class WorkMargin(NamedTuple):
-    """The margin of a requirement so far.
-
-    Attributes:
-        id: of the requirement.
-        verdict: passed or failed where that is decided already; else empty.
-        margin: as a share of the tolerance, below zero where it is violated; None where unknown.
-        text: the margin in a unit, and when it came about.
-        bands: what it wants of channels.
-    """
-
-    id: str
-    verdict: str
-    margin: float | None
-    text: str
-    bands: Sequence[Band] = ()
-
-
-class Histogram(NamedTuple):
-    """The distribution of a requirement's margins.
-
-    Attributes:
-        name: of the requirement.
-        low: lower edge of the first bin, as a share of the tolerance.
-        high: upper edge of the last bin.
-        counts: runs of each bin.
-        below: runs below the first bin.
-        above: runs above the last bin.
-    """
-
-    name: str
-    low: float
-    high: float
-    counts: Sequence[int]
-    below: int = 0
-    above: int = 0
-
-
-class Course(NamedTuple):
-    """A curve of the work, such as the best margin so far of a search.
-
-    Attributes:
-        name: of the method.
-        points: number of the run and margin, as a share of the tolerance.
-    """
-
-    name: str
-    points: Sequence[tuple[float, float]]
-
-
-class Failure(NamedTuple):
-    """A run that failed, with what repeats it.
-
-    Attributes:
-        key: of the run.
-        name: of its scenario, and the values of its parameters.
-        text: what went wrong.
-        command: repeats it in a shell.
-    """
-
-    key: str
-    name: str
-    text: str
-    command: str
-
-
-class WorkState(NamedTuple):
-    """The progress of work.
-
-    Attributes:
-        now: what is being done; empty where nothing is.
-        detail: how, in words: the limits of a step.
-        done: parts that are done, or time that has passed.
-        total: all parts; 0 where nobody knows.
-        unit: of both; empty for parts.
-        left: remaining time [s]; None where nobody knows.
-        counts: how many there are of what.
-        items: parts or findings, see `MOST_ITEMS`.
-        limits: lowest and highest value of channels, in SI.
-        margins: of the requirements so far.
-        histograms: of margins over runs.
-        courses: of a search.
-        failures: runs that failed, the worst first, see `MOST_ITEMS`.
-        verdict: at the end.
-    """
-
-    now: str = ""
-    detail: str = ""
-    done: float = 0
-    total: float = 0
-    unit: str = ""
-    left: float | None = None
-    counts: Mapping[str, int] = {}
-    items: Sequence[WorkItem] = ()
-    limits: Mapping[str, tuple[float, float]] = {}
-    margins: Sequence[WorkMargin] = ()
-    histograms: Sequence[Histogram] = ()
-    courses: Sequence[Course] = ()
-    failures: Sequence[Failure] = ()
-    verdict: str = ""
-
-    def content(self) -> dict[str, object]:
-        """Return it as clients get it."""
-        margins = [
-            {**each._asdict(), "bands": [band._asdict() for band in each.bands]}
-            for each in self.margins[:MOST_ITEMS]
-        ]
-        return {
-            **self._asdict(),
-            "items": [each._asdict() for each in self.items[:MOST_ITEMS]],
-            "margins": margins,
-            "histograms": [each._asdict() for each in self.histograms],
-            "courses": [each._asdict() for each in self.courses],
-            "failures": [each._asdict() for each in self.failures[:MOST_ITEMS]],
-        }
 
 
 class WorkFeed:

@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Iterator
 
-from hil_bench.abilities.live.view import open_feed
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
@@ -34,6 +33,7 @@ from hil_bench.cli.status_line import (
     bench_status_row,
     format_lines,
 )
+from hil_bench.cli.views import watched_run
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
@@ -165,8 +165,8 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
             progress.look(lockstep.now)
         helpers.look()
         events.look(lockstep.now)
-        if feed is not None:
-            feed.look()
+        if look is not None:
+            look()
         is_wished = setup.wish.requested or setup.session.controls.is_over
         return is_wished or helpers.is_over or lockstep.now >= end
 
@@ -174,8 +174,8 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
         counters = transport.counters()
         return {"received": counters.received, "sent": counters.sent, "syncs": lockstep.syncs}
 
-    opened = open_feed(setup.args, config, setup.session, health=health)
-    with line, contextlib.closing(helpers), opened as feed:
+    watched = watched_run(setup.args, config, setup.session, health=health)
+    with line, contextlib.closing(helpers), watched as look:
         return run_lockstep(lockstep, transport, stopped=is_over), helpers
 
 

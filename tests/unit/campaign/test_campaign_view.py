@@ -2,7 +2,7 @@
 
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
-from hil_bench.abilities.live.view import WorkView
+from hil_bench.cli.views import WorkView
 
 
 class Watched(WorkView):

@@ -8,8 +8,7 @@ import pytest
 import uvicorn
 from support.feed_loop import FeedLoop
 
-from hil_bench.abilities.live import ctl
-from hil_bench.abilities.live import view as feed_side
+from hil_bench.abilities.live import ctl, options, view
 from hil_bench.abilities.panel import server
 from hil_bench.cli import main
 from hil_bench.session.commands import Stop
@@ -54,7 +53,7 @@ class Panel:
 )
 def test_a_run_has_its_panel_end_with_it(ends_after, calls, monkeypatch):
     panel = Panel(ends_after)
-    monkeypatch.setattr(feed_side.subprocess, "Popen", panel.start)
+    monkeypatch.setattr(view.subprocess, "Popen", panel.start)
     words = ["-i", "virtual", "-c", "x", "--speed", "max", "--duration", "0.01", "--panel"]
     assert main(["run", *words, "--name", "left"]) == 0
     words = ["-m", "hil_bench", "panel", "--bench", "left", "--once"]
@@ -69,7 +68,7 @@ def test_a_panel_needs_a_feed(capsys):
 
 
 def test_a_panel_needs_its_extra(monkeypatch, capsys):
-    monkeypatch.setattr(feed_side.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(options.importlib.util, "find_spec", lambda _name: None)
     assert main(["run", "-i", "virtual", "-c", "x", "--panel"]) == 2
     assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "hil_bench.abilities.panel.server", None)

@@ -124,26 +124,24 @@ def test_a_wish_to_stop_ends_it(tmp_path, monkeypatch, capsys):
 def test_a_command_to_stop_ends_it(tmp_path, monkeypatch):
     sessions = []
 
-    class Feed:
-        def look(self):
-            sessions[0].controls.is_over = True
+    def look():
+        sessions[0].controls.is_over = True
 
     def opened(_args, _config, session, **_):
         sessions.append(session)
-        return contextlib.nullcontext(Feed())
+        return contextlib.nullcontext(look)
 
-    monkeypatch.setattr(scenario_run, "open_feed", opened)
+    monkeypatch.setattr(scenario_run, "watched_run", opened)
     assert run(scenario(tmp_path, PASSING), "--speed", "max") == ExitCode.INCONCLUSIVE
 
 
 def test_those_who_watch_are_served_each_tick(tmp_path, monkeypatch):
     looks = []
 
-    class Feed:
-        def look(self):
-            looks.append(1)
+    def opened(*_, **__):
+        return contextlib.nullcontext(lambda: looks.append(1))
 
-    monkeypatch.setattr(scenario_run, "open_feed", lambda *_, **__: contextlib.nullcontext(Feed()))
+    monkeypatch.setattr(scenario_run, "watched_run", opened)
     run(scenario(tmp_path, PASSING), "--speed", "max")
     assert len(looks) >= 21
 

@@ -7,9 +7,9 @@ import re
 
 import pytest
 
-from hil_bench.abilities.live.view import WorkView
 from hil_bench.abilities.shadow.verbs import shadow
 from hil_bench.cli import main
+from hil_bench.cli.views import WorkView
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -11,12 +11,12 @@ from support.patience import GUARD
 
 from hil_bench.abilities.campaign.verbs import campaign
 from hil_bench.abilities.commissioning.verbs import commission
-from hil_bench.abilities.live import view as feed_side
+from hil_bench.abilities.live import view as live_view
 from hil_bench.abilities.live.feed.client import connect
 from hil_bench.abilities.live.feed.places import Place, find_names
-from hil_bench.abilities.live.view import ShownRows, WorkView
 from hil_bench.abilities.scenario.verbs import test as test_verb
 from hil_bench.cli import main
+from hil_bench.cli.views import ShownRows, WorkView
 
 
 class Seen(WorkView):
@@ -163,7 +163,7 @@ def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
     watcher = threading.Thread(target=stop)
 
     def work():
-        with feed_side.watched_work(Words(), "shadow", "bench.toml"):
+        with live_view.watched_work(Words(), "shadow", "bench.toml"):
             watcher.start()
             threading.Event().wait(GUARD)
 
@@ -177,7 +177,7 @@ def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
 def test_without_a_wish_nobody_can_watch():
     args = Words()
     args.name = None
-    with feed_side.watched_work(args, "shadow", "bench.toml") as view:
+    with live_view.watched_work(args, "shadow", "bench.toml") as view:
         assert not view.is_watched
         assert find_names() == []
         view.show(now="nothing")

@@ -35,12 +35,6 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     restore_command,
     result_text,
 )
-from hil_bench.abilities.live.view import (
-    ShownRows,
-    add_work_arguments,
-    hold_to_real_time,
-    watched_work,
-)
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.work import recorded_work
@@ -59,6 +53,7 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.cli.verbs import add_options, check_options
+from hil_bench.cli.views import ShownRows, add_work_arguments, hold_to_real_time, watched_work
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hil_bench.abilities.eyes.bus_state import EXTENDED, BusState, HeldValue, Stream
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.abilities.live.watch import STATE_STYLES, bar, make_table
+from hil_bench.cli.terminal import STATE_STYLES, bar, make_table
 from hil_bench.errors import printable
 from hil_bench.outside.transports.bus_load import bitrate_text
 from hil_bench.outside.transports.listener import Listener, loss_words

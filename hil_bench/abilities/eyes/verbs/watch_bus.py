@@ -10,9 +10,9 @@ from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs.bus_view import BusView
 from hil_bench.abilities.eyes.verbs.eyes_arguments import known_ecus, known_nodes
 from hil_bench.abilities.eyes.verbs.listening import open_listener
-from hil_bench.abilities.live.watch import ONCE, REFRESH
 from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode, interruption
+from hil_bench.cli.terminal import ONCE, REFRESH
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.transports.listener import Listener
 

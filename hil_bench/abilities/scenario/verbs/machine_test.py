@@ -20,7 +20,6 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     print_returned,
     restore_command,
 )
-from hil_bench.abilities.live.view import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.abilities.recording.inline_recorder import RecordingSink
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.work import recorded_work
@@ -40,6 +39,7 @@ from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.results import is_silent
+from hil_bench.cli.views import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_drivers import BusLostError, DriverError

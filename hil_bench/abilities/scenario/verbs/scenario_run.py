@@ -10,7 +10,6 @@ import logging
 import math
 from collections.abc import Iterator
 
-from hil_bench.abilities.live.view import open_feed
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
@@ -35,6 +34,7 @@ from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
+from hil_bench.cli.views import watched_run
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.session.session import Session
@@ -182,15 +182,15 @@ class _Company:
         )
         events = BenchEvents(config, bench.bench, logger.warning)
         start = self._clock.now()
-        feed = open_feed(self._args, config, session, work=shown_stage(self._prepared, stage))
-        with line, contextlib.closing(helpers), feed as live:
+        watched = watched_run(self._args, config, session, work=shown_stage(self._prepared, stage))
+        with line, contextlib.closing(helpers), watched as look_after:
 
             def look(now: int) -> None:
                 snapshot.write((now * 1e-9, *bench_status_row(bench.bench)))
                 helpers.look()
                 events.look(now)
-                if live is not None:
-                    live.look()
+                if look_after is not None:
+                    look_after()
                 if self._wish.requested or session.controls.is_over or helpers.is_over:
                     stage.end()
                 self._wait(start + now)

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.abilities.faults.fault import FaultConfig
-from hil_bench.abilities.live.view import ShownWork, WorkView
-from hil_bench.abilities.live.work_feed import WorkItem, WorkMargin, WorkState
 from hil_bench.abilities.scenario.dimensions import UNITS
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.live_margins import LiveMargins
@@ -15,6 +13,7 @@ from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
 from hil_bench.abilities.scenario.resolve import Action, PreparedScenario, SetAction
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.cli.views import ShownWork, WorkItem, WorkMargin, WorkState, WorkView
 from hil_bench.errors import ConfigError
 
 

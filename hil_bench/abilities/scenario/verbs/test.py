@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.abilities.eyes.frame_text import FrameText
-from hil_bench.abilities.live.view import add_work_arguments, watched_work
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
@@ -37,6 +36,7 @@ from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
 from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
+from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.session.pool import Pool, TaskEnd
 

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import can
 
-from hil_bench.abilities.live.view import add_work_arguments, watched_work
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
@@ -19,6 +18,7 @@ from hil_bench.cli.arguments import add_bench_arguments, check_one_bus, load_ben
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import message_of, read_frames

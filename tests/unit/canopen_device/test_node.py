@@ -21,6 +21,15 @@ def test_node_id_is_checked(object_dictionary, node_id):
         Node(object_dictionary, node_id)
 
 
+@pytest.mark.parametrize("node_id", [1, 127])
+def test_the_first_and_the_last_node_id_are_possible(object_dictionary, node_id):
+    node = Node(object_dictionary, node_id)
+    node.start(0)
+    sent = []
+    node.serve(0, sent.append)
+    assert [frame.can_id for frame in sent] == [0x700 + node_id]
+
+
 def test_silent_until_started(object_dictionary):
     node, sent = Node(object_dictionary, 5), []
     node.receive(Frame(0, b"\x01\x00"), 0)

@@ -5,6 +5,7 @@ costs the run that it was at, and another one takes its place.
 """
 
 import enum
+import gc
 import logging
 import multiprocessing
 import os
@@ -41,6 +42,8 @@ ResultT = TypeVar("ResultT")
 
 _START_TIME = 120.0  # that a worker may take to start [s]
 _LONGEST_WAIT = 0.5  # [s]
+_OBJECTS = 100_000
+"""New ones after which cycles are collected during a task; as a rule they are between two."""
 
 
 class _Task(NamedTuple):
@@ -208,9 +211,14 @@ def _work(perform: Callable[[Any], object], connection: Connection) -> None:
     with suppress(HilBenchError), VirtualBench() as bench:
         bench.run(0.002)  # compiles the plant, which is no run's time
     connection.send(None)
+    gc.set_threshold(_OBJECTS)
     with suppress(EOFError):
+        connection.send(_answer(perform, connection.recv()))
+        gc.collect()
+        gc.freeze()  # modules, and what runs have in common
         while True:
             connection.send(_answer(perform, connection.recv()))
+            gc.collect()
     os.killpg(0, signal.SIGKILL)
 
 

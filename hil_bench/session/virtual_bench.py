@@ -52,7 +52,7 @@ class VirtualBench:
 
     Args:
         config: the bench; without it the built-in one of one axis.
-        recorded_time: how far `signals` reaches back [s].
+        recorded_time: how far `signals` reaches back [s]; with 0 it and `values` stay empty.
         logged_frames: how many frames `frames` reaches back.
         pacer: holds the ticks back to real time; without it they follow at once.
         stimuli: what else to record, each a function of bench time [s], such as a set-point.
@@ -96,7 +96,7 @@ class VirtualBench:
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
         self._recorder = ChannelRecorder(self.session.channels, rows)
         log = self._log if logged_frames else None
-        self.session.watch(frames=log, rows=self._recorder.append)
+        self.session.watch(frames=log, rows=self._recorder.append if recorded_time else None)
         self._open = ExitStack()
         self._recording = None
         if record is not None:

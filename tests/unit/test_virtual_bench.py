@@ -32,6 +32,13 @@ def test_signals_reach_back_as_far_as_asked():
         assert bench.signals["time"] == pytest.approx([0.016, 0.017, 0.018, 0.019, 0.020])
 
 
+def test_a_bench_that_records_no_time_keeps_no_signals():
+    with VirtualBench(recorded_time=0) as bench:
+        bench.run(0.005)
+        assert len(bench.signals) == 0
+        assert bench.values == {}
+
+
 def test_a_time_that_is_none_is_refused():
     with VirtualBench() as bench:
         for duration in (-1.0, math.nan, math.inf):

@@ -241,8 +241,8 @@ def is_alike(one: PreparedScenario, other: PreparedScenario) -> bool:
         one.config == other.config
         and one.last_tick == other.last_tick
         and one.scenario.path == other.scenario.path
+        and _inserted(one) == _inserted(other)
         and _names(one) == _names(other)
-        and _table(one) == _table(other)
     )
 
 
@@ -401,16 +401,12 @@ def _controller(prepared: PreparedScenario) -> ControllerConfig | None:
     return controller_of(prepared.scenario, prepared.config, prepared.parameters)
 
 
-def _table(prepared: PreparedScenario) -> object:
-    """Return all of a controller's table, parameters filled in."""
-    chosen = _controller(prepared)
-    if chosen is None:
-        return None
-    text = repr(sorted(chosen.settings.items()))
-    for each in prepared.scenario.parameters:
-        value = each.unit.from_si(prepared.parameters[each.name])
-        text = text.replace("{" + each.name + "}", repr(value))
-    return chosen.kind.name, chosen.buses, text
+def _inserted(prepared: PreparedScenario) -> object:
+    """Return the table of a controller, and the parameters that are filled in there."""
+    controller = prepared.scenario.controller
+    text = repr(controller)
+    values = prepared.parameters
+    return controller, {name: each for name, each in values.items() if f"{{{name}}}" in text}
 
 
 def _close_all_but(kept: int) -> None:

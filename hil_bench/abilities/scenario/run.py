@@ -339,7 +339,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
 
 def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
     config = prepared.config
-    kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.001
+    kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.0
     frames = MOST_FRAMES if options.reader is not None else 0
     return VirtualBench(
         config,

@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 from hil_bench.abilities.j1939.ecus import EcuHandle
@@ -389,7 +390,12 @@ def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:
 
 def is_number(data_type: DataType) -> bool:
     """Return True if an object of this type holds a number."""
-    return isinstance(data_type, BooleanType | IntegerType | RealType)
+    return _holds_numbers(type(data_type))
+
+
+@cache
+def _holds_numbers(kind: type[DataType]) -> bool:
+    return issubclass(kind, BooleanType | IntegerType | RealType)
 
 
 def _unit(target: Target) -> str:

@@ -225,7 +225,12 @@ def test_a_full_disk_is_said_once_and_earlier_runs_are_kept(plan, tmp_path, monk
 
 def test_a_broken_file_of_results_is_named(tmp_path):
     store = Store(tmp_path / "out", {})
-    (tmp_path / "out" / "x.parquet").write_bytes(b"PAR1 cut off")
+    path = tmp_path / "out" / "x.parquet"
+    path.write_bytes(b"PAR1 cut off")
+    with pytest.raises(ConfigError, match=r"x\.parquet: cannot be read: .*; remove it"):
+        store.keys()
+    pq.write_table(pa.table({"zzzz": [1]}), path, store_schema=False)
+    path.write_bytes(path.read_bytes().replace(b"zzzz", b"\xff\xfe\xff\xfe"))  # no UTF-8
     with pytest.raises(ConfigError, match=r"x\.parquet: cannot be read: .*; remove it"):
         store.keys()
 

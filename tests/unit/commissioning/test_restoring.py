@@ -1,6 +1,8 @@
 """A machine belongs to its own controller: after a commissioning it is as it was before."""
 
 import json
+import os
+from types import SimpleNamespace
 
 import can
 import pytest
@@ -340,6 +342,17 @@ def refuse(machine, index, subindex):
 
     node = next(node for node in machine.bench.bench.nodes if node.node_id == 4)
     node.object_dictionary.add_check(index, subindex, check)
+
+
+def test_a_setting_is_on_the_disk_before_it_is_changed(tmp_path, monkeypatch):
+    """So that a machine that loses its power can be restored as well."""
+    path, on_disk = tmp_path / "unrestored.jsonl", []
+    monkeypatch.setattr(os, "fsync", lambda _file: on_disk.append(path.read_text()))
+    node = SimpleNamespace(node_id=1, upload=lambda *_: b"\x64\x00", has=lambda *_: False)
+    SettingsJournal(path).watch(node)
+    node.before_download(0x1017, 0, b"\x00\x00")
+    (text,) = on_disk
+    assert (json.loads(text)["object"], json.loads(text)["before"]) == ("0x1017.00", "6400")
 
 
 @pytest.mark.parametrize("length", range(9, 84, 15))

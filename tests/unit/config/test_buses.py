@@ -92,3 +92,14 @@ def test_more_buses_than_any_machine_has_are_refused(write: Write) -> None:
     )
     text += '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
     assert problems(write(text)) == ["buses: 9 buses with [bus]; give at most 8"]
+
+
+@pytest.mark.parametrize(
+    ("count", "right"), [(126, "127 is free"), (127, "a bus has room for 127 nodes")]
+)
+def test_a_full_bus_is_told_from_one_with_room(write: Write, count: int, right: str) -> None:
+    nodes = [f'[nodes.n{n}]\nprofile = "encoder_406"\nnode_id = {n}\n' for n in range(1, count + 1)]
+    more = '[nodes.more]\nprofile = "encoder_406"\nnode_id = 5\n'
+    assert f"nodes.more.node_id: 5 is taken by nodes.n5; {right}" in problems(
+        write("".join([*nodes, more]))
+    )

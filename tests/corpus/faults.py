@@ -240,7 +240,7 @@ def faults() -> dict[str, Fault]:
 
 def faults_of_j1939() -> dict[str, Fault]:
     """Return those of the series "j1939" alone."""
-    for module in ("devices", "messages", "bus", "transfers"):
+    for module in ("devices", "messages", "bus", "transfers", "further"):
         import_module(f"corpus.faults_j1939_{module}")
     return FAULTS_OF_J1939
 

@@ -50,7 +50,7 @@ def recording_ends_early(scene: Scene) -> Made:
 def foreign_frames_between(scene: Scene) -> Made:
     """Frames of 29 bits of another protocol, and some of 11 bits, are on the same bus."""
     added, now = [], 500 * MS
-    while now < scene.end:
+    while now + 130 * MS < scene.end:
         now += int(scene.share(5, 120) * MS)
         data = scene.random.randbytes(scene.random.randrange(9))
         base = scene.random.choice((0x1F400000, 0x1E2A0000, 0x15550000))
@@ -150,3 +150,44 @@ def signal_becomes_available(scene: Scene) -> Made:
         else e
         for e in scene.frames
     ]
+
+
+@variant
+def receiver_says_wait_and_goes_on(scene: Scene) -> Made:
+    """A receiver says "wait" each half second, and takes the message then."""
+    found = pair(scene, 5000 * MS)
+    if found is None:
+        return None
+    session = Session(found[0], found[1], 60, found[2]).announce()
+    for _ in range(3):
+        session.wait(scene.share(300, 500)).clear(0, 0xFF)
+    session.wait(400).clear(session.count, 1).packets(range(1, session.count + 1), 8)
+    return merged(scene.frames, session.wait(5).end().frames)
+
+
+@variant
+def device_is_commanded_to_another_address(scene: Scene) -> Made:
+    """A tool commands a device to another address (BAM of 9 bytes), from which it goes on."""
+    found = senders(scene)
+    if not found or scene.end < 5000 * MS:
+        return None
+    one, at = scene.random.choice(found), int(scene.end * scene.share(0.3, 0.5))
+    name, free = name_of(scene, one), next(a for a in range(210, 248) if a not in found)
+    command = Session(249, 255, 9, at, 0xFED8).announce()
+    data = name + bytes([free]) + b"\xff" * 5
+    packets = [
+        (at + k * 60 * MS, frame(0xEB00, 249, bytes([k]) + data[7 * k - 7 : 7 * k], 255, 7))
+        for k in (1, 2)
+    ]
+    moved = at + 150 * MS
+    frames = [
+        e._replace(frame=e.frame._replace(can_id=e.frame.can_id & ~0xFF | free))
+        if e.now > moved and e.frame.is_extended and e.frame.can_id & 0xFF == one
+        else e
+        for e in scene.frames
+    ]
+    taken = any(e.frame.is_extended and e.frame.can_id >> 8 & 0xFF == one for e in scene.frames)
+    if taken:  # others speak to it at its address
+        return None
+    claim = (moved, frame(CLAIMED, free, name))
+    return merged(frames, [*command.frames, *packets, claim])

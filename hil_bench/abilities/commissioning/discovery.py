@@ -9,6 +9,7 @@ from typing import NamedTuple
 import can
 
 from hil_bench.abilities.eyes.frame_words import meaning_of
+from hil_bench.abilities.eyes.j1939 import describe
 from hil_bench.canopen_device.words import function_of
 from hil_bench.errors import ConfigError
 from hil_bench.frame import bits_of
@@ -201,7 +202,9 @@ class Traffic:
         """The meaning of the last frame."""
         if self.is_remote:
             return "remote frame"
-        return "" if self.is_extended else meaning_of(self.can_id, self.data)
+        if self.is_extended:
+            return f"as J1939: {describe(self.can_id, self.data)}"
+        return meaning_of(self.can_id, self.data)
 
 
 @dataclass(slots=True)
@@ -226,6 +229,11 @@ class BusTraffic:
     def frames(self) -> int:
         """All frames but error frames."""
         return self.fd_frames + sum(traffic.frames for traffic in self.identifiers.values())
+
+    @property
+    def extended(self) -> int:
+        """Data frames with 29-bit identifiers."""
+        return sum(row.frames for row in self.identifiers.values() if row.is_extended)
 
     def load(self, bitrate: int) -> float:
         """Return the share of the bus's time that was taken, at a bit rate [bit/s]."""
@@ -263,16 +271,21 @@ def listen(network: Network, duration: float) -> BusTraffic:
 # Signs that a bus is in operation, so that nobody sends to it unasked.
 
 _MOST_SIGNS = 6
+_SEVERAL = 3
+"""Frames with 29-bit identifiers that are no accident."""
 
 
 def signs_of_operation(traffic: BusTraffic) -> tuple[str, ...]:
     """Return the frames heard that show a bus in operation, in a few words; empty for a quiet one.
 
-    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, CAN FD, and SDO requests of another
-    client, whose transfers a second client of the same channel would break.
+    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, CAN FD, frames with 29-bit
+    identifiers, which wait for each of CANopen, and SDO requests of another client, whose transfers
+    a second client of the same channel would break.
     """
     rows = sorted(traffic.identifiers.items())
     signs = [sign for _, row in rows if not row.is_extended and (sign := _sign(row))]
+    if (extended := traffic.extended) >= _SEVERAL:
+        signs.insert(0, f"{extended} frames with 29-bit identifiers, as J1939 has them")
     signs += ["CAN FD"] if traffic.fd_frames else []
     if len(signs) > _MOST_SIGNS:
         return (*signs[:_MOST_SIGNS], f"{len(signs) - _MOST_SIGNS} more")

@@ -24,7 +24,9 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     GLOBAL,
     NULL,
     REQUEST,
+    SOFTWARE,
     TRANSPORT_CONNECTION,
+    VEHICLE,
     split,
 )
 
@@ -44,26 +46,31 @@ _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
         TRANSPORT_CONNECTION: "TP.CM, transport connection",
         ADDRESS_CLAIMED: "address claimed",
         0xEF00: "proprietary A",
+        0xF001: "EBC1, brakes",
+        0xF002: "ETC1, transmission",
         0xF003: "EEC2, accelerator pedal",
         0xF004: "EEC1, engine speed",
+        0xF005: "ETC2, transmission gear",
         0xFDD6: "BJM1, basic joystick",
         0xFDD7: "EJM1, extended joystick",
         0xFDD8: "BJM2, basic joystick",
         0xFDD9: "EJM2, extended joystick",
-        0xFECA: "DM1, active trouble codes",
-        0xFECB: "DM2, previous trouble codes",
+        DM1: "DM1, active trouble codes",
+        DM2: "DM2, previous trouble codes",
         0xFECC: "DM3, clear previous trouble codes",
         0xFED8: "commanded address",
-        0xFEDA: "software identification",
+        SOFTWARE: "software identification",
         0xFEE5: "engine hours",
-        0xFEEB: "component identification",
-        0xFEEC: "vehicle identification",
+        COMPONENT: "component identification",
+        VEHICLE: "vehicle identification",
         0xFEEE: "ET1, engine temperature",
         0xFEEF: "EFL/P1, fluid level and pressure",
         0xFEF1: "CCVS, cruise control and vehicle speed",
         0xFEF2: "LFE, fuel economy",
         0xFEF5: "AMB, ambient conditions",
+        0xFEF6: "IC1, intake and exhaust",
         0xFEF7: "VEP1, electrical power",
+        0xFEFC: "DD, dash display",
     }
 )
 _RANGES: Final = (
@@ -179,8 +186,13 @@ def _diagnosis(data: bytes) -> str:
     return ", ".join([lit, *codes]) if codes else f"{lit}, no trouble code"
 
 
-def _component(data: bytes) -> str:
+def _text(data: bytes) -> str:
     return ascii(data.decode("latin-1"))
+
+
+def _software(data: bytes) -> str:
+    """Return the fields of a software identification, behind their number."""
+    return _text(data[1:])
 
 
 def _valve_command(data: bytes) -> str:
@@ -205,7 +217,9 @@ _CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
         ACKNOWLEDGEMENT: _acknowledge,
         ADDRESS_CLAIMED: _claim,
         TRANSPORT_CONNECTION: _transport,
-        COMPONENT: _component,
+        COMPONENT: _text,
+        VEHICLE: _text,
+        SOFTWARE: _software,
         **dict.fromkeys(_DIAGNOSES, _diagnosis),
         **dict.fromkeys(range(COMMAND, COMMAND + 16), _valve_command),
         **dict.fromkeys(range(ESTIMATED_FLOW, ESTIMATED_FLOW + 16), _valve_flow),

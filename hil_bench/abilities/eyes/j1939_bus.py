@@ -23,8 +23,12 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MS: Final = 1e-6
 _PROOF: Final = 10
+_SHOWN: Final = 64
+"""Bytes of a long message that are shown."""
+
 _ASSIGNED: Final = range(0xFE00, 0xFF00)
 """Parameter groups of eight bytes to all that SAE has assigned, with or without a name here."""
+_NOT_AVAILABLE: Final = "not available"
 _REQUEST_OF_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
 
 Place = tuple[int, int]
@@ -124,7 +128,7 @@ class J1939Reader:
         receiver = self._receiver(frame.bus, destination)
         shown = self._shown(frame.bus, source, group, frame.data)
         message = J1939Message(group, source, destination, frame.data, logged.now, receiver, shown)
-        words = f"{_head(message)}{self._content(frame.bus, message)}"
+        words = _joined(_head(message), self._content(frame.bus, message))
         return self._sight(logged.now, frame, message, words)
 
     def _of_long(self, found: LongMessage, now: int) -> Sight:
@@ -136,9 +140,9 @@ class J1939Reader:
         )
         by = "BAM" if found.is_to_all else "RTS and CTS"
         lasted = (found.last - found.begin) * _MS
-        words = f"{_head(message)}, {found.size} bytes by {by}"
+        words = ", ".join(filter(None, (_head(message), f"{found.size} bytes by {by}")))
         if data is not None:
-            words = f"{words} in {lasted:.4g} ms{self._content(bus, message)}"
+            words = _joined(f"{words} in {lasted:.4g} ms", self._content(bus, message))
         frame = self._last.pop(found.key)
         return self._sight(now, frame, message, words, found.problem or found.pace)
 
@@ -170,7 +174,7 @@ class J1939Reader:
     def _content(self, bus: int, message: J1939Message) -> str:
         data = message.data or b""
         text = ", ".join(self._values(bus, message)) or content_of(message.group, data)
-        return f": {text}" if text else f" [{data.hex(' ').upper()}]"
+        return text or _digits(data)
 
     def _signals(self, bus: int, source: int, group: int) -> tuple[KnownSignal, ...]:
         """Return the signals of a message: those of the bench, or else those of the standard."""
@@ -179,18 +183,29 @@ class J1939Reader:
         return found or SPNS.get(group, ())
 
     def _shown(self, bus: int, source: int, group: int, data: bytes) -> tuple[tuple[str, str], ...]:
-        return tuple((each.name, each.shown(data)) for each in self._signals(bus, source, group))
+        signals = self._signals(bus, source, group)
+        return tuple((each.name, each.shown(data)) for each in signals) if signals else ()
 
     def _values(self, bus: int, message: J1939Message) -> Iterator[str]:
         """Yield the values of a message; of the standard's signals those that the sender has."""
-        data = message.data or b""
-        ecu = self._at.get((bus, message.source))
-        if ecu is not None and message.group in ecu.signals:
-            yield from (each.text(data) for each in ecu.signals[message.group])
-            return
-        for each in SPNS.get(message.group, ()):
-            if each.shown(data) != "not available":
-                yield each.text(data)
+        data, group = message.data or b"", message.group
+        signals = self._signals(bus, message.source, group)
+        shown = message.shown or self._shown(bus, message.source, group, data)
+        is_standard = signals is SPNS.get(group)
+        for signal, (_, indicator) in zip(signals, shown, strict=True):
+            if not (is_standard and indicator == _NOT_AVAILABLE):
+                yield signal.words(data, indicator)
+
+
+def _joined(head: str, content: str) -> str:
+    """Return what a message is and what it carries; digits without a colon."""
+    return f"{head}{' ' if content.startswith('[') else ': '}{content}" if head else content
+
+
+def _digits(data: bytes) -> str:
+    """Return bytes in hexadecimal digits, of a long message the first."""
+    more = f" and {len(data) - _SHOWN} more" if len(data) > _SHOWN else ""
+    return f"[{data[:_SHOWN].hex(' ').upper()}{more}]"
 
 
 def _head(message: J1939Message) -> str:

@@ -234,9 +234,12 @@ class LongMessages:
         size, packets = data[1] | data[2] << 8, data[3]
         is_to_all = data[0] == Control.BAM
         new = LongMessage(key, group, size, now, now, is_accepted=is_to_all)
-        fits = LEAST_BYTES <= size <= MOST_BYTES and packets == new.count
-        if not fits or is_to_all != (key[2] == GLOBAL) or group > HIGHEST_GROUP:
+        if size < LEAST_BYTES or group > HIGHEST_GROUP:
             return False, []
+        new.problem = _contradiction(new, packets, is_to_all=is_to_all)
+        if new.problem:
+            new.culprit = key[1]
+            return False, [new]
         before = self._open.get(key)
         ended = []
         if before is not None:
@@ -259,6 +262,17 @@ class LongMessages:
         elif not message.problem and message.is_to_all and message.misplaced:
             message.problem, message.culprit = message.misplaced, message.key[1]
         return [message]
+
+
+def _contradiction(message: LongMessage, packets: int, *, is_to_all: bool) -> str:
+    """Return what is wrong with an announcement; empty for nothing."""
+    if is_to_all != message.is_to_all:
+        return "BAM to one address" if is_to_all else "RTS to all"
+    if message.size > MOST_BYTES:
+        return f"announced with {message.size} bytes, {MOST_BYTES} at most are right"
+    if packets != message.count:
+        return f"announced with {packets} packets, {message.count} are right"
+    return ""
 
 
 def _missing(message: LongMessage) -> tuple[str, int]:

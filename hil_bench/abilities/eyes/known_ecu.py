@@ -30,10 +30,15 @@ class KnownSignal:
 
     def text(self, data: bytes) -> str:
         """Return name and value in a message."""
-        if shown := self.shown(data):
+        return self.words(data, self.shown(data))
+
+    def words(self, data: bytes, shown: str) -> str:
+        """Return name and value in a message, of which it is known what the signal shows."""
+        if shown:
             return f"{self.name} {shown}"
         unit = "" if self.unit == "-" else f" {self.unit}"
-        return f"{self.name} {self.signal.value(data):.6g}{unit}"
+        raw, signal = self.signal.raw_in(data), self.signal
+        return f"{self.name} {raw * signal.resolution + signal.offset:.6g}{unit}"
 
     def shown(self, data: bytes) -> str:
         """Return the indicator in a message: "error", "not available"; empty for a value.

@@ -126,6 +126,79 @@ def test_a_transfer_that_fails_is_a_problem(frames, problem):
     assert text.endswith(f"! {problem}")
 
 
+def bam(size, packets, step):
+    """Return the lines of a BAM of PGN 65507, its frames `step` ms apart."""
+    head = f"20 {size:02X} 00 {packets:02X} FF E3 FE 00"
+    data = [f"{n:02X} 01 02 03 04 05 06 07" for n in range(1, packets + 1)]
+    return lines((0x1CECFF80, head), *((0x1CEBFF80, each) for each in data), known=False, step=step)
+
+
+@pytest.mark.parametrize(
+    ("step", "problem"),
+    [
+        (5, "5 ms between its packets, 10 ms to 200 ms are right"),
+        (10, ""),  # from here on by ISO 11783-3
+        (200, ""),  # up to here by J1939-21
+        (300, "300 ms between its packets, 10 ms to 200 ms are right"),
+    ],
+)
+def test_a_message_to_all_has_a_pace(step, problem):
+    ((_, _, text),) = bam(28, 4, step)
+    assert text.partition("  ! ")[2] == problem
+
+
+@pytest.mark.parametrize(
+    ("can_id", "head", "problem"),
+    [
+        (0x1CECFF80, "20 0A 00 03", "announced with 3 packets, 2 are right"),
+        (0x1CECFF80, "10 0A 00 02", "RTS to all"),
+        (0x1CEC2780, "20 0A 00 02", "BAM to one address"),
+        (0x1CEC2780, "10 00 08 25", "announced with 2048 bytes, 1785 at most are right"),
+    ],
+)
+def test_an_announcement_that_contradicts_itself_is_a_problem(can_id, head, problem):
+    found = lines((can_id, f"{head} FF CA FE 00"))
+    assert found[0][2].endswith(f"! {problem}")
+
+
+def test_a_receiver_that_says_wait_is_awaited():
+    """CTS of 0 packets: then a CTS is due, by the receiver (T4)."""
+    hold = (0x1CEC8027, "11 00 FF FF FF EB FE 00")
+    ((_, _, text),) = lines(COMPONENT[1], hold, end=2000)
+    assert text.endswith("no CTS after the one that says wait (T4)")
+    assert lines(COMPONENT[1], hold, *COMPONENT[2:])[-1][2].endswith("'A*B*C*D**'")
+
+
+def test_packets_that_are_asked_for_again_are_no_problem():
+    again = [*COMPONENT[1:3], COMPONENT[4], (0x1CEC8027, "11 02 01 FF FF EB FE 00")]
+    assert lines(*again, *COMPONENT[3:])[-1][2].endswith("'A*B*C*D**'")
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "text"),
+    [
+        # engine speed: 0.125 rpm a bit in bytes 4 and 5; torque: 1 % a bit from -125 %
+        (
+            0x0CF00400,
+            "F0 FF 91 80 25",
+            "actual torque (SPN 513) 20 %, engine speed (SPN 190) 1200 rpm",
+        ),
+        # oil: 1/32 °C a bit from -273 °C in bytes 3 and 4; coolant: 1 °C a bit from -40 °C
+        (
+            0x18FEEE00,
+            "82 FF 60 2D",
+            "coolant temperature (SPN 110) 90 °C, oil temperature (SPN 175) 90 °C",
+        ),
+        (0x18FEF10B, "FF 00 FE", "wheel-based speed (SPN 84) error"),  # the high byte says so
+        (0x18FEF10B, "FF FE 0A", "wheel-based speed (SPN 84) 10.9922 km/h"),  # the low one does not
+    ],
+)
+def test_signals_of_the_standard_are_read(can_id, data, text):
+    claim = (0x18EEFF00, "01 00 00 00 00 00 00 00")
+    frame = (can_id, f"{data} FF FF FF FF FF FF"[: 3 * 8 - 1])
+    assert lines(claim, frame, known=False)[1][2].partition(": ")[2] == text
+
+
 def test_a_new_message_ends_the_one_before():
     texts = [text for _, _, text in lines(*DM1_BAM[:2], *DM1_BAM)]
     assert len(texts) == 2

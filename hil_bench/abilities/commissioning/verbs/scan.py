@@ -147,11 +147,21 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     more = f"; twice on the bus: {twice}" if twice else ""
     lines.append(f"{count} node{'' if count == 1 else 's'} found{more}")
     if not count and not (found.unconfigured and any(found.unconfigured)):
-        lines[-1] += (
-            ": is the bus powered and terminated, and the bit rate right? "
-            "--listen 5 shows whether anything is heard at all"
-        )
+        lines[-1] += f": {_advice(found.traffic)}"
     return "\n".join(lines)
+
+
+def _advice(traffic: BusTraffic) -> str:
+    """Return what to look at where no node was found."""
+    if traffic.extended:
+        return (
+            f"{traffic.extended} frames with 29-bit identifiers were heard, as J1939 has them; "
+            "`hil-bench monitor` reads them"
+        )
+    return (
+        "is the bus powered and terminated, and the bit rate right? "
+        "--listen 5 shows whether anything is heard at all"
+    )
 
 
 def _withheld_lines(found: Survey, args: argparse.Namespace) -> Iterator[str]:

@@ -141,6 +141,6 @@ class Load:
             first, worst = self._high
             text = (
                 f"load up to {worst:.0%} in 100 ms, from {seconds(first * _WINDOW)} on: "
-                "PDOs of low priority wait for long"
+                "frames of low priority wait for long"
             )
             yield Finding(Cause.BUS_LOAD, "", first * _WINDOW, text)

@@ -21,13 +21,14 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
     DM1,
     GLOBAL,
+    HIGHEST_GROUP,
     NULL,
     is_to_all,
     split,
 )
 
 _MS: Final = 1_000_000
-_KNOWN: Final = 6
+_KNOWN: Final = 5
 _VALID: Final = 3
 _CHANGED: Final = 3
 """Messages alike after which a property is known, a signal has values, and either has changed."""
@@ -49,9 +50,13 @@ _FEW: Final = 10
 _MEAN: Final = (0.8, 1.25)
 _SHORT: Final = 0.15
 _TWICE: Final = 2
+_BURSTS: Final = 6
+_LOOK: Final = 4
 """So many intervals near each other are a steady period: within a share of it, or `_LEAST` [ns]. Of
 a window that jitters no more than `_FEW` are near it, though their mean is the period; and no more
-than a third of the others are next to nothing, as where a recorder was late and caught up."""
+than a third of the others are next to nothing, as where a recorder was late and caught up. After
+`_LOOK` messages each there is a look, and `_TWICE` in a row have to say so; of bursts `_BURSTS`, so
+that one delay of the recorder is out of the window, and few other messages come so."""
 
 _MOST: Final = 4096
 
@@ -109,10 +114,12 @@ class _Course:
     Attributes:
         last: the last one.
         due_from: when the next one's time began [ns].
+        count: messages after it.
         intervals: the last ones [ns].
         changes: whether the data differ from those before, of the same messages.
         steady: the period while it was steady [ns]; 0 before that.
         jitters: windows in a row in which it was not.
+        bursts: looks in a row at which it came in bursts.
         slower: the message before the change of period, the two periods [ns].
         jitter: the first message of the window in which it was seen to jitter.
         length: bytes of a message.
@@ -121,10 +128,12 @@ class _Course:
 
     last: Sight
     due_from: int
+    count: int = 0
     intervals: deque[int] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     changes: deque[bool] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     steady: float = 0.0
     jitters: int = 0
+    bursts: int = 0
     slower: tuple[Sight, float, float] | None = None
     jitter: Sight | None = None
     length: _Habit = field(default_factory=_Habit)
@@ -158,18 +167,24 @@ class Changes(OfJ1939):
             return
         key = (*who, message.group)
         course = self._courses.get(key)
-        if course is None:
-            if len(self._courses) < _MOST:
-                self._courses[key] = _Course(sight, sight.now)
+        if course is not None:
+            self._hear_time(course, sight, message)
+        elif len(self._courses) < _MOST:
+            course = self._courses[key] = _Course(sight, sight.now)
+        else:
             return
-        self._hear_time(course, sight, message)
-        identifier = split(sight.frame.can_id)
-        if identifier.group == message.group and message.group != DM1:
+        can_id = sight.frame.can_id
+        if can_id >> 8 & HIGHEST_GROUP == message.group != DM1:  # no part of a long message
             course.length.hear(len(message.data), sight)
-            course.priority.hear(identifier.priority, sight)
+            course.priority.hear(can_id >> 26 & 7, sight)
         for name, shown in message.shown:
             self._hear_signal((key, name), shown, sight)
         course.last, course.due_from = sight, sight.now
+
+    def _is_recorder_late(self, bus: int) -> bool:
+        """Return True if most steady messages of a bus come in bursts, as of a late recorder."""
+        steady = [each for key, each in self._courses.items() if key[0] == bus and each.steady]
+        return 2 * sum(each.bursts >= _BURSTS for each in steady) > max(len(steady), _TWICE)
 
     def _begin_anew(self, who: Who) -> None:
         """Forget the intervals of a device that has claimed an address: it may have paused."""
@@ -184,9 +199,11 @@ class Changes(OfJ1939):
         before = course.last.message
         course.intervals.append(sight.now - course.due_from)
         course.changes.append(before is not None and before.data != message.data)
+        course.count += 1
         if message.group != _EEC1:
             _judge_period(course)
-        _judge_jitter(course, sight)
+        if course.count % _LOOK == 0:
+            _judge_jitter(course, sight)
 
     def _hear_signal(self, key: tuple[_Key, str], shown: str, sight: Sight) -> None:
         signal = self._signals.get(key)
@@ -212,7 +229,10 @@ class Changes(OfJ1939):
         Yields:
             The findings.
         """
-        for (_, _, group), course in self._courses.items():
+        late = {bus for bus, _, _ in self._courses if self._is_recorder_late(bus)}
+        for (bus, _, group), course in self._courses.items():
+            if bus in late and course.bursts >= _BURSTS:
+                course.jitter = None
             head = f"{course.last.node}: {group_title(group)}"
             yield from _period_findings(head, course)
             for cause, habit, words in (
@@ -294,19 +314,18 @@ def _judge_jitter(course: _Course, sight: Sight) -> None:
     middle = median(last)
     off = sum(abs(each - middle) > max(_ALIKE * middle, _LEAST) for each in last)
     if off <= 1:
-        course.steady, course.jitters = middle, 0
+        course.steady, course.jitters, course.bursts = middle, 0, 0
         return
     if len(intervals) < _WINDOW:
         return
     period = course.steady
     if not period or not _MEAN[0] <= fmean(intervals) / period <= _MEAN[1]:
-        course.jitters = 0
+        course.jitters = course.bursts = 0
         return
     far = [i for i in intervals if abs(i - period) > max(_NEAR * period, _LEAST_OFF)]
-    short = sum(i < _SHORT * period for i in far)
-    if len(intervals) - len(far) > _FEW or 3 * short > len(far):
-        course.jitters = 0
-        return
-    course.jitters += 1
-    if course.jitters >= _TWICE:
+    is_off = len(intervals) - len(far) <= _FEW
+    has_bursts = 3 * sum(i < _SHORT * period for i in far) > len(far)
+    course.jitters = course.jitters + 1 if is_off and not has_bursts else 0
+    course.bursts = course.bursts + 1 if is_off and has_bursts else 0
+    if course.jitters >= _TWICE or course.bursts >= _BURSTS:
         course.jitter = sight

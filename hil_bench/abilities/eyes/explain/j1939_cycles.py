@@ -26,12 +26,18 @@ _LATE: Final = 3.0
 _FEWEST: Final = 6
 _REGULAR: Final = 0.3
 """How far intervals may be off their median for a period, of it."""
+_STILL: Final = 0.1
+"""How far the last interval may be off the period that was counted before, of it."""
+
 _BEHIND: Final = 3
 """Intervals of the period after which one before them, too long for it, counts as a gap."""
 _FEWEST_OF_SILENT: Final = 4
 _SHARE_OF_SILENT: Final = 0.6
 _LATE_OF_SILENT: Final = 5.0
 """Less is asked of the messages of a device that sends nothing at all any more."""
+_SEVERAL: Final = 2
+"""Messages with a period of a device that was away; of one message it is this that stayed out."""
+
 _OFF: Final = 8
 """Of so many intervals one may be off."""
 _PARTS: Final = frozenset({TRANSPORT_CONNECTION, TRANSPORT_DATA})
@@ -52,6 +58,7 @@ class _Cycle:
         gaps: how often it stayed out.
         early: an interval before there was a period that is far above the one before it [ns], and
             the messages around it.
+        counted: the period when it was last counted [ns]; 0 for none.
         is_new: whether its sender has claimed its address since, and so may have paused.
     """
 
@@ -62,15 +69,22 @@ class _Cycle:
     gaps: int = 0
     early: tuple[int, Sight, Sight] | None = None
     is_new: bool = False
+    counted: float = 0.0
 
     @property
     def period(self) -> float:
-        """Its period [ns]; 0 where it has none."""
+        """Its period [ns]; 0 where it has none.
+
+        It is counted anew where the last interval is not near the one before.
+        """
         if len(self.intervals) < _FEWEST:
             return 0.0
+        if self.counted and abs(self.intervals[-1] - self.counted) <= _STILL * self.counted:
+            return self.counted
         middle = median(self.intervals)
         off = sum(abs(each - middle) > _REGULAR * middle for each in self.intervals)
-        return middle if off <= len(self.intervals) // _OFF else 0.0
+        self.counted = middle if off <= len(self.intervals) // _OFF else 0.0
+        return self.counted
 
     @property
     def rough_period(self) -> float:
@@ -82,12 +96,42 @@ class _Cycle:
         return middle if alike >= _SHARE_OF_SILENT * len(self.intervals) else 0.0
 
 
+@dataclass(slots=True)
+class _Away:
+    """A device that sent nothing for a while.
+
+    Attributes:
+        last: what it sent before.
+        again: what it sent first after that.
+        period: of its quickest message [ns].
+        group: PGN of this one.
+        times: how often it was away.
+    """
+
+    last: Sight
+    again: Sight
+    period: float
+    group: int
+    times: int = 0
+
+    def finding(self) -> Finding:
+        """Return it as a finding."""
+        last = self.last
+        text = f"{last.node} sends nothing for {milliseconds(self.again.now - last.now)} after"
+        text += f" {seconds(last.now)} ({group_title(self.group)} every"
+        text += f" {milliseconds(self.period)} before)"
+        text += f"; {self.times} times" if self.times > 1 else ""
+        return Finding(Cause.J1939_SILENT, last.node, last.now, text, (last, self.again))
+
+
 class Cycles(OfJ1939):
     """Watches messages that come with a period, and DM1 while a code is active."""
 
     def __init__(self) -> None:
         self._cycles: dict[tuple[int, int, int], _Cycle] = {}
         self._heard: dict[Who, Sight] = {}
+        self._first: dict[Who, int] = {}
+        self._away: dict[Who, _Away] = {}
         self._paused: dict[Who, int] = {}
         self._requests = ClaimRequests()
 
@@ -104,8 +148,7 @@ class Cycles(OfJ1939):
         if message is None or message.source == NULL:
             return
         bus = sight.frame.bus
-        self._heard[bus, message.source] = sight
-        self._paused.pop((bus, message.source), None)
+        self._hear_device((bus, message.source), sight)
         if message.data is None or message.destination != GLOBAL or message.group in _PARTS:
             return
         if message.group == ADDRESS_CLAIMED:
@@ -129,6 +172,32 @@ class Cycles(OfJ1939):
             _take_interval(cycle, interval, sight)
         cycle.last, cycle.due_from = sight, sight.now
 
+    def _hear_device(self, who: Who, sight: Sight) -> None:
+        """Note when a device was heard, and that it was away as a whole before that."""
+        last = self._heard.get(who)
+        self._heard[who] = sight
+        paused = self._paused.pop(who, 0)
+        if last is None:
+            if len(self._first) < _MOST:
+                self._first[who] = sight.now
+        elif sight.now - last.now - paused > _DM1_PERIOD:
+            cycles = [each for place, each in self._cycles.items() if place[:2] == who]
+            period, group, messages = _quickest(cycles)
+            silence = sight.now - last.now - paused
+            if messages >= _SEVERAL and silence > max(_LATE_OF_SILENT * period, _DM1_PERIOD):
+                away = self._away.setdefault(who, _Away(last, sight, period, group))
+                away.times += 1
+
+    def _has_moved(self, who: Who, groups: set[int]) -> bool:
+        """Return True if another address has sent the same since a device fell silent."""
+        since = self._heard[who].now
+        sent: dict[Who, set[int]] = {}
+        for bus, source, group in self._cycles:
+            first = self._first.get((bus, source), 0)
+            if bus == who[0] and since - _DM1_PERIOD <= first <= since + 2 * _DM1_PERIOD:
+                sent.setdefault((bus, source), set()).add(group)
+        return any(groups <= each for each in sent.values())
+
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield the devices and the messages that stay out.
 
@@ -139,13 +208,16 @@ class Cycles(OfJ1939):
             The findings.
         """
         silent = set()
+        for away in self._away.values():
+            yield away.finding()
         for who, cycles in self._by_sender().items():
-            periods = [(each.rough_period, _group_of(each)) for each in cycles]
-            period, group = min((each for each in periods if each[0]), default=(0.0, 0))
+            period, group, _ = _quickest(cycles)
             last = self._heard[who]
             silence = end - last.now - self._paused.get(who, 0)
             if period and silence > max(_LATE_OF_SILENT * period, _DM1_PERIOD):
                 silent.add(who)
+                if self._has_moved(who, {_group_of(each) for each in cycles if each.rough_period}):
+                    continue
                 text = f"{last.node} sends nothing after {seconds(last.now)}"
                 text += f" ({group_title(group)} every {milliseconds(period)} before)"
                 yield Finding(Cause.J1939_SILENT, last.node, last.now, text, (last,))
@@ -170,6 +242,12 @@ class Cycles(OfJ1939):
         for (bus, source, _), cycle in self._cycles.items():
             found.setdefault((bus, source), []).append(cycle)
         return found
+
+
+def _quickest(cycles: list[_Cycle]) -> tuple[float, int, int]:
+    """Return period [ns] and PGN of the quickest message, and how many have a period."""
+    periods = [(period, _group_of(each)) for each in cycles if (period := each.rough_period)]
+    return (*min(periods, default=(0.0, 0)), len(periods))
 
 
 def _take_interval(cycle: _Cycle, interval: int, sight: Sight) -> None:

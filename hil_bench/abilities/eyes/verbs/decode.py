@@ -104,14 +104,15 @@ def run(args: argparse.Namespace) -> int:
     decoder = _decoder(args)
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
+    is_canopen = False
     if _is_writing(args):
         count = _write(args, decoder, list(frames), ending)
     else:
-        count = _print(args, decoder, frames)
+        count, is_canopen = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
     print_losses(args, left_out)
-    if not _is_writing(args):
+    if is_canopen:
         say_assumed(args, load_bench_config(args))
     return ending.code
 
@@ -134,15 +135,18 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError("--write-dbc writes what is known without --dbc; give one of them")
 
 
-def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
-    """Print all lines, and return how many frames there were."""
+def _print(
+    args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]
+) -> tuple[int, bool]:
+    """Print all lines; return the number of frames, and whether some had 11-bit identifiers."""
     lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
-    dbc = DbcMessages(args.dbc)
+    dbc, is_canopen = DbcMessages(args.dbc), False
     for logged in frames:
         count += 1
+        is_canopen = is_canopen or not logged.frame.is_extended
         lines.show(map(dbc.explain, decoder.take(logged)))
     lines.show(decoder.finish())
-    return count
+    return count, is_canopen
 
 
 def _write(

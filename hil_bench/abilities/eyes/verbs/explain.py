@@ -39,9 +39,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "explain",
-        description="Find what went wrong in a log of a CANopen bus, in the order an expert\n"
-        "looks: nodes that are missing, double or restart, refused accesses, missing frames; each\n"
-        "with its frames and its clause of CiA 301.",
+        description="Find what went wrong in a log of a CANopen or J1939 bus, in the order an\n"
+        "expert looks: nodes that are missing, double or restart, refused accesses, missing\n"
+        "frames; each with its frames and its clause of CiA 301 or SAE J1939.",
         epilog=_EXAMPLES,
     )
     add_log_arguments(parser, assumes=False)

@@ -71,10 +71,13 @@ def run(args: argparse.Namespace) -> int:
     decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
     check_nodes(args.node, decoder)
     lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0
+    is_canopen = False
     with open_listener(config.bus) as listener:
-        say_assumed(args, config)
         for logged in heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
+            if not (is_canopen or logged.frame.is_extended):
+                is_canopen = True
+                say_assumed(args, config)
             bits += bits_of(logged.frame, config.bus.speedup)
             lines.show(map(dbc.explain, decoder.take(logged)))
         lines.show(decoder.finish())

@@ -8,6 +8,16 @@ _HIGHEST_VALID: Final = 0xFA
 _ERROR: Final = 0xFE
 
 
+def _highest(length: int) -> int:
+    if length < _BYTE:
+        return (1 << length) - 3
+    return ((_HIGHEST_VALID + 1) << (length - _BYTE)) - 1
+
+
+_HIGHEST: Final = tuple(_highest(length) for length in range(33))
+"""The highest raw value that is a value, by the bits of a signal."""
+
+
 class Signal(NamedTuple):
     """A number in a parameter group: value = raw × `resolution` + `offset`.
 
@@ -38,9 +48,7 @@ class Signal(NamedTuple):
     @property
     def highest(self) -> int:
         """The highest raw value that is a value."""
-        if self.length < _BYTE:
-            return self.not_available - 2
-        return ((_HIGHEST_VALID + 1) << (self.length - _BYTE)) - 1
+        return _HIGHEST[self.length]
 
     def raw(self, value: float) -> int:
         """Return the raw value nearest to a value; that of the error indicator for NaN."""
@@ -66,7 +74,7 @@ class Signal(NamedTuple):
         Where the signal has whole bytes, the highest one alone says so: 0xFE and 0xFF.
         """
         raw = self.raw_in(data)
-        if raw <= self.highest:
+        if raw <= _HIGHEST[self.length]:
             return ""
         whole = self.length >= _BYTE and self.length % _BYTE == 0
         low = self.length - _BYTE if whole else 0

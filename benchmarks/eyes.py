@@ -1,9 +1,11 @@
 """Frames a second that the reader of frames takes, and how often `explain` is right.
 
     python benchmarks/eyes.py [--seconds S] [--repeats N] [--frames N] [--half kept-apart|written]
+                              [--series j1939]
 
 First the logs of `tests/corpus`: those that were kept apart while `explain` was written, or the
-others. Then memory for many frames, and rates for `monitor`, `decode` and `explain`.
+others; with `--series j1939` those of J1939, which have faults and sound variants of their own.
+Then memory for many frames, and rates for `monitor`, `decode` and `explain`.
 
 The frames are a run of the built-in bench: TPDOs every 10 ms, set-points, heartbeats, the set-up by
 SDO. Processor time, the fastest round. The peer in the same run is `cantools`, which decodes the
@@ -113,9 +115,10 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--frames", type=int, default=1_000_000, help="for the memory")
     parser.add_argument("--half", choices=["kept-apart", "written"], default="kept-apart")
+    parser.add_argument("--series", choices=["", "j1939"], default="", help="of the corpus")
     parser.add_argument("--logs", type=int, help="sound logs at most")
     args = occasion.arguments(parser, seconds=1.0, repeats=1, frames=2000, logs=2, half="written")
-    found = judge(kept_apart=args.half == "kept-apart", most=args.logs)
+    found = judge(kept_apart=args.half == "kept-apart", most=args.logs, series=args.series)
     print_judgement(found, f"{args.half} half")
     frames = recorded(args.seconds)
     count = len(frames)

@@ -271,21 +271,16 @@ def listen(network: Network, duration: float) -> BusTraffic:
 # Signs that a bus is in operation, so that nobody sends to it unasked.
 
 _MOST_SIGNS = 6
-_SEVERAL = 3
-"""Frames with 29-bit identifiers that are no accident."""
 
 
 def signs_of_operation(traffic: BusTraffic) -> tuple[str, ...]:
     """Return the frames heard that show a bus in operation, in a few words; empty for a quiet one.
 
-    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, CAN FD, frames with 29-bit
-    identifiers, which wait for each of CANopen, and SDO requests of another client, whose transfers
-    a second client of the same channel would break.
+    These are a node in OPERATIONAL, PDOs, SYNC, NMT commands, CAN FD, and SDO requests of another
+    client, whose transfers a second client of the same channel would break.
     """
     rows = sorted(traffic.identifiers.items())
     signs = [sign for _, row in rows if not row.is_extended and (sign := _sign(row))]
-    if (extended := traffic.extended) >= _SEVERAL:
-        signs.insert(0, f"{extended} frames with 29-bit identifiers, as J1939 has them")
     signs += ["CAN FD"] if traffic.fd_frames else []
     if len(signs) > _MOST_SIGNS:
         return (*signs[:_MOST_SIGNS], f"{len(signs) - _MOST_SIGNS} more")

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 
@@ -52,6 +53,17 @@ def test_an_empty_bus_is_a_failed_check_with_a_hint(tmp_path, capsys) -> None:
     path.write_text(UNCONFIGURED, encoding="utf-8")
     assert main(["scan", str(path), "--virtual"]) == 1
     assert "0 nodes found: is the bus powered" in capsys.readouterr().out
+
+
+def test_a_bus_of_j1939_is_said_to_be_one(capsys) -> None:
+    """The lever and the valve driver claim their addresses, and send."""
+    bench = str(Path(__file__).parents[3] / "examples" / "j1939_lever.toml")
+    assert main(["scan", bench, "--virtual"]) == 1
+    out = capsys.readouterr().out
+    assert "0 nodes found: " in out
+    assert "frames with 29-bit identifiers were heard, as J1939 has them" in out
+    assert main(["scan", bench, "--virtual", "--listen", "0.5"]) == 0
+    assert "as J1939: PGN 60928 address claimed, from 19" in capsys.readouterr().out
 
 
 def test_listening_tells_what_was_heard(capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,13 +39,6 @@ def test_a_bus_in_operation_is_known_by_its_frames(heard, sign):
     assert signs_of_operation(heard) == (sign,)
 
 
-def test_several_frames_of_29_bits_are_a_bus_in_operation():
-    """SDO requests of 11 bits go before all of them."""
-    heard = traffic(0x18FEF100, "00", is_extended=True)
-    heard.identifiers[0x18FEF100, True].frames = 3
-    assert signs_of_operation(heard) == ("3 frames with 29-bit identifiers, as J1939 has them",)
-
-
 @pytest.mark.parametrize(
     "heard",
     [

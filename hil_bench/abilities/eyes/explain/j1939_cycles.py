@@ -194,7 +194,7 @@ class Cycles(OfJ1939):
         sent: dict[Who, set[int]] = {}
         for bus, source, group in self._cycles:
             first = self._first.get((bus, source), 0)
-            if bus == who[0] and since - _DM1_PERIOD <= first <= since + 2 * _DM1_PERIOD:
+            if bus == who[0] and since <= first <= since + 2 * _DM1_PERIOD:
                 sent.setdefault((bus, source), set()).add(group)
         return any(groups <= each for each in sent.values())
 

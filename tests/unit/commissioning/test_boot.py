@@ -154,6 +154,22 @@ def test_a_configuration_is_written_before_the_start(make, lines):
     assert lines[0] == "node 2: booted, 1 object written"
 
 
+def test_defaults_are_restored_by_a_reset_before_a_configuration_is_written(make):
+    """0x1011.01 takes "load"; 81 02 resets node 2 (CiA 301), and the write comes behind it."""
+    bench, manager = make(Slave(2, configuration=(HEARTBEAT,), restore=1), Slave(1))
+    assert manager.boot()
+    assert bench.nodes["pressure_a"]["0x1017"] == 50
+    bench.run(0.01)
+    words = [
+        logged.frame.data.hex(" ") for logged in bench.frames if logged.frame.can_id in {0, 0x602}
+    ]
+    load, reset, write = (
+        words.index(word)
+        for word in ("23 11 10 01 6c 6f 61 64", "81 02", "2b 17 10 00 32 00 00 00")
+    )
+    assert load < reset < write
+
+
 def test_a_slave_without_heartbeat_fails_when_error_control_starts(make):
     _, manager = make(Slave(1, heartbeat_time=0.15), Slave(2, heartbeat_time=0.15))
     assert not manager.boot()

@@ -110,6 +110,22 @@ def test_a_full_fifo_loses_a_frame_on_copper(control: int, kept: list[int]) -> N
     assert got == kept
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_waiting_frame_can_be_taken_back(number: int) -> None:
+    """ABRQ of its mailbox: RQCP without TXOK, and the mailbox is empty (RM0090, CAN_TSR)."""
+    core, wire, can = bxcan(1000)
+    for mailbox in range(3):
+        at = 0x180 + 16 * mailbox
+        can.store(at + 4, 0)
+        can.store(at, 0x100 + mailbox << 21 | 1)
+    can.store(0x08, 0x80 << 8 * number)
+    assert can.load(0x08) >> 8 * number & 3 == 1
+    assert can.load(0x08) >> 26 == 1 << number
+    core.run(1_000_000)
+    sent = [frame.can_id for _, frame in wire.sent]
+    assert sent == [0x100 + mailbox for mailbox in range(3) if mailbox != number]
+
+
 def test_a_full_fifo_holds_frames_back_on_a_bus_without_time() -> None:
     core, wire, can = bxcan(0)
     wire.bring([Frame(number) for number in range(1, 6)])

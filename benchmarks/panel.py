@@ -30,7 +30,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as open_socket
 
 import occasion
-from hil_bench.abilities.live.feed.client import connect
+from hil_bench.abilities.live.client import connect
 
 ROOT = Path(__file__).parents[1]
 BENCH = ROOT / "examples" / "two_axes.toml"

@@ -7,9 +7,9 @@ import tempfile
 import threading
 from pathlib import Path
 
-from hil_bench.abilities.live.feed.places import Place
-from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.places import Place
+from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.abilities.live.session_feed import Feed, feed_parts
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.guard import Secret

@@ -3,9 +3,9 @@
 import contextlib
 import threading
 
-from hil_bench.abilities.live.feed.places import Place
-from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.places import Place
+from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.abilities.live.work_feed import WorkFeed
 from hil_bench.outside.processes.shared_ring import SharedRing
 

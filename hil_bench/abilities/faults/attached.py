@@ -4,7 +4,7 @@ import contextlib
 from typing import Final, Self
 
 from hil_bench.abilities.faults.verbs import Verbs
-from hil_bench.abilities.live.feed.client import FeedClient
+from hil_bench.abilities.live.client import FeedClient
 from hil_bench.errors import ConfigError
 
 

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any, Final
 
-from hil_bench.abilities.live.feed.client import FeedClient
+from hil_bench.abilities.live.client import FeedClient
 from hil_bench.cli.results import print_results
 from hil_bench.errors import ConfigError, printable
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil_bench.abilities.live.feed.messages import TABLE, TEXT, AddedAction, Field
+from hil_bench.abilities.live.messages import TABLE, TEXT, AddedAction, Field
 
 
 def _is_number(value: object) -> bool:

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from hil_bench.abilities.live.feed.client import TIMEOUT, BenchEndError, FeedClient, connect
-from hil_bench.abilities.live.feed.messages import pack_value, unpack_value
+from hil_bench.abilities.live.client import TIMEOUT, BenchEndError, FeedClient, connect
+from hil_bench.abilities.live.messages import pack_value, unpack_value
 from hil_bench.ability import given_to
 from hil_bench.canopen_device.datatypes import Value
 from hil_bench.outside.recording.channels import Channel

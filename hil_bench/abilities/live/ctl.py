@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
-from hil_bench.abilities.live.feed.client import FeedClient, connect
-from hil_bench.abilities.live.feed.places import HAS_SOCKETS, find_names
+from hil_bench.abilities.live.client import FeedClient, connect
+from hil_bench.abilities.live.places import HAS_SOCKETS, find_names
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.live_words import ecu_text, health_text, node_text

@@ -3,7 +3,7 @@
 import argparse
 import importlib.util
 
-from hil_bench.abilities.live.feed.places import HAS_SOCKETS
+from hil_bench.abilities.live.places import HAS_SOCKETS
 from hil_bench.errors import ConfigError
 
 NAME = "bench"

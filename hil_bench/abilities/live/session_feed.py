@@ -10,7 +10,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from hil_bench.abilities.live.feed.messages import (
+from hil_bench.abilities.live.messages import (
     ACTED,
     ANSWER,
     COMMAND,
@@ -28,8 +28,8 @@ from hil_bench.abilities.live.feed.messages import (
     pack_value,
     unpack_value,
 )
-from hil_bench.abilities.live.feed.process import FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.process import FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.ability import load
 from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hil_bench
-from hil_bench.abilities.live.feed.places import HAS_SOCKETS, Place
-from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
 from hil_bench.abilities.live.options import NAME, check_panel_argument
+from hil_bench.abilities.live.places import HAS_SOCKETS, Place
+from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.abilities.live.session_feed import Feed, feed_parts
 from hil_bench.abilities.live.work_feed import WorkFeed
 from hil_bench.bench.assembly import number_buses

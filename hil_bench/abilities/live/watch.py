@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors
-from hil_bench.abilities.live.feed.client import FeedClient, connect
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.live_words import ecu_text, health_text, node_text

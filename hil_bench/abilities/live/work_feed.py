@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
-from hil_bench.abilities.live.feed.messages import (
+from hil_bench.abilities.live.messages import (
     ACTED,
     ANSWER,
     COMMAND,
@@ -21,8 +21,8 @@ from hil_bench.abilities.live.feed.messages import (
     WANTS_ROWS,
     encode,
 )
-from hil_bench.abilities.live.feed.process import FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.process import FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.cli.views import WorkState
 from hil_bench.session.commands import Journal
 

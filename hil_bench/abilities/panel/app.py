@@ -19,7 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from hil_bench.abilities.live.feed.messages import encode
+from hil_bench.abilities.live.messages import encode
 from hil_bench.abilities.panel.desk import Desk
 from hil_bench.abilities.panel.guard import EXPORT, App, Guard, Secret
 from hil_bench.abilities.panel.hub import Hub, Viewer

@@ -10,9 +10,9 @@ from typing import Any, Self
 from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.abilities.faults.live import fault_keys
 from hil_bench.abilities.faults.registry import LASTS_KEY, all_kinds
-from hil_bench.abilities.live.feed.client import TIMEOUT
-from hil_bench.abilities.live.feed.messages import check_version, encode, patience, value_of
-from hil_bench.abilities.live.feed.places import HAS_SOCKETS, place_of
+from hil_bench.abilities.live.client import TIMEOUT
+from hil_bench.abilities.live.messages import check_version, encode, patience, value_of
+from hil_bench.abilities.live.places import HAS_SOCKETS, place_of
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
 from hil_bench.errors import BusError, WaitTimeoutError, printable

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.faults.live import fault_fields
-from hil_bench.abilities.live.feed.messages import (
+from hil_bench.abilities.live.messages import (
     NUMBER,
     SWITCH,
     TABLE,

@@ -12,9 +12,9 @@ from hil_bench.abilities.eyes.explain.explain import Explainer
 from hil_bench.abilities.eyes.explain.finding import Finding
 from hil_bench.abilities.eyes.explain.live import LiveFindings
 from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.live.feed.client import only_one
-from hil_bench.abilities.live.feed.messages import encode
-from hil_bench.abilities.live.feed.places import find_names
+from hil_bench.abilities.live.client import only_one
+from hil_bench.abilities.live.messages import encode
+from hil_bench.abilities.live.places import find_names
 from hil_bench.abilities.panel.bench_link import BenchLink, fault_choices, open_link
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ConfigError, HilBenchError

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import uvicorn
 
-from hil_bench.abilities.live.feed.messages import MOST_REQUEST
+from hil_bench.abilities.live.messages import MOST_REQUEST
 from hil_bench.abilities.panel import DEFAULT_PORT
 from hil_bench.abilities.panel.app import AT_ONCE, Connections, Panel, Server
 from hil_bench.abilities.panel.desk import Desk

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from hil_bench.abilities.live.feed.client import FeedClient
+from hil_bench.abilities.live.client import FeedClient
 from hil_bench.cli.results import print_results
 from hil_bench.errors import RecordingError, printable
 

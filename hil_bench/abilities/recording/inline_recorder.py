@@ -2,15 +2,16 @@
 
 import struct
 from collections.abc import Callable, Sequence
-from typing import Protocol
-
-import can
+from typing import TYPE_CHECKING, Protocol
 
 from hil_bench.abilities.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+
+if TYPE_CHECKING:
+    import can
 
 # A recording written by the one whose ticks it records: for virtual time, which can wait.
 
@@ -104,7 +105,7 @@ class NetworkTap:
         """Return the time on the recording's time base [s]."""
         return self._clock() - self.origin
 
-    def observe(self, message: can.Message) -> None:
+    def observe(self, message: "can.Message") -> None:
         """Record a frame that the network received or sent."""
         frame = frame_of(message)
         if frame is None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import documents
 
-from hil_bench.abilities.live.feed.messages import RequestError, encode, parse_request
+from hil_bench.abilities.live.messages import RequestError, encode, parse_request
 
 GOOD = [
     {"id": 1, "do": "status"},

@@ -11,15 +11,15 @@ import pytest
 from support.patience import GUARD
 
 import hil_bench
-from hil_bench.abilities.live.feed.places import (
+from hil_bench.abilities.live.places import (
     Place,
     check_name,
     find_names,
     place_of,
     runtime_folder,
 )
-from hil_bench.abilities.live.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.feed.server import FeedPlan
+from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.abilities.live.session_feed import Feed
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.bench.configuration import load_config
@@ -108,7 +108,7 @@ def test_a_server_that_cannot_start_is_tried_again(monkeypatch, caplog):
     def refuse(_self):
         raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
-    monkeypatch.setattr("hil_bench.abilities.live.feed.process.HelperProcess.start", refuse)
+    monkeypatch.setattr("hil_bench.abilities.live.process.HelperProcess.start", refuse)
     place, now = Place("a"), [0]
     ring = SharedRing(64)
     process = FeedProcess(place.listener, FeedPlan({}, 1, ring, ring), clock=lambda: now[0])

@@ -8,9 +8,9 @@ from support.feed_loop import FeedLoop, Wire
 
 from hil_bench.abilities.faults.fault import MOST_FAULTS
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.abilities.live.feed.client_link import MOST_OPEN
-from hil_bench.abilities.live.feed.messages import MOST_REQUEST
-from hil_bench.abilities.live.feed.server import MOST_CLIENTS
+from hil_bench.abilities.live.client_link import MOST_OPEN
+from hil_bench.abilities.live.messages import MOST_REQUEST
+from hil_bench.abilities.live.server import MOST_CLIENTS
 from hil_bench.canopen_device.frame import Frame
 
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from hil_bench.abilities.live.feed.messages import COMMAND, encode
+from hil_bench.abilities.live.messages import COMMAND, encode
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.errors import BusError

@@ -13,7 +13,7 @@ from support.patience import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from hil_bench.abilities.live.feed.messages import MOST_REQUEST
+from hil_bench.abilities.live.messages import MOST_REQUEST
 from hil_bench.abilities.panel import app
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
 from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test

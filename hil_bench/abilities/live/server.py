@@ -11,8 +11,8 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.live.feed.client_link import ClientLink
-from hil_bench.abilities.live.feed.messages import (
+from hil_bench.abilities.live.client_link import ClientLink
+from hil_bench.abilities.live.messages import (
     ACTED,
     ANSWER,
     COMMAND,

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Mapping
 from typing import Protocol, cast
 
-from hil_bench.abilities.live.feed.messages import (
+from hil_bench.abilities.live.messages import (
     MOST_REQUEST,
     Request,
     RequestError,

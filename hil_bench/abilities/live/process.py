@@ -16,9 +16,9 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from time import monotonic_ns
 
-from hil_bench.abilities.live.feed.client_link import ClientLink
-from hil_bench.abilities.live.feed.messages import encode
-from hil_bench.abilities.live.feed.server import FeedPlan, FeedServer
+from hil_bench.abilities.live.client_link import ClientLink
+from hil_bench.abilities.live.messages import encode
+from hil_bench.abilities.live.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.outside.reception import say_errors_in_a_line, serve_at
 

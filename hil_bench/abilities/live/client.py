@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
-from hil_bench.abilities.live.feed.messages import check_version, encode, patience, value_of
-from hil_bench.abilities.live.feed.places import HAS_SOCKETS, find_names, place_of
+from hil_bench.abilities.live.messages import check_version, encode, patience, value_of
+from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, place_of
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
 
 TIMEOUT = 5.0

@@ -1,1 +1,0 @@
-"""The feed of a running bench: a local socket for those who watch it and give it commands."""

@@ -35,8 +35,8 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
 from hil_bench.cli.verbs import own_verbs
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.frames import message_of, open_frame_file
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve

@@ -18,7 +18,7 @@ from corpus.sound_j1939 import variants
 
 from hil_bench.abilities.eyes.explain.explain import Explainer, Explanation, explain
 from hil_bench.abilities.eyes.explain.finding import Finding
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 
 class Judgement(NamedTuple):

@@ -21,7 +21,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.session.telemetry import sample
+from hil_bench.session.session import sample
 
 CHANNELS = tuple(Channel(f"signal{number}", "m") for number in range(16))
 PERIOD = 1e-3

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import takewhile
 
 from hil_bench.bench.bench import Bench, Event
-from hil_bench.outside.recording.spans import Span
+from hil_bench.outside.recording.channels import Span
 
 
 def event_text(event: Event) -> str:

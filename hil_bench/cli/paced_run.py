@@ -15,7 +15,6 @@ from hil_bench.bench.peers import peers_of
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import BenchEvents, Helpers
-from hil_bench.cli.live_words import ecu_text
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up
 from hil_bench.cli.status_line import (
     Progress,
@@ -27,6 +26,7 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
+from hil_bench.cli.terminal import ecu_text
 from hil_bench.cli.views import ShownWork, watched_run
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock

@@ -11,9 +11,9 @@ import pytest
 from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.plot import has_axis, plot_result
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench

@@ -20,8 +20,7 @@ from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.recording.channels import Channel, ChannelRecorder
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import Channel, ChannelRecorder, LoggedFrame
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.session.session import Session, open_session

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from corpus.logs import SoundLog, is_kept_apart
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 MS = 1_000_000
 Frames = list[LoggedFrame]

@@ -5,7 +5,7 @@ import itertools
 from corpus.faults import MS, Found, Scene, changed, fault, merged
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _TRANSPORT = frozenset({0xEB, 0xEC})
 _CLAIM = 0xEE

@@ -10,7 +10,7 @@ from corpus.j1939_scene import (
     one_of_several,
 )
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _DM1 = 0xFECA
 _ERROR_FLAG = 0x20000000

@@ -3,7 +3,7 @@
 from corpus.faults import MS, Found, Frames, Scene, changed, fault_of_j1939, merged
 from corpus.j1939_scene import ALL, CONTROL, PACKET, Session, is_of, pair, pdu_format, senders
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _TIMEOUT, _RESOURCES, _BAD_SEQUENCE = 3, 2, 7
 _T1, _T2, _T3, _T4 = 750, 1250, 1250, 1050

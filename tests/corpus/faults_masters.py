@@ -3,7 +3,7 @@
 from corpus.faults import MS, Found, Scene, changed, fault, is_from, merged, sender
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 
 def _name(node: int) -> str:

@@ -6,7 +6,7 @@ from corpus.faults import MS, Found, Frames, Scene, changed, fault, is_from, mer
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _CYCLIC = range(1, 241)
 

@@ -5,7 +5,7 @@ import itertools
 from corpus.faults import MS, Scene
 from hil_bench.abilities.j1939.protocol.identifier import join
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 CLAIMED, REQUEST, CONTROL, PACKET = 0xEE00, 0xEA00, 0xEC00, 0xEB00
 PROPRIETARY = 0xEF00

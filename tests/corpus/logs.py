@@ -17,7 +17,7 @@ from corpus.copper import timed_like_copper
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 HERE = Path(__file__).parent
 EDS = Path(device_profiles.__file__).parent

@@ -10,7 +10,7 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.nodes import merge_nodes, nodes_of
 from hil_bench.bench.configuration import load_config
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 Make = Callable[[], tuple[Iterable[LoggedFrame], list[KnownNode]]]
 """Gives the frames, and the nodes that ought to be there."""

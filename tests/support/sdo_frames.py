@@ -3,7 +3,7 @@
 import struct
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 MS = 1_000_000
 

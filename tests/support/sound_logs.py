@@ -10,7 +10,7 @@ from device_profiles import PRESSURE_404
 from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 SOUND: dict[str, Make] = {}
 

@@ -13,8 +13,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.outside.recording.channels import Channel, recording_dtype
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import Channel, LoggedFrame, recording_dtype
 from hil_bench.session.virtual_bench import VirtualBench
 
 FRAMES = [

@@ -26,7 +26,7 @@ from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, com
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
-from hil_bench.abilities.recording.inline_recorder import RowSink
+from hil_bench.abilities.recording.recorder import RowSink
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
 from hil_bench.outside.recording.channels import Channel

@@ -16,7 +16,7 @@ from hil_bench.abilities.eyes.values import Reading
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import emergency_text, function_of, is_error_reset
 from hil_bench.frame import BUS_SHIFT, bits_of
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.transports.bus_load import BusLoad
 
 FIRST_FD: Final = 1 << BUS_SHIFT

@@ -33,7 +33,7 @@ from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtRequest, NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.words import function_of
 from hil_bench.frame import BUS_SHIFT, ERROR_FLAG, address_of
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.pdos import Pdo

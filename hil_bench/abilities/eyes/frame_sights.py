@@ -15,7 +15,7 @@ from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.canopen_device.words import abort_text, function_of, nmt_text
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 LENGTH_OF_SDO: Final = 8
 _TO_DESTINATION, _NODE_ID = 0x80, 0x7F

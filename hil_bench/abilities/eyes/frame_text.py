@@ -13,7 +13,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import function_of
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 CYCLIC = 5
 """How often an identifier comes before it counts as cyclic."""

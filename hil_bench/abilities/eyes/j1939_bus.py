@@ -19,7 +19,7 @@ from hil_bench.abilities.j1939.protocol.identifier import (
 )
 from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _MS: Final = 1e-6
 _PROOF: Final = 10

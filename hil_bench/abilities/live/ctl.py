@@ -10,9 +10,9 @@ from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.places import HAS_SOCKETS, find_names
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.live_words import ecu_text, health_text, node_text
 from hil_bench.cli.parser import Parser, add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.terminal import ecu_text, health_text, node_text
 from hil_bench.errors import (
     BusError,
     ControllerError,

@@ -11,9 +11,18 @@ from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.live_words import ecu_text, health_text, node_text
 from hil_bench.cli.parser import add_units_argument
-from hil_bench.cli.terminal import ONCE, REFRESH, STATE_STYLES, bar, make_console, make_table
+from hil_bench.cli.terminal import (
+    ONCE,
+    REFRESH,
+    STATE_STYLES,
+    bar,
+    ecu_text,
+    health_text,
+    make_console,
+    make_table,
+    node_text,
+)
 from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.errors import BusError, printable
 from hil_bench.shown_units import shown_unit

@@ -8,6 +8,6 @@ ABILITY = Ability(
     "lockstep",
     options={"run": f"{_HERE}.run_options", "commission": f"{_HERE}.commission_options"},
     gives={"network": f"{_HERE}.commission_options"},
-    bench_methods={"join": f"{_HERE}.links:join"},
+    bench_methods={"join": f"{_HERE}.firmware:join"},
     fixtures=f"{_HERE}.fixtures",
 )

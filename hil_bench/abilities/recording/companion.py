@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 
-from hil_bench.abilities.recording.inline_recorder import RecordingSink
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
+from hil_bench.abilities.recording.recorder import RecordingSink
 from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.exit_codes import ExitCode

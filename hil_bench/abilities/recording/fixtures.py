@@ -35,9 +35,9 @@ def record_frames(network: "Network", item: pytest.Item) -> Iterator[None]:
     if path is None:
         yield
         return
-    from hil_bench.abilities.recording.inline_recorder import NetworkTap
     from hil_bench.abilities.recording.recorder import RecordingPlan
     from hil_bench.abilities.recording.recorder_process import RecorderProcess
+    from hil_bench.abilities.recording.work import NetworkTap
 
     with RecorderProcess(RecordingPlan((path,), ())) as recording:
         network.observe = NetworkTap(recording, network.now).observe

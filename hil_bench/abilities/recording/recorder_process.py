@@ -26,7 +26,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.packed_frames import pack_frames, unpack_frames
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 logger = logging.getLogger(__name__)
 

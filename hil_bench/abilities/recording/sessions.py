@@ -11,16 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import hil_bench
-from hil_bench.abilities.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan, RecordingSink
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.abilities.recording.report import RecordingReport, RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_spans
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.outside.recording.channels import Span
 from hil_bench.outside.recording.formats import Heading
-from hil_bench.outside.recording.spans import Span
 from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)

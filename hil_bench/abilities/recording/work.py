@@ -1,17 +1,51 @@
-"""The recording of what a machine does under `hil-bench commission` and `hil-bench test`."""
+"""The recording of a network, as of a machine under `hil-bench commission` and `hil-bench test`."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import can
+
 from hil_bench import __version__
-from hil_bench.abilities.recording.inline_recorder import InlineRecorder, NetworkTap, RecordingSink
-from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder import (
+    InlineRecorder,
+    RecordingPlan,
+    RecordingSink,
+)
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.cli.controller_side import OpenNetwork
+from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.formats import Heading
+
+
+class NetworkTap:
+    """An observer of the drivers' `Network` that records its frames.
+
+    Args:
+        recording: what takes the frames; its time 0 is now.
+        clock: the network's time [s].
+
+    Attributes:
+        origin: time 0 of the recording on that clock [s].
+    """
+
+    def __init__(self, recording: RecordingSink, clock: Callable[[], float]) -> None:
+        self._recording = recording
+        self._clock = clock
+        self.origin = clock()
+
+    def now(self) -> float:
+        """Return the time on the recording's time base [s]."""
+        return self._clock() - self.origin
+
+    def observe(self, message: can.Message) -> None:
+        """Record a frame that the network received or sent."""
+        frame = frame_of(message)
+        if frame is None:
+            return
+        self._recording.append_frames([frame], round(self.now() * 1e9), is_received=message.is_rx)
 
 
 @contextlib.contextmanager

@@ -19,11 +19,11 @@ from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,
+    LoggedFrame,
     Recording,
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.plants.quantity import Quantity
 
 _LONGEST_WAIT = 3600.0

@@ -27,9 +27,7 @@ from hil_bench.abilities.scenario.nodes import (
 )
 from hil_bench.abilities.scenario.reach import Asks, asks_for
 from hil_bench.abilities.scenario.values import Floats, build_values
-from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.spans import Span
+from hil_bench.outside.recording.channels import LoggedFrame, Recording, Span
 from hil_bench.session.virtual_bench import FrameReader
 from hil_bench.units import ONE, Unit
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from hil_bench.errors import ConfigError, RecordingError, about_file, check_replaceable
-from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame, Recording
 
 BUS_LOGS = (".asc", ".blf", ".log")
 """Suffixes of what has frames alone and is written: Vector's ASC and BLF, candump's log."""

@@ -6,7 +6,7 @@ from typing import IO
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, FD_LENGTHS
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
 """A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most

@@ -1,10 +1,13 @@
-"""Channels: what is recorded each tick, kept in a ring that never grows."""
+"""The content of recordings: channels with a row a tick, frames, and named times."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+
+# Channels: what is recorded each tick, kept in a ring that never grows.
 
 if TYPE_CHECKING:
     import numpy as np
@@ -112,3 +115,50 @@ def recording_channels(recording: Recording) -> tuple[Channel, ...]:
         Channel(name, dict(dtype[name].metadata or {}).get("unit", "-"))
         for name in dtype.names or ()
     )
+
+
+# A frame as a recording holds it.
+
+
+class LoggedFrame(NamedTuple):
+    """A frame that was on the bus.
+
+    Attributes:
+        frame: the frame.
+        now: when it was on the bus, on the recording's time base [ns].
+        is_received: whether the recording side received it; False where it sent it, None where the
+            file does not say.
+    """
+
+    frame: Frame
+    now: int
+    is_received: bool | None
+
+
+def from_first(frames: Iterable[LoggedFrame]) -> Iterator[LoggedFrame]:
+    """Count times from the first frame: logs of real buses have the date.
+
+    Yields:
+        The frames.
+    """
+    first: int | None = None
+    for logged in frames:
+        first = logged.now if first is None else first
+        yield logged._replace(now=logged.now - first)
+
+
+# Times of a recording with a name, such as those of its faults.
+
+
+class Span(NamedTuple):
+    """A time in which something was otherwise, such as a fault.
+
+    Attributes:
+        begin: [s].
+        end: [s].
+        label: what it was.
+    """
+
+    begin: float
+    end: float
+    label: str

@@ -29,7 +29,7 @@ from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside import messages as can_messages
 from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile
 from hil_bench.outside.recording.candump_lines import CompleteLines
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
 from hil_bench.outside.recording.text_readers import TEXT_READERS, Reader

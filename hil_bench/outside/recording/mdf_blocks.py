@@ -8,7 +8,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from hil_bench.errors import about_file
-from hil_bench.outside.recording.spans import Span
+from hil_bench.outside.recording.channels import Span
 
 # The blocks of a measurement data file, as far as recordings use them (ASAM MDF 4.1).
 #

@@ -16,8 +16,13 @@ from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, FD_LENGTHS
 from hil_bench.outside.recording import mdf_blocks as mdf
-from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import (
+    TIME,
+    Channel,
+    LoggedFrame,
+    Recording,
+    recording_dtype,
+)
 
 _MOST_CHANNELS = 10_000
 _LARGEST = 1 << 30

@@ -21,8 +21,7 @@ from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.frame import ERROR_FLAG, FD_LENGTHS, is_error_frame
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.block_file import BlockFile
-from hil_bench.outside.recording.channels import TIME, Channel, Recording
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import TIME, Channel, LoggedFrame, Recording
 
 _LINK = struct.Struct("<Q")
 _COMPRESSION_LEVEL = 4

@@ -12,9 +12,14 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError, whole_file
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE
-from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
-from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.spans import Span
+from hil_bench.outside.recording.channels import (
+    TIME,
+    Channel,
+    LoggedFrame,
+    Recording,
+    Span,
+    recording_channels,
+)
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
 from hil_bench.units import Unit

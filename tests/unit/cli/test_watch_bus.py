@@ -15,8 +15,8 @@ from hil_bench.abilities.eyes.verbs.bus_view import BusView
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.frame import frame_bits
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.frames import message_of
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener
 
 BENCH = """\

@@ -19,7 +19,7 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 BITRATE = 1_000_000
 

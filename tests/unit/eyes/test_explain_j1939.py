@@ -15,7 +15,7 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_ecu import ecus_of
 from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_drivers import DriverError, Network, PositionSensor
 from hil_drivers.j1939 import AuxiliaryValve, J1939Port, Name
 

@@ -16,9 +16,9 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.cli import main
 from hil_bench.frame import bits_of
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import open_frame_file, read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 BITRATE = 1_000_000
 FD_DBC = """\

@@ -11,7 +11,7 @@ from hil_bench.abilities.eyes.nodes import nodes_of
 from hil_bench.abilities.eyes.sight import Service
 from hil_bench.abilities.eyes.verbs.sight_lines import is_problem
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 CONFIG = load_config(Path(__file__).parents[3] / "examples" / "j1939.toml")
 MS = 1_000_000

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil_bench.abilities.lockstep.links import LockStepLink, RealTimeLink, advance
+from hil_bench.abilities.lockstep.firmware import LockStepLink, RealTimeLink, advance
 from hil_bench.abilities.lockstep.lockstep import (
     FRAMES_AT_ONCE,
     LockStep,

@@ -12,8 +12,8 @@ from support.dissection import dissect, require_tool, require_tshark
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.block_file import BUS_LOGS
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.frames import LeftOut, open_frame_file, read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
 

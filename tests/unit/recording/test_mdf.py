@@ -11,10 +11,15 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording import mdf_reader
-from hil_bench.outside.recording.channels import TIME, Channel, recording_channels, recording_dtype
+from hil_bench.outside.recording.channels import (
+    TIME,
+    Channel,
+    LoggedFrame,
+    recording_channels,
+    recording_dtype,
+)
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_blocks import pack_block
 from hil_bench.outside.recording.mdf_reader import read_mdf
 from hil_bench.outside.recording.mdf_writer import MdfFile

@@ -4,8 +4,7 @@ import os
 
 import pytest
 
-from hil_bench.abilities.recording.inline_recorder import InlineRecorder
-from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main

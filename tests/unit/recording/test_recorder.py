@@ -10,11 +10,10 @@ from hil_bench.abilities.recording.recorder import Recorder, RecordingPlan
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
-from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.recording.channels import Channel, LoggedFrame
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)
 ROW = struct.Struct("<2d")

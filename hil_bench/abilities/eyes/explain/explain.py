@@ -25,7 +25,7 @@ from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import NULL
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 _AT_ONCE = 5_000_000
 """Time within which the PDOs of several nodes stay out together [ns]."""

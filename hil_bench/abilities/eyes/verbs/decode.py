@@ -19,18 +19,17 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     say_assumed,
 )
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
-from hil_bench.abilities.recording.inline_recorder import InlineRecorder
 from hil_bench.abilities.recording.options import recording_code
-from hil_bench.abilities.recording.recorder import RecordingPlan
+from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import LoggedFrame, from_first
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner

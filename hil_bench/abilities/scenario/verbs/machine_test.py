@@ -20,8 +20,8 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     print_returned,
     restore_command,
 )
-from hil_bench.abilities.recording.inline_recorder import RecordingSink
 from hil_bench.abilities.recording.options import recording_code, report_lines
+from hil_bench.abilities.recording.recorder import RecordingSink
 from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.abilities.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.abilities.scenario.recorded import judge_trace

@@ -33,10 +33,9 @@ from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
-from hil_bench.outside.recording.channels import TIME, Recording
+from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES
 from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.units import ONE
 
 _SUFFIX = ".html"

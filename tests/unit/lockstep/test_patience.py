@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.lockstep.links import USUAL_PATIENCE, LockStepLink, Patience
+from hil_bench.abilities.lockstep.firmware import USUAL_PATIENCE, LockStepLink, Patience
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config

@@ -198,7 +198,7 @@ class J1939Reader:
 
 
 def _joined(head: str, content: str) -> str:
-    """Return what a message is and what it carries; digits without a colon."""
+    """Join the title of a message and its content; digits go without a colon."""
     return f"{head}{' ' if content.startswith('[') else ': '}{content}" if head else content
 
 

@@ -265,7 +265,7 @@ class LongMessages:
 
 
 def _contradiction(message: LongMessage, packets: int, *, is_to_all: bool) -> str:
-    """Return what is wrong with an announcement; empty for nothing."""
+    """Return the contradiction in an announcement, in words; empty for a right one."""
     if is_to_all != message.is_to_all:
         return "BAM to one address" if is_to_all else "RTS to all"
     if message.size > MOST_BYTES:

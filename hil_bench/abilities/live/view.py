@@ -28,6 +28,7 @@ from hil_bench.cli.views import Health, ShownWork, WorkView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "bench_file": str(Path(config.path).resolve()) if config.path else None,
         "seed": config.seed,
         "devices": dict(_devices(config)),
+        "bus_rates": [[bus.bitrate or USUAL_BITRATE, bus.speedup] for bus in config.buses.values()],
         "ecus": dict(_ecus(config, session)),
         **{
             name: value

@@ -138,10 +138,13 @@ class BusFindings:
 
     Args:
         devices: of the bench, as its greeting has them: node-ID and bus by name.
+        rates: of each bus, likewise: its bit rate [bit/s], and how many times faster the data phase
+            of CAN FD is.
     """
 
-    def __init__(self, devices: Mapping[str, Any]) -> None:
+    def __init__(self, devices: Mapping[str, Any], rates: Sequence[Sequence[float]] = ()) -> None:
         self._devices = devices
+        self._rates = rates
         self._buses: dict[int, tuple[Explainer, LiveFindings]] = {}
 
     def take(self, frames: Iterable[Sequence[Any]]) -> dict[str, Any] | None:
@@ -168,7 +171,8 @@ class BusFindings:
             for name, each in self._devices.items()
             if each.get("bus") == bus and each.get("node_id")
         ]
-        explainer = Explainer(known, USUAL_BITRATE)
+        bitrate, speedup = self._rates[bus] if bus < len(self._rates) else (USUAL_BITRATE, 1.0)
+        explainer = Explainer(known, int(bitrate), speedup=speedup)
         self._buses[bus] = explainer, LiveFindings(explainer)
         return self._buses[bus]
 
@@ -407,7 +411,7 @@ class Hub:
         """
         if self._findings is None:
             hello = {} if self.link is None else self.link.hello
-            self._findings = BusFindings(hello.get("devices", {}))
+            self._findings = BusFindings(hello.get("devices", {}), hello.get("bus_rates", ()))
         try:
             message = self._findings.take(json.loads(line)["frames"])
         except (ValueError, TypeError, KeyError, RecursionError):

@@ -142,7 +142,7 @@ class SocketCanTransport:
         self._speedup = speedup
         self._bus = bus
         self._socket = bus.socket
-        self._pending: deque[bytes] = deque()
+        self._pending: deque[tuple[bytes, float]] = deque()
         self._counters = TransportCounters()
         self._drop_counter = 0
         self._looks = 0
@@ -193,15 +193,19 @@ class SocketCanTransport:
                     self._counters.ignored += 1
                 else:
                     frames.append(frame)
-                    self._counters.bits += (
-                        bits_of(frame, self._speedup) if frame.fd else FRAME_BITS[len(frame.data)]
-                    )
+                    self._counters.bits += self._bits(frame)
         except BlockingIOError:
             pass
         except OSError as error:
             self._give_up(error)
         self._counters.received += len(frames)
         return frames
+
+    def _bits(self, frame: Frame) -> float:
+        """Return the bits of a frame on the bus, of most from the table."""
+        if frame.fd or frame.is_extended:
+            return bits_of(frame, self._speedup)
+        return FRAME_BITS[len(frame.data)]
 
     def wait(self, timeout: float) -> bool:
         """Wait until a frame has arrived, at most `timeout` [s]; return whether one has.
@@ -221,11 +225,11 @@ class SocketCanTransport:
         down, all are.
         """
         pending = self._pending
-        pending.extend(map(pack_frame, frames))
+        pending.extend((pack_frame(frame), self._bits(frame)) for frame in frames)
         try:
             while pending:
-                self._socket.send(pending[0])
-                self._counters.bits += FRAME_BITS[pending.popleft()[_LENGTH]]
+                self._socket.send(pending[0][0])
+                self._counters.bits += pending.popleft()[1]
                 self._counters.sent += 1
         except OSError as error:
             if error.errno not in _TRY_LATER:

@@ -44,3 +44,16 @@ def test_what_is_over_is_taken_back():
     frames = [[3.0, 0, "in", 0, "0101", False, False, 0]]
     frames += [[time / 10, 0, "out", 0x702, "05", False, False, 0] for time in range(31, 60)]
     assert findings.take(frames)["findings"] == []
+
+
+def test_the_load_of_can_fd_counts_at_both_rates():
+    """1600 frames a second of 64 bytes with bit-rate switch, on 500 kbit/s.
+
+    Each has 620 bits of data and CRC with their stuff bits, and 33 others: at one rate 200 % of the
+    bus, with a data phase that is eight times faster 35 %.
+    """
+    frames = [[n / 1600, 0, "in", 0x100, "00" * 64, False, False, 5] for n in range(1600)]
+    frames.append([1.0, 0, "in", 1, "", False, False, 0])
+    at_once = BusFindings({}, [[500_000, 1.0]]).take(frames)
+    assert [each["title"] for each in at_once["findings"]] == ["bus load"]
+    assert BusFindings({}, [[500_000, 8.0]]).take(frames) is None

@@ -146,6 +146,23 @@ def test_frames_are_sent_in_order(wire):
     assert transport.counters() == TransportCounters(sent=2)
 
 
+@pytest.mark.parametrize(
+    ("frame", "least"),
+    [
+        (Frame(1, bytes(8)), 111),  # CAN 2.0: 47 bits and the data, without stuff bits
+        (Frame(0x18FEF100, bytes(8), is_extended=True), 131),  # 67 bits and the data
+    ],
+)
+def test_bits_count_by_the_kind_of_identifier_both_ways(wire, frame, least):
+    transport, far = wire
+    transport.send([frame])
+    sent = transport.counters().bits
+    assert least <= sent < 1.25 * least  # a stuff bit behind four others at most
+    far.send(far.recv(100))
+    transport.receive(1)
+    assert transport.counters().bits == pytest.approx(2 * sent)
+
+
 def test_the_receive_buffer_is_enlarged_and_what_was_granted_is_known(wire):
     transport, far = wire
     assert transport.receive_buffer > far.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)

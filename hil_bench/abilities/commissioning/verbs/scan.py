@@ -152,7 +152,7 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
 
 
 def _advice(traffic: BusTraffic) -> str:
-    """Return what to look at where no node was found."""
+    """Return the advice for a bus on which no node was found."""
     if traffic.extended:
         return (
             f"{traffic.extended} frames with 29-bit identifiers were heard, as J1939 has them; "

@@ -106,3 +106,7 @@ def test_the_layouts_of_examples_name_what_their_benches_have(path):
         if "quantity" in each:
             assert each["quantity"] in axes[each["axis"]]
     bench.close()
+
+
+def test_a_folder_that_is_not_there_has_no_layouts(tmp_path):
+    assert list_layouts(tmp_path / "nowhere") == []

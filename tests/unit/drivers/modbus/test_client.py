@@ -94,13 +94,29 @@ def test_an_identification_on_a_serial_line(link, client):
     assert client.read_identification(17) == {0: "ab", 1: "c"}
 
 
-def test_a_refusal_names_code_and_meaning(link, client):
-    link.play(tcp(1, "84 02"))
+@pytest.mark.parametrize(
+    ("code", "meaning"),
+    [
+        (1, "illegal function"),
+        (2, "illegal data address"),
+        (3, "illegal data value"),
+        (4, "server device failure"),
+        (5, "acknowledge"),
+        (6, "server device busy"),
+        (8, "memory parity error"),
+        (10, "gateway path unavailable"),
+        (11, "gateway target device failed to respond"),
+        (7, "unknown"),
+    ],
+)
+def test_a_refusal_names_code_and_meaning(link, client, code, meaning):
+    """The codes of MODBUS Application Protocol V1.1b3, 7."""
+    link.play(tcp(1, f"84 {code:02x}"))
     with pytest.raises(ModbusExceptionError) as caught:
         client.read_registers(17, "input_registers", 0, 2)
-    assert caught.value.code == 2
+    assert caught.value.code == code
     assert str(caught.value) == (
-        "unit 17 at transcript: function 4 refused: exception 2, illegal data address"
+        f"unit 17 at transcript: function 4 refused: exception {code}, {meaning}"
     )
 
 

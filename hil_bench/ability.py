@@ -87,7 +87,7 @@ class Ability(NamedTuple):
             made with the tables of the nodes, too, and stands behind them in ``check``. One of
             devices beside the nodes says ``before_nodes = True``; it is made with the document, the
             section of the axes, the folder and the problems, and is a
-            `hil_bench.bench.configuration.peers.PeerSection`. One that is about all of the bench
+            `hil_bench.bench.configuration.nodes.PeerSection`. One that is about all of the bench
             says ``of_bench = True``; it is made with the document, a
             `hil_bench.bench.configuration.nodes_section.Whole` and the problems.
         standing: those of `tables` whose section is made for a file without the table, too.

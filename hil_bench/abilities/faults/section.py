@@ -24,9 +24,8 @@ from hil_bench.abilities.faults.registry import (
     missing_defect,
 )
 from hil_bench.bench.configuration.axes import Axes
-from hil_bench.bench.configuration.nodes import Bindings
+from hil_bench.bench.configuration.nodes import Bindings, places_of
 from hil_bench.bench.configuration.nodes_section import Whole
-from hil_bench.bench.configuration.peers import places_of
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.document import Document
 from hil_bench.config.settings import (

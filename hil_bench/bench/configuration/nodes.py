@@ -1,12 +1,11 @@
-"""The tables ``[nodes.NAME]``: CANopen nodes, checked against each other and against the axes."""
+"""The tables ``[nodes.NAME]``, checked with each other and the axes; devices beside the nodes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
-from hil_bench.bench.configuration.peers import OtherDrive
 from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, read_named_sections
@@ -20,6 +19,73 @@ from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.registry import GENERIC, KINDS, VALVE, kind_of
 from hil_bench.kinds.scripts import ScriptConfig
 from hil_bench.plants.kind import AxisSettings
+
+# Tables of devices beside the CANopen nodes, which abilities read before the nodes.
+
+
+class OtherDrive(NamedTuple):
+    """A driver of an axis that is no CANopen node.
+
+    Attributes:
+        what: how messages call it.
+        place: of its axis.
+        axis: that it commands.
+    """
+
+    what: str
+    place: str
+    axis: str | None
+
+
+class PeerSection(Protocol):
+    """The section of such a table.
+
+    Attributes:
+        is_given: whether the file has such devices, right or wrong.
+    """
+
+    is_given: bool
+
+    @staticmethod
+    def needs_axis(document: Document) -> bool:
+        """Return True if a device of the file's table is connected to a plant."""
+
+    @property
+    def buses(self) -> Mapping[str, str]:
+        """The bus of each device by its name."""
+
+    def drives(self) -> Iterator[OtherDrive]:
+        """Yield what commands axes."""
+
+    def resolve(self) -> None:
+        """As `Section.resolve`."""
+
+    def build(self) -> dict[str, Any]:
+        """As `Section.build`."""
+
+    def tables(self) -> Iterable[Settings]:
+        """As `Section.tables`."""
+
+
+PeerSections = Mapping[str, PeerSection]
+"""The sections by the names of their tables."""
+
+
+def places_of(peers: PeerSections) -> dict[str, str]:
+    """Return the bus of each device by its place, as ``j1939.joystick``."""
+    return {
+        f"{table}.{name}": bus
+        for table, section in peers.items()
+        for name, bus in section.buses.items()
+    }
+
+
+def drives_of(peers: PeerSections) -> Sequence[OtherDrive]:
+    """Return everything of such devices that commands axes."""
+    return [drive for section in peers.values() for drive in section.drives()]
+
+
+# The tables ``[nodes.NAME]``: CANopen nodes, checked against each other and against the axes.
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 """The bindings of each node by its name."""

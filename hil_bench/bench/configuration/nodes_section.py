@@ -1,24 +1,31 @@
-"""All that ``[nodes]`` says: the nodes with their chains, bindings and scripts."""
+"""All that ``[nodes]`` says: nodes, chains, bindings, scripts; warnings about their EDS files."""
 
+import logging
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.nodes import (
     Bindings,
+    PeerSections,
     build_node_config,
     check_nodes,
+    drives_of,
+    places_of,
     read_nodes,
     resolve_nodes,
 )
-from hil_bench.bench.configuration.peers import PeerSections, drives_of, places_of
 from hil_bench.bench.configuration.scripts import read_scripts
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
+from hil_bench.errors import EdsError
 from hil_bench.kinds.chains import check_chains
+from hil_bench.kinds.registry import KINDS
 
 
 class Whole(NamedTuple):
@@ -108,3 +115,37 @@ class NodesSection:
             for name, node in self.nodes.items()
             for table in (node, self._chains.get(name, {}))
         )
+
+
+# Warnings about the EDS files of a bench, each file once.
+
+logger = logging.getLogger(__name__)
+
+_OURS: Final = frozenset(kind.eds for kind in KINDS.built_in.values())
+_MOST_SHOWN: Final = 10
+
+
+def warn_of_nodes(nodes: Mapping[str, Settings]) -> None:
+    """Log what is wrong in the EDS files of nodes, but for those of this package.
+
+    A file that is no EDS is left to whoever makes the device.
+    """
+    for node in {node["eds"].value: node for node in nodes.values()}.values():
+        path = Path(node["eds"].value)
+        if path in _OURS:
+            continue
+        try:
+            findings = load_eds(path, node["node_id"].value).findings
+        except EdsError:
+            continue
+        warn_of_findings(path, findings)
+
+
+def warn_of_findings(path: Path, findings: Iterable[EdsFinding]) -> None:
+    """Log what is wrong in an EDS file, a line each, errors first, the first ten of many."""
+    ordered = sorted(findings, key=lambda finding: finding.severity is not Severity.ERROR)
+    for finding in ordered[:_MOST_SHOWN]:
+        logger.warning("%s:%s", path, finding)
+    if len(ordered) > _MOST_SHOWN:
+        more = len(ordered) - _MOST_SHOWN
+        logger.warning("%s: and %d more; hil-bench check-eds %s shows all", path, more, path)

@@ -15,7 +15,7 @@ from hil_bench.abilities.conformance.suite import Outcome, Result, run_suite
 from hil_bench.abilities.conformance.verdicts import Deviation
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.eds_findings import warn_of_findings
+from hil_bench.bench.configuration.nodes_section import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli.arguments import (

@@ -18,7 +18,7 @@ from hil_bench.abilities.j1939.part import J1939Part
 from hil_bench.abilities.j1939.protocol.identifier import NULL
 from hil_bench.abilities.j1939.protocol.name import Name
 from hil_bench.bench.configuration.axes import AxesSection
-from hil_bench.bench.configuration.peers import OtherDrive
+from hil_bench.bench.configuration.nodes import OtherDrive
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number

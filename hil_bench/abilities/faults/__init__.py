@@ -6,13 +6,13 @@ _HERE = "hil_bench.abilities.faults"
 
 ABILITY = Ability(
     "faults",
-    tables={"faults": "hil_bench.abilities.faults.section:FaultsSection"},
+    tables={"faults": f"{_HERE}.section:FaultsSection"},
     standing=("faults",),
-    bench_attributes={"faults": "hil_bench.abilities.faults.faults:faults_of"},
+    bench_attributes={"faults": f"{_HERE}.faults:faults_of"},
     fixtures=f"{_HERE}.fixtures",
-    registries={"kind of fault": "hil_bench.abilities.faults.registry:FAULT_KINDS"},
+    registries={"kind of fault": f"{_HERE}.registry:FAULT_KINDS"},
     moved={"hil_bench.devices.faults": _HERE},
-    exports={"Faults": "hil_bench.abilities.faults.faults"},
+    exports={"Faults": f"{_HERE}.faults"},
     options={"run": f"{_HERE}.options", "check": f"{_HERE}.options"},
     gives={
         "arguments": f"{_HERE}.options",

@@ -10,6 +10,7 @@ from hil_bench.frame import bits_of, frame_bits, is_error_frame
 
 _WINDOW = 100_000_000
 _HIGH_LOAD = 0.8
+_HALF = 0.5
 _BITS = [
     [frame_bits(n, is_extended=is_extended) for n in range(9)] for is_extended in (False, True)
 ]
@@ -106,6 +107,8 @@ class Load:
         self._window = 0
         self._bits = 0.0
         self._high: tuple[int, float] | None = None
+        self._shares: dict[Frame, float] = {}
+        self._flood = ""
         self.total = 0.0
 
     def count(self, now: int, frame: Frame) -> None:
@@ -120,13 +123,22 @@ class Load:
             bits = _BITS[frame.is_extended][len(frame.data)]
         self._bits += bits
         self.total += bits
+        if self._bits > _HALF * self._most:  # a window of high load is likely: by whom?
+            key = frame._replace(data=b"", bus=0)
+            self._shares[key] = self._shares.get(key, 0.0) + bits
 
     def _end(self) -> None:
         """End a window, and keep the first of high load and the highest load."""
         if self._bits > _HIGH_LOAD * self._most:
             first, worst = self._high or (self._window, 0.0)
-            self._high = first, max(worst, self._bits / self._most)
+            load = self._bits / self._most
+            if load > worst:
+                frame, share = max(self._shares.items(), key=lambda each: each[1])
+                is_most = share > _HALF * sum(self._shares.values())
+                self._flood = f"0x{frame.can_id:03X}" if is_most else ""
+            self._high = first, max(worst, load)
         self._bits = 0.0
+        self._shares.clear()
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
         """Yield the times of high load, as one.
@@ -143,4 +155,5 @@ class Load:
                 f"load up to {worst:.0%} in 100 ms, from {seconds(first * _WINDOW)} on: "
                 "frames of low priority wait for long"
             )
+            text += f"; most of it is {self._flood}" if self._flood else ""
             yield Finding(Cause.BUS_LOAD, "", first * _WINDOW, text)

@@ -12,7 +12,7 @@ from hil_bench.bench.configuration.records import Joining
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.devices import read_devices
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, warn_of
+from hil_bench.cli.results import add_json_argument, json_text, warn_of
 from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.config.settings import Origin
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, summarise_supply
@@ -162,4 +162,4 @@ def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
         for supply in config.supplies
     }
     content = {"path": path, "settings": settings, "summary": summary, "warnings": list(doubts)}
-    return json.dumps(content, indent=2, ensure_ascii=False)
+    return json_text(content)

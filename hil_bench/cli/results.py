@@ -45,11 +45,18 @@ def print_results(
         content: the same for a program: records, paths, numbers in SI units.
     """
     if args.json:
-        text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
-        print(text)
+        print(json_text(content))
     else:
         print_lines(args, *lines)
     sys.stdout.flush()  # before an error may follow on standard error
+
+
+def json_text(content: object, *, indent: int | None = 2) -> str:
+    """Return JSON of what `plain` makes plain, with escapes of what no terminal shows."""
+    text = json.dumps(plain(content), indent=indent, ensure_ascii=False, allow_nan=False)
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
 def plain(value: object) -> object:

@@ -1,7 +1,6 @@
 """The `hil-bench analyse` command: the statements of the paper, and its figures."""
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from hil_bench.abilities.analysis.study import Study, write_study
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, print_lines
+from hil_bench.cli.results import add_json_argument, json_text, print_lines
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.extras import require_extra
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -346,7 +345,7 @@ def _run_paper(args: argparse.Namespace) -> int:
     statements = check_paper(runs)
     if args.json:
         found = [statement._asdict() for statement in statements]
-        print(json.dumps({"statements": found, "files": files}, indent=2, ensure_ascii=False))
+        print(json_text({"statements": found, "files": files}))
     else:
         for statement in statements:
             print_lines(args, f"{statement.verdict:25} {statement.place:16} {statement.claim}")
@@ -363,4 +362,4 @@ def _text(study: Study, files: list[Path]) -> str:
 def _json(study: Study, files: list[Path]) -> str:
     facts = [{"name": fact.name, "value": fact.plain, "unit": fact.unit} for fact in study.facts]
     content = {"title": study.title, "facts": facts, "files": [str(path) for path in files]}
-    return json.dumps(content, indent=2, ensure_ascii=False)
+    return json_text(content)

@@ -35,6 +35,15 @@ def test_people_get_lines_and_programs_json(capsys):
     assert capsys.readouterr().out == ""
 
 
+def test_json_has_escapes_of_what_no_terminal_shows(capsys):
+    """U+009E begins a message to a terminal; a letter of its own stays. The value is the same."""
+    content = {"id": "\x9e\u0085\U000fb642 \u00fc"}
+    print_results(options(json=True), [], content)
+    printed = capsys.readouterr().out
+    assert '"\\u009e\\u0085\\udbad\\ude42 \u00fc"' in printed
+    assert json.loads(printed) == content
+
+
 def test_what_a_file_put_into_a_line_reaches_no_terminal(capsys):
     print_results(options(), ["a\x1b[2J\tb\x8b", "two\nlines: \u00fc"], {})
     assert capsys.readouterr().out == "a\\x1b[2J\\tb\\x8b\ntwo\nlines: \u00fc\n"

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +25,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, json_text
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError, about_file, whole_file
 
@@ -216,7 +215,7 @@ def _description(dut: DeviceUnderTest) -> str:
 
 def _print(results: list[Result], args: argparse.Namespace) -> None:
     if args.json:
-        print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
+        print(json_text(report.as_json(results)))
         return
     if args.quiet:
         for result in report.failures(results):

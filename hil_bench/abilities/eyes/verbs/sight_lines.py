@@ -1,7 +1,6 @@
 """Sights as lines for people and for programs."""
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -11,6 +10,7 @@ from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import DM1
 from hil_bench.canopen_device.frame import BRS, ESI
 from hil_bench.canopen_device.words import is_error_reset
+from hil_bench.cli.results import json_text
 
 _COLOURS = {
     Service.NMT: 36,
@@ -103,7 +103,7 @@ def _has_trouble(message: J1939Message | None) -> bool:
 
 def _as_json(sight: Sight) -> str:
     frame = sight.frame
-    return json.dumps(
+    return json_text(
         {
             "time": sight.now * 1e-9,
             "bus": frame.bus,
@@ -122,7 +122,7 @@ def _as_json(sight: Sight) -> str:
             "values": list(_values(sight)),
             "problem": sight.problem,
         },
-        ensure_ascii=False,
+        indent=None,
     )
 
 

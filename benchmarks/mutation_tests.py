@@ -19,7 +19,7 @@ from coverage import CoverageData
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 BUILD: Final = ROOT / "build"
-KERNELS: Final = "hil_bench/plants/hydraulic_cylinder/model/"
+MODEL: Final = "hil_bench/plants/hydraulic_cylinder/model/"
 FAST: Final = 0.5  # s of processor time, under coverage
 MOST: Final = 6.0  # s of processor time for the tests of a mutant, as measured under coverage
 QUICK: Final = ("bench", "contract", "generated", "referee", "transcripts", "unit")
@@ -62,7 +62,8 @@ def tests_of_map(as_python: bool) -> list[str]:
 
 def is_kernel(path: Path) -> bool:
     """Return True if a module's tests have to run without Numba."""
-    return str(path.relative_to(ROOT)).startswith(KERNELS)
+    is_of_model = str(path.relative_to(ROOT)).startswith(MODEL)
+    return is_of_model and "\n@kernel" in path.read_text(encoding="utf-8")
 
 
 def tests_of_line(path: Path, line: int) -> list[str]:

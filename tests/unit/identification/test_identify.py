@@ -20,6 +20,7 @@ from hil_bench.abilities.identification.ladder import (
     climb,
 )
 from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.report import summarise
 from hil_bench.abilities.identification.strokes import make_course
@@ -136,6 +137,13 @@ def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> 
     summary = summarise(found, [])
     assert "as configured: the time was over" in summary
     assert "nan" not in summary
+    figure = draw_strokes(found)
+    for position, pressures, off, command in np.array(figure.axes).reshape(4, -1).T:
+        measured, model = (line.get_ydata() for line in position.lines)
+        assert off.lines[-1].get_ydata() == pytest.approx(model - measured, nan_ok=True)  # [mm]
+        assert np.nanmax(np.abs(measured)) > 1.0
+        assert len(pressures.lines) == 4  # P_A and P_B, record and model
+        assert 1.0 < np.abs(command.lines[0].get_ydata()).max() <= 100.0  # [%]
 
 
 def test_a_clock_that_ends_leaves_the_best_so_far(record: AxisRecord) -> None:

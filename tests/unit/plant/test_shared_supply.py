@@ -22,6 +22,7 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
     share_unit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
+from hil_bench.plants.hydraulic_cylinder.model.warm_oil import OilNow
 
 P = replace(paper_parameters(), E=1.4e9, m=200.0)
 DT = 5e-5
@@ -222,6 +223,18 @@ def test_an_accumulator_feeds_both_axes_along_its_polytrope(n):
     expected = p0 * (1e-3 / (gas + swept)) ** n - ATMOSPHERE
     assert swept > 1e-4
     assert supply.pressure == pytest.approx(expected, rel=2e-4)
+
+
+def test_oil_of_half_the_stiffness_halves_the_rise_of_the_pressure():
+    """Valves shut: the pump fills the line, dP/dt = Q E / V."""
+    rises = []
+    for stiffness in (1.0, 0.5):
+        supply, _ = share_out(LINE, pressure=1e6)
+        supply.warm(OilNow(stiffness=stiffness), 1.0)
+        supply.drive((0.0, 0.0), TICK)
+        rises.append(supply.pressure - 1e6)
+    assert rises[0] > 1e6
+    assert rises[1] == pytest.approx(0.5 * rises[0], rel=0.02)
 
 
 def test_a_load_sensing_pump_sees_the_highest_load():

@@ -28,11 +28,11 @@ from hil_bench.cli.status_line import (
 )
 from hil_bench.cli.terminal import ecu_text
 from hil_bench.cli.views import ShownWork, watched_run
+from hil_bench.outside.bits import BusLoad, bitrate_text, load_of
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import DurationSummary, TickStatistics, TickSummary
-from hil_bench.outside.transports.bus_load import BusLoad, bitrate_text, load_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport, run_paced
 from hil_bench.session.session import Session

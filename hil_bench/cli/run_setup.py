@@ -23,9 +23,9 @@ from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.cli.streams import collection_put_off
 from hil_bench.errors import HilBenchError, about_file, check_replaceable
+from hil_bench.outside.bits import USUAL_BITRATE, load_of
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE, load_of
 from hil_bench.outside.transports.can_interfaces import bitrate_of
 from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.hub_transport import HubTransport

@@ -1,14 +1,6 @@
-"""The length of a frame on the bus, to the bit (ISO 11898-1).
+"""Bits that frames take on a bus, and the load that they make."""
 
-A classical frame has a start bit, the identifier with its control bits, the data and a CRC of 15
-bits; after five equal bits of these comes one of the other value. Ten bits end the frame without
-stuffing, and three stand between two frames.
-
-In a frame of CAN FD stuffing ends with the data. The count of stuff bits and a CRC of 17 or 21 bits
-follow, with a stuff bit before the first of these and after each four. With BRS, the bits behind it
-up to the delimiter of the CRC have the data bit rate.
-"""
-
+from collections import deque
 from typing import Final
 
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
@@ -21,6 +13,16 @@ from hil_bench.frame import (
     MOST_OF_CRC17,
     fd_crc_bits,
 )
+
+# The length of a frame on the bus, to the bit (ISO 11898-1).
+#
+# A classical frame has a start bit, the identifier with its control bits, the data and a CRC of
+# 15 bits; after five equal bits of these comes one of the other value. Ten bits end the frame
+# without stuffing, and three stand between two frames.
+#
+# In a frame of CAN FD stuffing ends with the data. The count of stuff bits and a CRC of 17 or 21
+# bits follow, with a stuff bit before the first of these and after each four. With BRS, the bits
+# behind it up to the delimiter of the CRC have the data bit rate.
 
 INTERMISSION: Final = 3
 """Bits between two frames."""
@@ -218,3 +220,58 @@ _STEPS: Final = tuple(
     for count in range(9)
 )
 """`_stuffing_step` of so many bits, by the state and the bits behind it."""
+
+
+# The load of a bus: the share of its time that frames take.
+
+USUAL_BITRATE = 1_000_000
+"""Bit rate that a load refers to where nobody says another one [bit/s]; a vcan has none at all."""
+
+WINDOW = 1_000_000_000
+"""Time over which a present load is taken [ns]."""
+
+_PARTS = 10
+
+
+class BusLoad:
+    """The load of the last second, from a count of bits that grows.
+
+    Args:
+        bitrate: of the bus [bit/s].
+    """
+
+    def __init__(self, bitrate: int) -> None:
+        self._bitrate = bitrate
+        self._seen: deque[tuple[int, float]] = deque(maxlen=_PARTS + 1)
+        self._due = 0
+        self._load = 0.0
+
+    @property
+    def due(self) -> int:
+        """When the next count is wanted [ns], for a load that is that of the last second."""
+        return self._due
+
+    def update(self, now: int, bits: float) -> float:
+        """Return the load [-], new ten times a second.
+
+        Args:
+            now: the time [ns].
+            bits: on the bus since it was opened.
+        """
+        if now >= self._due:
+            self._due = now + WINDOW // _PARTS
+            self._seen.append((now, bits))
+            begin, bits_before = self._seen[0]
+            if now > begin:
+                self._load = load_of(bits - bits_before, now - begin, self._bitrate)
+        return self._load
+
+
+def load_of(bits: float, duration: int, bitrate: int) -> float:
+    """Return the load [-] of bits in a duration [ns] at a bit rate [bit/s]."""
+    return bits / (bitrate * duration * 1e-9) if duration else 0.0
+
+
+def bitrate_text(bitrate: int) -> str:
+    """Return a bit rate for people: ``500 kbit/s``."""
+    return f"{bitrate / 1e6:g} Mbit/s" if bitrate >= 1_000_000 else f"{bitrate / 1e3:g} kbit/s"

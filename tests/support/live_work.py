@@ -6,7 +6,7 @@ import threading
 from hil_bench.abilities.live.places import Place
 from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.abilities.live.server import FeedPlan
-from hil_bench.abilities.live.work_feed import WorkFeed
+from hil_bench.abilities.live.view import WorkFeed
 from hil_bench.outside.processes.shared_ring import SharedRing
 
 CHANNELS = [

@@ -9,7 +9,7 @@ from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.abilities.copper.wiring import Bus, Device, Plug, Wiring
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.devices.measurement.low_pass import random_stream
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.bits import USUAL_BITRATE
 
 if TYPE_CHECKING:
     from numpy.random import Generator

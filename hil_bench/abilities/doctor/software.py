@@ -19,7 +19,7 @@ from hil_bench.abilities.doctor.machine import (
 from hil_bench.ability import abilities, load, own_abilities
 from hil_bench.bench.compiled import HOW, Core, look_at_core
 from hil_bench.kinds.registry import KINDS
-from hil_bench.outside.transports.bus_load import bitrate_text
+from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.transports.can_interfaces import CanInterface, can_interfaces, has_socketcan
 from hil_bench.outside.transports.socketcan import RECEIVE_BUFFER
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint

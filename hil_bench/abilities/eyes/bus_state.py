@@ -16,8 +16,8 @@ from hil_bench.abilities.eyes.values import Reading
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import emergency_text, function_of, is_error_reset
 from hil_bench.frame import BUS_SHIFT, bits_of
+from hil_bench.outside.bits import BusLoad
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.transports.bus_load import BusLoad
 
 FIRST_FD: Final = 1 << BUS_SHIFT
 """Added to the identifier of frames of CAN FD, which are none of a node's."""

@@ -35,10 +35,10 @@ from hil_bench.cli.status_line import (
 )
 from hil_bench.cli.views import watched_run
 from hil_bench.errors import ConfigError
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.transport import Transport
 

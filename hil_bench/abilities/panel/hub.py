@@ -18,8 +18,8 @@ from hil_bench.abilities.live.places import find_names
 from hil_bench.abilities.panel.bench_link import BenchLink, fault_choices, open_link
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ConfigError, HilBenchError
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.shown_units import units_content
 
 # A browser that looks at a panel: what waits for it, and what it has lost.

@@ -13,7 +13,7 @@ ABILITY = Ability(
         "feed": f"{_HERE}.requests",
         "pytest": f"{_HERE}.fixtures",
         "record": f"{_HERE}.sessions",
-        "run": f"{_HERE}.companion",
+        "run": f"{_HERE}.options",
     },
     fixtures=f"{_HERE}.fixtures",
     exports={"RecordingWish": f"{_HERE}.report"},

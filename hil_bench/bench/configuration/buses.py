@@ -10,7 +10,7 @@ from hil_bench.config.document import Document, read_named_sections, read_sectio
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import close_names, describe
 from hil_bench.errors import ConfigError
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.bits import USUAL_BITRATE
 
 MOST_BUSES = 8
 """More than any machine has; a recording has room for 32."""

@@ -7,8 +7,8 @@ from multiprocessing.connection import Connection
 from typing import Self
 
 from hil_bench.errors import BusError
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.helper_process import ChildProcess
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.transports.hub_transport import HubTransport
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT, HubLimits, run_hub
 

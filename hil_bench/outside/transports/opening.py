@@ -10,7 +10,7 @@ import can
 
 from hil_bench.config.values import close_names
 from hil_bench.errors import BusError, first_line
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.transports.can_interfaces import has_fd
 from hil_bench.outside.transports.python_can import PythonCanTransport
 from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport

@@ -24,6 +24,7 @@ from typing import NamedTuple, cast
 
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of, frame_bits
+from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.reception import (
     WaitingRoom,
     capacity,
@@ -31,7 +32,6 @@ from hil_bench.outside.reception import (
     serve_at,
     watch_over,
 )
-from hil_bench.outside.transports.bus_load import bitrate_text
 from hil_bench.outside.transports.socketcand_protocol import (
     CLASSICAL,
     JOIN_DELAY,

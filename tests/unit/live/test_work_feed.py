@@ -7,7 +7,7 @@ from hil_bench.abilities.live.client import FeedClient
 from hil_bench.abilities.live.ctl import status_lines
 from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS
 from hil_bench.abilities.live.server import FeedPlan, FeedServer
-from hil_bench.abilities.live.work_feed import WorkFeed
+from hil_bench.abilities.live.view import WorkFeed
 from hil_bench.cli.views import MOST_ITEMS, WorkItem, WorkState
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import SharedRing

@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.outside.transports.bus_load import WINDOW, BusLoad, bitrate_text, load_of
+from hil_bench.outside.bits import WINDOW, BusLoad, bitrate_text, load_of
 
 TENTH = WINDOW // 10
 

@@ -23,7 +23,7 @@ from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
+from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 
 _NS_PER_S = 1_000_000_000
 _NS_PER_MS = 1_000_000

@@ -9,7 +9,7 @@ from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.cli.terminal import STATE_STYLES, bar, make_table
 from hil_bench.errors import printable
-from hil_bench.outside.transports.bus_load import bitrate_text
+from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.transports.listener import Listener, loss_words
 
 if TYPE_CHECKING:

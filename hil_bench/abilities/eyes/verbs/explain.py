@@ -17,8 +17,8 @@ from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
+from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 from hil_bench.outside.recording.frames import LeftOut, read_frames
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
 
 _EXAMPLES = """\
 examples:

@@ -25,7 +25,7 @@ from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
 from hil_bench.frame import bits_of
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE, bitrate_text
+from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 from hil_bench.outside.transports.listener import loss_words
 
 _EXAMPLES = """\

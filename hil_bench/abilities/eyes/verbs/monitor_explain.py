@@ -18,7 +18,7 @@ from hil_bench.abilities.eyes.verbs.listening import heard, open_listener
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import plain, print_lines
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.transports.listener import loss_words
 
 

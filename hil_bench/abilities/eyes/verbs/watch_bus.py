@@ -13,7 +13,7 @@ from hil_bench.abilities.eyes.verbs.listening import open_listener
 from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.terminal import ONCE, REFRESH
-from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.transports.listener import Listener
 
 if TYPE_CHECKING:

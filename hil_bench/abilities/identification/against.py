@@ -1,59 +1,96 @@
-"""Two records of one machine: what has changed between them, in an engineer's words."""
+"""Two records of one machine: what has changed between them, in an engineer's words.
+
+The machine of the first record is identified. What it misses there in like strokes it misses in the
+second record, too, so that is taken off before both are held beside each other: what remains is a
+change, of what differs from day to day or of more.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from hil_bench.abilities.identification.fit import Bench, Clock, search
-from hil_bench.abilities.identification.identify import Options
-from hil_bench.abilities.identification.ladder import PAPER, begin_of
-from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.fit import (
+    Bench,
+    Clock,
+    Fit,
+    Problem,
+    require_startable,
+    search,
+)
+from hil_bench.abilities.identification.identify import Options, make_coarse
+from hil_bench.abilities.identification.ladder import climb
+from hil_bench.abilities.identification.machine import Unknown
 from hil_bench.abilities.identification.record import AxisRecord
-from hil_bench.abilities.identification.strokes import make_course
+from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.config.settings import Settings
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.courses import states_without_start
 
-_ROWS, _STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]
-_EXACT = 1e-6  # share of the cost by which the last step of a search has lowered it
-_WORSE = 1.5  # times the residual before: less is no change
-_MOST = 0.5  # share of what differs that one cause must explain
+Values = npt.NDArray[np.float64]
+
+_BLUR = 0.012  # [s]
+_ROUNDS, _EXACT = 10, 3e-4  # of a search at most; share of the cost that its last step lowers
+_LIKE = 0.03  # of the full opening, by which those of like strokes differ at most
+_STEADY = 0.01  # of the full opening, by which a set-point at rest changes at most
+_LOOKED_AT = 5  # causes that fit best, roughly
 _NEAR = 0.85  # of the best: as likely
+_DAILY = 0.25  # of the least change that is named: standard deviation from day to day
+_SEEN = 12.0  # by which a cause lowers twice the negative log likelihood, or it is chance
+_WORSE = 3.0  # times the residual before: a change, although no cause is found
 
 
 class Cause(NamedTuple):
-    """A cause that may have changed.
+    """Something that may change.
 
     Attributes:
         name: of the unknown.
-        up: said where it has grown.
-        down: said where it has shrunk.
-        least: change below which nothing is said, in the unit of the unknown.
+        least: change that is named, in the unit of the unknown.
         share: the same, as a share of the value before.
+        up: said where it has grown; empty where it cannot.
+        down: said where it has shrunk.
+        is_daily: whether it differs from day to day, by a quarter of the least (one deviation).
     """
 
     name: str
+    least: float
+    share: float
     up: str
     down: str
-    least: float = 0.0
-    share: float = 0.0
+    is_daily: bool = False
 
 
+_LESS, _MORE = "less leakage", "leakage from"
 CAUSES = (
-    Cause("internal_leakage_l_min_bar", "leakage across the piston", "less leakage", 1e-4),
-    Cause("external_leakage_a_l_min_bar", "leakage from A to the tank", "less leakage", 1e-4),
-    Cause("external_leakage_b_l_min_bar", "leakage from B to the tank", "less leakage", 1e-4),
-    Cause("null_opening_um", "worn edges of the spool", "sharper edges", 2.0),
-    Cause("entrained_air_percent", "air trapped in the oil", "less air", 0.3),
-    Cause("coulomb_friction_n", "more friction", "less friction", 0.0, 0.08),
-    Cause("supply_pressure_bar", "higher supply pressure", "lower supply pressure", 0.0, 0.01),
-    Cause("orifice_width_mm", "the valve passes more", "the valve passes less", 0.0, 0.02),
-    Cause("offset_a", "the sensor of P_A reads more", "the sensor of P_A reads less", 0.3),
-    Cause("offset_b", "the sensor of P_B reads more", "the sensor of P_B reads less", 0.3),
+    Cause("internal_leakage_l_min_bar", 1e-3, 0.4, "leakage across the piston", _LESS, True),
+    Cause("external_leakage_a_l_min_bar", 1e-3, 0.4, f"{_MORE} A to the tank", _LESS),
+    Cause("external_leakage_b_l_min_bar", 1e-3, 0.4, f"{_MORE} B to the tank", _LESS),
+    Cause("null_opening_um", 4.0, 0.0, "worn edges of the spool", "sharper edges"),
+    Cause("land_overlap_pa_mm", 4e-3, 0.0, "", "worn edge P-A of the spool"),
+    Cause("land_overlap_at_mm", 4e-3, 0.0, "", "worn edge A-T of the spool"),
+    Cause("land_overlap_pb_mm", 4e-3, 0.0, "", "worn edge P-B of the spool"),
+    Cause("land_overlap_bt_mm", 4e-3, 0.0, "", "worn edge B-T of the spool"),
+    Cause("entrained_air_percent", 0.4, 0.0, "air trapped in the oil", "less air", True),
+    Cause("coulomb_friction_n", 0.0, 0.2, "more friction", "less friction", True),
+    Cause("viscous_friction_n_s_m", 0.0, 0.4, "more friction", "less friction", True),
+    Cause(
+        "supply_pressure_bar", 0.0, 0.02, "higher supply pressure", "lower supply pressure", True
+    ),
+    Cause(
+        "relief_pressure_bar", 0.0, 0.02, "higher supply pressure", "lower supply pressure", True
+    ),
+    Cause("orifice_width_mm", 0.0, 0.02, "the valve passes more", "the valve passes less", True),
+    Cause(
+        "offset_a", 0.4, 0.0, "the sensor of P_A reads more", "the sensor of P_A reads less", True
+    ),
+    Cause(
+        "offset_b", 0.4, 0.0, "the sensor of P_B reads more", "the sensor of P_B reads less", True
+    ),
 )
 
 
@@ -82,11 +119,13 @@ class Comparison(NamedTuple):
         worse: residual of the machine of the first record on the second, times that on the first.
         changes: the causes, the likeliest first; empty where nothing has changed or is explained.
         is_changed: whether the second record differs.
+        tried: what each of the likeliest causes alone would have to have changed.
     """
 
     worse: float
     changes: tuple[Change, ...]
     is_changed: bool
+    tried: tuple[Change, ...]
 
 
 def compare(
@@ -103,39 +142,83 @@ def compare(
         after: the other one.
         axis: the machine, as identified from the first or a like one.
         settings: of the axis.
-        options: how; `ConfigError` where its time was over before all causes were tried.
+        options: how.
+
+    Raises:
+        ConfigError: the time was over before all causes were tried, or no strokes are alike.
     """
+    require_startable(states_without_start(axis.options))
     clock = Clock(monotonic() + options.seconds, options.tick)
+    first, second = (
+        make_coarse(record, axis, settings, options.jobs, clock) for record in (before, after)
+    )
     options.say("the machine before")
-    first = _bench(before, axis, settings, options, clock)
-    adapted = _adapt(first, options)
+    ladder = climb(first, options.wish, options.say, is_judged=False)
+    held = ladder.best.fit.values
     _require_time(clock)
-    first = replace(first, template=replace(first.template, held=adapted)).rescaled({})
-    second = _bench(after, axis, settings, options, clock)
-    held = _shared(adapted, len(after.sessions))
-    second = replace(second, scale=first.scale, template=replace(second.template, held=held))
-    base, now = _misfit(first, {}), _misfit(second, {})
-    worse = math.sqrt(now / base)
-    if worse < _WORSE:
-        return Comparison(worse, (), is_changed=False)
-    changes = []
-    for cause in _possible(second, options):
-        options.say(cause.up)
+    first = _with(first, held)
+    second = _with(second, _shared(held, len(after.sessions)))
+    missed = first.deviations({})
+    alike = find_alike(second, first)
+    if not any(alike):
+        raise ConfigError("no stroke of the later recordings is like one of the earlier ones")
+    others = [
+        [each for each in like if each != place]
+        for place, like in enumerate(find_alike(first, first))
+    ]
+    second = _corrected(second, first, missed, alike)
+    if any(others):  # or else a model's misfit is as sharp as it can be looked at
+        first = _corrected(first, first, missed, others)
+    first = first.rescaled({})
+    second = replace(second, scale=first.scale)
+    found = _explain(first, second, options)
+    _require_time(clock)
+    return found
+
+
+def _with(bench: Bench, values: Mapping[str, float]) -> Bench:
+    template = replace(bench.template, held=values)
+    return replace(bench, template=template, blur=_BLUR)
+
+
+def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
+    """Name the causes that explain what differs between two corrected records."""
+    causes = _possible(second, options)
+    daily = [one for each in causes if each.is_daily for one in _unknowns(second, each, _DAILY)]
+    rough = second.rescaled({})  # as large as the difference is: far off, slopes are poor
+
+    def seek(wide: Sequence[Unknown]) -> Fit:
+        names = {one.name for one in wide}
+        unknowns = [*wide, *(one for one in daily if one.name not in names)]
+        return search(rough, unknowns, np.array([one.start for one in unknowns]), _ROUNDS)
+
+    options.say("from day to day")
+    usual = seek(())
+    usual = search(second, usual.unknowns, usual.variables, _ROUNDS, _EXACT)
+    alone = []
+    for cause in causes:
+        options.say(cause.up or cause.down)
+        alone.append((cause, seek(_unknowns(second, cause))))
+    problems = Problem(first, ()), Problem(second, ())
+    rows = [sum(each.lengths) for each in problems]
+    base = 0.5 * float(np.square(problems[0].residuals(np.array([]))).sum()) * rows[1] / rows[0]
+    tried, named = [], []
+    for cause, fit in sorted(alone, key=lambda one: one[1].cost)[:_LOOKED_AT]:
+        found = search(second, fit.unknowns, fit.variables, _ROUNDS, _EXACT)
         names = _names(second, cause.name)
-        pairs = [begin_of(second, name, dict(held)) for name in names]
-        begin = np.array([each for _, each in pairs])
-        found = search(second, [one for one, _ in pairs], begin, 20, _EXACT).values
-        explains = (now - _misfit(second, found)) / max(now - base, 1e-300)
-        value = float(np.mean([found[name] for name in names]))
         start = second.template.start(names[0])
-        if abs(value - start) < max(cause.least, cause.share * abs(start)) or explains < _MOST:
-            continue
+        value = float(np.mean([found.values[name] for name in names]))
+        lowered = usual.cost - found.cost
+        explains = lowered / max(usual.cost - base, lowered, 1e-300)
         words = cause.up if value > start else cause.down
-        changes.append(Change(words, cause.name, start, value, min(explains, 1.0)))
-    _require_time(clock)
-    changes.sort(key=lambda one: -one.explains)
-    likely = [one for one in changes if one.explains > _NEAR * changes[0].explains]
-    return Comparison(worse, tuple(likely), is_changed=True)
+        tried.append(Change(words, cause.name, start, value, explains))
+        is_seen = 2.0 * lowered > _SEEN * problems[1].doubt ** 2
+        if is_seen and abs(value - start) > _least(cause, start):
+            named.append(tried[-1])
+    named.sort(key=lambda one: -one.explains)
+    likely = tuple(one for one in named if one.explains > _NEAR * named[0].explains)
+    worse = math.sqrt(usual.cost / base)
+    return Comparison(worse, likely, bool(likely) or worse > _WORSE, tuple(tried))
 
 
 def _require_time(clock: Clock) -> None:
@@ -148,24 +231,6 @@ def _require_time(clock: Clock) -> None:
         raise ConfigError("the time was over before the comparison; give a longer --time-limit")
 
 
-def _bench(
-    record: AxisRecord, axis: CylinderConfig, settings: Settings, options: Options, clock: Clock
-) -> Bench:
-    template = Template(axis, settings, len(record.sessions))
-    course = make_course(record, _ROWS)
-    return Bench(template, course, _STEP, jobs=options.jobs, clock=clock, blur=_BLUR)
-
-
-def _adapt(bench: Bench, options: Options) -> dict[str, float]:
-    """Return the values of the machine that fit the first record best, from where they are."""
-    names = [*PAPER, "supply_pressure_bar", *_names(bench, "offset_a"), *_names(bench, "offset_b")]
-    names = [name for name in names if name not in options.wish.fix]
-    bench = bench.rescaled({})
-    pairs = [begin_of(bench, name, {}) for name in names]
-    begin = np.array([each for _, each in pairs])
-    return search(bench, [one for one, _ in pairs], begin, 20, _EXACT).values
-
-
 def _names(bench: Bench, name: str) -> list[str]:
     """Return the unknowns of a cause: of a sensor, its offset in each recording that has it."""
     if not name.startswith("offset_"):
@@ -175,34 +240,110 @@ def _names(bench: Bench, name: str) -> list[str]:
     return [f"{name}:{number}" for number, session in sessions if session.has[place]]
 
 
-def _shared(held: dict[str, float], sessions: int) -> dict[str, float]:
+def _unknowns(bench: Bench, cause: Cause, share: float = 0.0) -> list[Unknown]:
+    """Return the unknowns of a cause, expected to differ by a share of its least, or by any."""
+    unknowns = [bench.template.unknown(name) for name in _names(bench, cause.name)]
+    if not cause.up:
+        unknowns = [one._replace(high=one.start) for one in unknowns]
+    if not share:
+        return unknowns
+    spreads = [
+        share * _least(cause, one.value(one.start)) / abs(one.slope(one.start)) for one in unknowns
+    ]
+    return [
+        one._replace(spread=max(each, 1e-4)) for one, each in zip(unknowns, spreads, strict=True)
+    ]
+
+
+def _least(cause: Cause, value: float) -> float:
+    return max(cause.least, cause.share * abs(value)) or 1e-9
+
+
+def _shared(held: Mapping[str, float], sessions: int) -> dict[str, float]:
     """Return values for other recordings: a sensor has the mean of its offsets in each of them."""
     shared = {name: value for name, value in held.items() if not name.startswith("offset_")}
-    for side in ("offset_a", "offset_b"):
+    for side in ("offset_x", "offset_a", "offset_b"):
         found = [value for name, value in held.items() if name.startswith(side)]
         if found:
             shared |= {f"{side}:{number}": float(np.mean(found)) for number in range(sessions)}
     return shared
 
 
-def _misfit(bench: Bench, values: dict[str, float]) -> float:
-    """Return the mean square of the residuals over their scales, averaged over `_BLUR`."""
-    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - an extra
+def find_alike(bench: Bench, other: Bench) -> list[list[int]]:
+    """Return the places of the strokes of another bench that are like each of a bench."""
+    kinds, others = (
+        [(one.is_forth, one.opening, len(find_changes(each, one))) for one in each.course.strokes]
+        for each in (bench, other)
+    )
+    return [
+        [
+            place
+            for place, (is_forth, opening, count) in enumerate(others)
+            if (is_forth, count) == (kind[0], kind[2]) and abs(opening - kind[1]) < _LIKE
+        ]
+        for kind in kinds
+    ]
 
-    rows = max(1, round(_BLUR / bench.course.record.interval))
-    parts = []
-    for off in bench.deviations(values):
-        means = uniform_filter1d(np.nan_to_num(off) / bench.scale, rows, axis=0)
-        parts.append(np.square(means)[np.isfinite(off)])
-    return float(np.concatenate(parts).mean())
+
+def find_changes(bench: Bench, stroke: Stroke) -> list[float]:
+    """Return the times at which the set-point of a stroke changes, in rows, that before it first.
+
+    A row has the mean set-point since the one before, which shows when in between a step was.
+    """
+    record = bench.course.record
+    u = record.setpoints[stroke.rows.start : stroke.rows.stop] / record.full_opening
+    moves = np.abs(np.diff(u, prepend=u[0])) > _STEADY
+    times = [-2.0]
+    for row in (np.flatnonzero(moves[1:] & ~moves[:-1]) + 1).tolist():
+        way = u[min(row + 1, len(u) - 1)] - u[row - 1]
+        share = (u[row] - u[row - 1]) / way if way else 1.0
+        times.append(row - 1 - min(max(float(share), 0.0), 1.0))
+    return times
 
 
-def _possible(bench: Bench, options: Options) -> Sequence[Cause]:
+def _corrected(
+    bench: Bench, other: Bench, missed: Sequence[Values], alike: Sequence[Sequence[int]]
+) -> Bench:
+    """Return a bench whose record has what a model misses in like strokes added.
+
+    Args:
+        bench: plant and record; strokes with no like one are left out.
+        other: the bench of what is missed.
+        missed: model less record in each stroke of it.
+        alike: places of these strokes that are like each of the bench.
+    """
+    measured = bench.course.record.measured.copy()
+    for stroke, like in zip(bench.course.strokes, alike, strict=True):
+        to, rows = find_changes(bench, stroke), len(stroke.rows) - 1
+        parts = [
+            _moved(missed[place], find_changes(other, other.course.strokes[place]), to, rows)
+            for place in like
+        ]
+        if parts:
+            measured[stroke.rows.start + 1 : stroke.rows.stop] += np.mean(parts, axis=0)
+    record = replace(bench.course.record, measured=measured)
+    bench = replace(bench, course=replace(bench.course, record=record))
+    return bench.some([place for place, like in enumerate(alike) if like])
+
+
+def _moved(values: Values, at: Sequence[float], to: Sequence[float], rows: int) -> Values:
+    """Return rows of a stroke in the times since the set-point last changed of another one."""
+    place = np.arange(rows)
+    part = np.searchsorted(to, place, side="right") - 1
+    last = np.floor([*at[1:], len(values) - 1.0])
+    source = np.minimum(np.array(at)[part] + place - np.array(to)[part], last[part])
+    there = np.nan_to_num(values)
+    return np.stack([np.interp(source, np.arange(len(there)), one) for one in there.T], axis=1)
+
+
+def _possible(bench: Bench, options: Options) -> list[Cause]:
     """Return the causes that this machine and record can have."""
-    lacking = {one.name for one in CAUSES if not _names(bench, one.name)}
-    if bench.template.axis.options.supply is not None:
-        lacking.add("supply_pressure_bar")
-    return [one for one in CAUSES if one.name not in lacking | options.wish.fix]
+    template = bench.template
+    lacking = {one.name for one in CAUSES if not _names(bench, one.name)} | options.wish.fix
+    lacking.add(
+        "relief_pressure_bar" if template.axis.options.supply is None else "supply_pressure_bar"
+    )
+    return [one for one in CAUSES if one.name not in lacking]
 
 
 def describe(found: Comparison) -> list[str]:
@@ -226,4 +367,5 @@ def to_json(found: Comparison) -> dict[str, Any]:
         "is_changed": found.is_changed,
         "times_worse": found.worse,
         "changes": [one._asdict() for one in found.changes],
+        "tried": [one._asdict() for one in found.tried],
     }

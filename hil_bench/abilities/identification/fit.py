@@ -13,7 +13,7 @@ import numpy.typing as npt
 from hil_bench.abilities.identification.descent import descend
 from hil_bench.abilities.identification.machine import Running, Template, Unknown, read_values
 from hil_bench.abilities.identification.record import FLOORS
-from hil_bench.abilities.identification.sensing import Sensors, sense
+from hil_bench.abilities.identification.sensing import sense
 from hil_bench.abilities.identification.strokes import Course, Stroke
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course
@@ -171,9 +171,9 @@ class Bench:
         every, supply = run_course(machine.constants, start, setpoints, every=self.every, cuts=cuts)
         seen = every[:, _SEEN]
         if machine.delay or machine.lag:
-            whole = np.concatenate([start[np.newaxis, _SEEN], seen])[np.newaxis]
-            sensors = Sensors(position_delay=machine.delay, pressure_lag=machine.lag)
-            seen = sense(whole, self.course.record.interval, sensors, 1)[0]
+            whole = np.concatenate([start[np.newaxis, _SEEN], seen])
+            interval = self.course.record.interval
+            seen = sense(whole, machine.delay / interval, machine.lag / interval)
         seen = np.clip(np.nan_to_num(seen, nan=1e9), -1e9, 1e9)
         return seen + machine.offsets[stroke.session], supply
 
@@ -233,7 +233,7 @@ class Problem:
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
         self.first = math.inf
-        self._doubt = math.sqrt(
+        self.doubt = math.sqrt(
             max(1.0, sum(self.lengths) / (_INDEPENDENT * len(bench.course.strokes)))
         )
 
@@ -292,7 +292,7 @@ class Problem:
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.
-        expected = self._doubt * (variables - self.start) / self.spread
+        expected = self.doubt * (variables - self.start) / self.spread
         try:
             machine = self.bench.machine(read_values(self.unknowns, variables))
         except ParameterError:

@@ -130,17 +130,7 @@ def identify(
     chosen = Options() if options is None else options
     require_startable(states_without_start(axis.options))
     clock = Clock(monotonic() + chosen.seconds, chosen.tick, min(chosen.seconds, _FIRST))
-    template = Template(axis, settings, len(record.sessions))
-    coarse = Bench(
-        template,
-        make_course(record, _COARSE),
-        _COARSE_STEP,
-        jobs=chosen.jobs,
-        clock=clock,
-        blur=_BLUR,
-        has_middles=True,
-    )
-    _require_reach(coarse)
+    coarse = make_coarse(record, axis, settings, chosen.jobs, clock)
     ladder = climb(coarse, chosen.wish, chosen.say)
     if not ladder.best.fit.is_moved:
         return Identification(
@@ -178,6 +168,23 @@ def identify(
         estimates=estimates,
         is_refined=is_refined,
     )
+
+
+def make_coarse(
+    record: AxisRecord, axis: CylinderConfig, settings: Settings, jobs: int, clock: Clock
+) -> Bench:
+    """Return the plant beside a record, coarse, for the ladder; arguments as of `identify`."""
+    bench = Bench(
+        Template(axis, settings, len(record.sessions)),
+        make_course(record, _COARSE),
+        _COARSE_STEP,
+        jobs=jobs,
+        clock=clock,
+        blur=_BLUR,
+        has_middles=True,
+    )
+    _require_reach(bench)
+    return bench
 
 
 def _refine(bench: Bench, found: Fit) -> tuple[Fit, Bench]:

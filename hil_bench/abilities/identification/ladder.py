@@ -1,6 +1,5 @@
 """The ladder of models: each starts from the plateaus, and is judged by strokes left out."""
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +32,7 @@ _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what err
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
 _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
+_ROUNDS = 12  # of a search at most
 _AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
 
 PAPER = (
@@ -84,6 +84,7 @@ SWIFT = (
 
 PLATEAUS, THE_PAPERS = "plateaus alone", "the paper's model"
 WHOLE, SUPPLY = "whole strokes", "and a supply that yields"
+STORE = "and a pump with an accumulator"
 
 ALIASES = {
     "piston_side_volume_cm3": "dead_a",
@@ -126,10 +127,14 @@ _GRIDS: Mapping[tuple[str, ...], Sequence[tuple[float, ...]]] = {
     (LAG,): ((0.0,), (1.0,), (2.0,), (5.0,)),
     ("null_opening_um",): ((0.0,), (0.2,), (0.5,), (1.0,)),
     ("internal_leakage_l_min_bar",): ((0.0,), (1.0,), (3.0,), (10.0,)),
-    (DROOP,): ((0.0,), (1.0,), (2.5,), (5.0,)),
-    (PUMP, GAS): tuple(itertools.product(np.log([0.1, 0.15, 0.2, 0.3]), np.log([3.0, 10.0, 30.0]))),
+    (DROOP,): ((0.0,), (1.0,), (2.0,), (4.0,)),
 }
 """Variables that are tried before the search, some together."""
+
+
+_STORE = {DROOP: 8.0, PUMP: math.log(0.12), GAS: math.log(15.0)}
+"""Variables of a usual supply with an accumulator."""
+_TIED = 1e-3  # standard deviation of a variable that is held
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,27 +199,37 @@ class Wish(NamedTuple):
     free: tuple[str, ...] = ()
 
 
-def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
+def climb(
+    bench: Bench, wish: Wish, say: Callable[[str], None], *, is_judged: bool = True
+) -> Ladder:
     """Try the models of the ladder, and choose.
 
     Args:
         bench: plant and record, coarse.
         wish: of the user.
         say: takes what is being done.
+        is_judged: whether strokes are left out to judge each; otherwise the fit decides.
     """
     say(PLATEAUS)
     few = bench.some(_alike(bench))
-    folds, notes = choose_folds(few)
+    folds, notes = choose_folds(few) if is_judged else ([], ())
     every = [*wish.free, *_offsets(few), *_stops(few)]
     first = _by_plateaus(few, _free(few, [*STEADY, *_offsets(few)], wish))
     rungs = [_judge(replace(few, is_rough=True), PLATEAUS, first, folds)]
     if first.is_moved:
         say(f"first answer: {_describe(few, first)}; {THE_PAPERS}")
         few = few.rescaled(first.values)
+        supply = _supply(few)
+        swift = [*SWIFT, *every]
         for title, start, more in (
             (THE_PAPERS, (), [*PAPER, *every]),
-            (WHOLE, first.unknowns, [*SWIFT, *every]),
-            (SUPPLY, None, _supply(few)),
+            (WHOLE, first.unknowns, swift),
+            (SUPPLY, None, supply),
+            *(
+                [(STORE, first.unknowns, [*swift, *supply])]
+                if is_judged and DROOP in supply
+                else []
+            ),
         ):
             best = rungs[choose_rung(rungs)]
             if few.clock.is_over or (len(rungs) > 1 and best.is_good):
@@ -222,10 +237,13 @@ def climb(bench: Bench, wish: Wish, say: Callable[[str], None]) -> Ladder:
             say(f"{title}; so far {_describe(few, best.fit)}")
             known = best.fit.unknowns if start is None else start
             names = _free(few, [*(one.name for one in known), *more], wish)
-            values = best.fit.values if start is None else first.values if start else {}
-            unknowns, begin = _pairs(few, names, values)
-            begin = fit_plateaus(few, unknowns, begin) if start == () else begin
-            fit = search(few, unknowns, _scan(few, unknowns, begin, more), 12)
+            if title == STORE:
+                fit = _store(few, names, rungs)
+            else:
+                values = best.fit.values if start is None else first.values if start else {}
+                unknowns, begin = _pairs(few, names, values)
+                begin = fit_plateaus(few, unknowns, begin) if start == () else begin
+                fit = search(few, unknowns, _scan(few, unknowns, begin, more), _ROUNDS)
             if fit.is_moved:
                 rungs.append(_judge(few, title, fit, folds))
     return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
@@ -390,6 +408,27 @@ def _scan(
     except Stopped:
         pass
     return best[1]
+
+
+def _store(bench: Bench, names: Sequence[str], rungs: Sequence[Rung]) -> Fit:
+    """Return the fit of a supply with an accumulator; not moved where others fit as well.
+
+    Saturation and friction stand for a supply that long strokes drain, so no search leads from
+    there to an accumulator: all others are fitted to a usual one first, plateaus before rows.
+    """
+    unknowns, begin = _pairs(bench, names, rungs[-1].fit.values)
+    tied = [
+        one._replace(start=_STORE[one.name], spread=_TIED) if one.name in _STORE else one
+        for one in unknowns
+    ]
+    begin = np.array(
+        [_STORE.get(each.name, value) for each, value in zip(tied, begin, strict=True)]
+    )
+    rough = search(replace(bench, is_rough=True), tied, begin, _ROUNDS)
+    usual = search(bench, tied, rough.variables, _ROUNDS)
+    if usual.cost > min(rung.fit.cost for rung in rungs[1:]):
+        return usual._replace(is_moved=False)
+    return search(bench, unknowns, usual.variables, 2 * _ROUNDS)
 
 
 def _width(bench: Bench) -> float:

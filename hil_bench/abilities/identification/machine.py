@@ -202,6 +202,7 @@ class Template:
         p = self.axis.parameters
         force = NEWTON.from_si(0.02 * p.P_S * p.mean_area)
         opening = MILLIMETRE.from_si(p.full_opening)
+        most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
         leak = LITRE_PER_MINUTE_BAR.from_si(1e-3 * p.K * p.alpha / math.sqrt(p.P_S - p.P_T))
         ratios = {
             "bulk_modulus_mpa": (4.0, 2.0),
@@ -234,7 +235,7 @@ class Template:
             "entrained_air_percent": (1.0, 0.0, 30.0, 3.0),
             "null_opening_um": (10.0 * opening, 0.0, 10.0, 1.0),
             "tank_pressure_bar": (1.0, -0.9, 60.0, 3.0),
-            DROOP: (0.1, 0.0, 50.0, 3.0),
+            DROOP: (0.02 * BAR.from_si(p.P_S) / most, 0.0, 50.0, 3.0),
             DELAY: (1.0, 0.0, 30.0, 3.0),
             LAG: (1.0, 0.0, 30.0, 3.0),
             "offset_x": (1.0, -20.0, 20.0, 1.0),

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.against import Comparison, compare, describe
-from hil_bench.abilities.identification.identify import Options
+from hil_bench.abilities.identification.against import (
+    Comparison,
+    compare,
+    describe,
+    find_alike,
+    find_changes,
+)
+from hil_bench.abilities.identification.fit import Clock
+from hil_bench.abilities.identification.identify import Options, make_coarse
 from hil_bench.abilities.identification.record import AxisRecord, join_records
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
@@ -59,6 +66,7 @@ def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> No
     assert change == pytest.approx(1.5, abs=0.15)  # bar
 
 
+@pytest.mark.long
 def test_a_sensor_that_is_off_in_several_recordings_is_named(before: AxisRecord) -> None:
     off = record_of(replace(SOUND, offset=1.5e5))
     held = {"bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s"}
@@ -72,11 +80,32 @@ def test_a_sensor_that_is_off_in_several_recordings_is_named(before: AxisRecord)
     assert change == pytest.approx(1.5, abs=0.15)  # bar
 
 
+def test_recordings_without_like_strokes_are_refused(before: AxisRecord) -> None:
+    others = AxisRecord.of(SOUND.record(0.8 * STROKES), "axis1", FULL_OPENING)
+    first, second = (make_coarse(one, AXIS, SETTINGS, 1, Clock()) for one in (before, others))
+
+    assert find_alike(first, second) == [[], [], [], []]
+    assert find_alike(first, first) == [[0], [1], [2], [3]]
+
+
+def test_a_step_inside_a_row_is_found_by_the_row_mean(before: AxisRecord) -> None:
+    record = replace(before, setpoints=before.setpoints.copy())
+    bench = make_coarse(record, AXIS, SETTINGS, 1, Clock())
+    stroke = bench.course.strokes[1]
+    setpoints = bench.course.record.setpoints
+    row = stroke.rows.start + 40
+    setpoints[row] = 0.25 * setpoints[row - 1]  # three quarters of the row have the new one
+    setpoints[row + 1 :] = 0.0
+
+    assert find_changes(bench, stroke)[-1] == pytest.approx(39.0 - 0.75)
+
+
 def test_a_comparison_without_time_says_so(before: AxisRecord) -> None:
     with pytest.raises(ConfigError, match="the time was over before the comparison"):
         compare(before, before, AXIS, SETTINGS, Options(seconds=1e-9))
 
 
+@pytest.mark.long
 def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> None:
     leaky = replace(PlantOptions.bench(), C_LA=2e-12)
 

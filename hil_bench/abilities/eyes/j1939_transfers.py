@@ -107,7 +107,7 @@ class LongMessage:
         """Take a packet."""
         if number != self.due and not self.misplaced:
             self.misplaced = f"packet {number} came in place of {self.due}"
-        if self.is_to_all:
+        if self.is_to_all and len(self.gaps) < _MOST:  # one may come again and again
             self.gaps.append(now - self.last)
         self.packets[number] = data
         self.due, self.is_new, self.last = number + 1, False, now

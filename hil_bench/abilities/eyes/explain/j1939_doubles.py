@@ -52,6 +52,7 @@ of values by turns."""
 _PROPRIETARY: Final = 0xFF00
 """From here on a maker may have several kinds of values in one group; before, the standard says."""
 
+_OF_A_FRAME: Final = 8
 _SHORTEST: Final = 2_000_000
 _MOST: Final = 4096
 
@@ -119,6 +120,8 @@ class Doubles(OfJ1939):
             return
         group = message.group
         if message.source == NULL or group in {ADDRESS_CLAIMED, DM1} or not is_to_all(group):
+            return
+        if len(message.data) > _OF_A_FRAME:  # packets of two senders are no message
             return
         key = sight.frame.bus, message.source, group
         stream = self._streams.get(key)

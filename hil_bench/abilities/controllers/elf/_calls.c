@@ -44,7 +44,7 @@ static bool has_given(Py_ssize_t count, Py_ssize_t right)
 }
 
 /* Calls a function of Python's and takes the reference to each argument, NULL for one that could not
- * be made. An exception stays set: it stops the engine, and `start` raises it. */
+ * be made. An exception stays set: it stops the engine, and its start raises it. */
 static PyObject *call(void *engine, PyObject *function, PyObject **arguments, size_t count)
 {
     PyObject *result = NULL;
@@ -106,23 +106,7 @@ static PyObject *use(PyObject *module, PyObject *const *given, Py_ssize_t count)
     Py_RETURN_NONE;
 }
 
-PyDoc_STRVAR(start_doc, "start(handle, address, count) -> error\n\nDo up to a number of instructions.");
-
-static PyObject *start(PyObject *module, PyObject *const *given, Py_ssize_t count)
-{
-    (void)module;
-    if (!has_given(count, 3))
-        return NULL;
-    void *engine = PyLong_AsVoidPtr(given[0]);
-    uint64_t address = PyLong_AsUnsignedLongLong(given[1]);
-    size_t most = PyLong_AsSize_t(given[2]);
-    if (PyErr_Occurred())
-        return NULL;
-    int error = uc_emu_start(engine, address | 1, NEVER, 0, most);
-    return PyErr_Occurred() ? NULL : PyLong_FromLong(error);
-}
-
-PyDoc_STRVAR(stop_doc, "stop(handle)\n\nHave `start` return.");
+PyDoc_STRVAR(stop_doc, "stop(handle)\n\nHave a start return.");
 
 static PyObject *stop(PyObject *module, PyObject *handle)
 {
@@ -287,11 +271,13 @@ static PyTypeObject registers_type = {
     .tp_methods = registers_methods,
 };
 
-/* The alignment of a core's accesses (Armv7-M ARM, A3.2.1), which unicorn does not look at. */
-struct alignment {
+/* The instructions of a core: started, counted up to a limit, and looked at for the alignment of their accesses
+ * (Armv7-M ARM, A3.2.1), which unicorn leaves out. One hook does both: unicorn calls a single one without detours. */
+struct instructions {
     PyObject_HEAD
     void *engine;
     PyObject *take;
+    unsigned long long count, limit;
     char traps_all;
     int registers[CORE_REGISTERS]; /* unicorn's numbers */
     int regions;                   /* where instructions are */
@@ -348,105 +334,154 @@ static void decode_long(unsigned code, unsigned more, bool traps_all, struct acc
     }
 }
 
-static uint32_t value_of(const struct alignment *alignment, unsigned number)
+static uint32_t value_of(struct instructions *of, unsigned number)
 {
     uint32_t value = 0;
     void *at = &value;
     if (number != NO_INDEX)
-        uc_reg_read_batch(alignment->engine, (int *)&alignment->registers[number], &at, 1);
+        uc_reg_read_batch(of->engine, &of->registers[number], &at, 1);
     return value;
 }
 
 static void on_instruction(void *engine, uint64_t address, uint32_t size, void *data)
 {
-    struct alignment *alignment = data;
+    struct instructions *of = data;
+    if (++of->count > of->limit) {
+        uc_emu_stop(engine);
+        return;
+    }
     const uint16_t *code = NULL;
-    for (int at = 0; at < alignment->regions && code == NULL; at++)
-        if (address - alignment->region[at].address < alignment->region[at].size)
-            code = alignment->region[at].code + (address - alignment->region[at].address) / 2;
+    for (int at = 0; at < of->regions && code == NULL; at++)
+        if (address - of->region[at].address < of->region[at].size)
+            code = of->region[at].code + (address - of->region[at].address) / 2;
     if (code == NULL)
         return;
     struct access access = {.alignment = 0};
     if (size == 2)
-        decode_short(code[0], alignment->traps_all, &access);
+        decode_short(code[0], of->traps_all, &access);
     else
-        decode_long(code[0], code[1], alignment->traps_all, &access);
+        decode_long(code[0], code[1], of->traps_all, &access);
     if (access.alignment < 2)
         return;
-    uint32_t reached = value_of(alignment, access.base) + (uint32_t)access.offset
-                       + (value_of(alignment, access.index) << access.shift);
+    uint32_t reached = value_of(of, access.base) + (uint32_t)access.offset
+                       + (value_of(of, access.index) << access.shift);
     if (reached & (access.alignment - 1) && !PyErr_Occurred()) {
         PyObject *arguments[] = {PyLong_FromUnsignedLong(reached)};
-        Py_XDECREF(call(engine, alignment->take, arguments, 1));
+        Py_XDECREF(call(engine, of->take, arguments, 1));
     }
 }
 
-static int make_alignment(PyObject *self, PyObject *arguments, PyObject *keywords)
+static int make_instructions(PyObject *self, PyObject *arguments, PyObject *keywords)
 {
-    struct alignment *alignment = (struct alignment *)self;
-    PyObject *handle, *take, *registers, *regions;
+    struct instructions *of = (struct instructions *)self;
+    PyObject *handle, *take, *registers;
     if (keywords != NULL && PyDict_GET_SIZE(keywords)) {
-        PyErr_SetString(PyExc_TypeError, "Alignment(handle, take, registers, regions)");
+        PyErr_SetString(PyExc_TypeError, "Instructions(handle, take, registers)");
         return -1;
     }
-    if (!PyArg_ParseTuple(arguments, "OOO!O!", &handle, &take, &PyTuple_Type, &registers, &PyTuple_Type, &regions))
+    if (!PyArg_ParseTuple(arguments, "OOO!", &handle, &take, &PyTuple_Type, &registers))
         return -1;
-    if (PyTuple_GET_SIZE(registers) != CORE_REGISTERS || PyTuple_GET_SIZE(regions) > MOST_REGIONS) {
-        PyErr_Format(PyExc_ValueError, "not %d registers, or more than %d regions", CORE_REGISTERS, MOST_REGIONS);
+    if (PyTuple_GET_SIZE(registers) != CORE_REGISTERS) {
+        PyErr_Format(PyExc_ValueError, "%zd registers, not %d", PyTuple_GET_SIZE(registers), CORE_REGISTERS);
         return -1;
     }
     for (int at = 0; at < CORE_REGISTERS; at++)
-        alignment->registers[at] = (int)PyLong_AsLong(PyTuple_GET_ITEM(registers, at));
-    for (Py_ssize_t at = 0; at < PyTuple_GET_SIZE(regions); at++) {
-        unsigned long long address, size, code;
-        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(regions, at), "KKK", &address, &size, &code))
-            return -1;
-        alignment->region[at].address = address;
-        alignment->region[at].size = size;
-        alignment->region[at].code = (const uint16_t *)(uintptr_t)code;
-    }
-    alignment->engine = PyLong_AsVoidPtr(handle);
+        of->registers[at] = (int)PyLong_AsLong(PyTuple_GET_ITEM(registers, at));
+    of->engine = PyLong_AsVoidPtr(handle);
     if (PyErr_Occurred())
         return -1;
-    alignment->regions = (int)PyTuple_GET_SIZE(regions);
-    Py_XSETREF(alignment->take, Py_NewRef(take));
+    Py_XSETREF(of->take, Py_NewRef(take));
     size_t hook;
-    int error = uc_hook_add(alignment->engine, &hook, HOOK_OF_INSTRUCTIONS, (void *)on_instruction, alignment, 1, 0);
+    int error = uc_hook_add(of->engine, &hook, HOOK_OF_INSTRUCTIONS, (void *)on_instruction, of, 1, 0);
     if (error)
         PyErr_Format(PyExc_RuntimeError, "unicorn's error %d", error);
     return error ? -1 : 0;
 }
 
-static void end_alignment(PyObject *self)
+static PyObject *start(PyObject *self, PyObject *const *given, Py_ssize_t count)
 {
-    Py_XDECREF(((struct alignment *)self)->take);
+    struct instructions *of = (struct instructions *)self;
+    if (!has_given(count, 2))
+        return NULL;
+    uint64_t address = PyLong_AsUnsignedLongLong(given[0]);
+    of->limit = PyLong_AsUnsignedLongLong(given[1]);
+    if (PyErr_Occurred())
+        return NULL;
+    of->count = 0;
+    int error = uc_emu_start(of->engine, address | 1, NEVER, 0, 0);
+    return PyErr_Occurred() ? NULL : PyLong_FromLong(error);
+}
+
+static PyObject *add_code(PyObject *self, PyObject *const *given, Py_ssize_t count)
+{
+    struct instructions *of = (struct instructions *)self;
+    if (!has_given(count, 3))
+        return NULL;
+    if (of->regions == MOST_REGIONS)
+        return PyErr_Format(PyExc_ValueError, "more than %d regions", MOST_REGIONS);
+    of->region[of->regions].address = PyLong_AsUnsignedLongLong(given[0]);
+    of->region[of->regions].size = PyLong_AsUnsignedLongLong(given[1]);
+    of->region[of->regions].code = PyLong_AsVoidPtr(given[2]);
+    if (PyErr_Occurred())
+        return NULL;
+    of->regions++;
+    Py_RETURN_NONE;
+}
+
+static int visit_instructions(PyObject *self, visitproc visit, void *arg)
+{
+    Py_VISIT(((struct instructions *)self)->take);
+    return 0;
+}
+
+static int clear_instructions(PyObject *self)
+{
+    Py_CLEAR(((struct instructions *)self)->take);
+    return 0;
+}
+
+static void end_instructions(PyObject *self)
+{
+    PyObject_GC_UnTrack(self);
+    clear_instructions(self);
     Py_TYPE(self)->tp_free(self);
 }
 
-static PyMemberDef alignment_members[] = {
-    {"traps_all", T_BOOL, offsetof(struct alignment, traps_all), 0, "Whether words and halfwords are to be aligned, too."},
+static PyMethodDef instructions_methods[] = {
+    {"start", (PyCFunction)(void (*)(void))start, METH_FASTCALL,
+     "start(address, count) -> error\n\nDo up to a number of instructions."},
+    {"add_code", (PyCFunction)(void (*)(void))add_code, METH_FASTCALL,
+     "add_code(address, size, place)\n\nLook at the accesses of instructions in a range, whose bytes are at a place here."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMemberDef instructions_members[] = {
+    {"count", T_ULONGLONG, offsetof(struct instructions, count), READONLY, "Since the last start."},
+    {"traps_all", T_BOOL, offsetof(struct instructions, traps_all), 0, "Whether words and halfwords are to be aligned, too."},
     {NULL, 0, 0, 0, NULL},
 };
 
-static PyTypeObject alignment_type = {
+static PyTypeObject instructions_type = {
     PyVarObject_HEAD_INIT(NULL, 0)
-    .tp_name = "_calls.Alignment",
-    .tp_doc = "Alignment(handle, take, registers, regions)\n\n"
-              "Has a function take the address of an access that is not aligned, in front of it; the caller keeps it.\n"
-              "The registers are unicorn's numbers of R0 to PC, regions are (address, size, place in this process).",
-    .tp_basicsize = sizeof(struct alignment),
-    .tp_flags = Py_TPFLAGS_DEFAULT,
+    .tp_name = "_calls.Instructions",
+    .tp_doc = "Instructions(handle, take, registers)\n\n"
+              "The instructions of a core; a function takes the address of an access that is not aligned, in front of it.\n"
+              "The registers are unicorn's numbers of R0 to PC. The caller keeps it as long as the engine.",
+    .tp_basicsize = sizeof(struct instructions),
+    .tp_flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_HAVE_GC,
     .tp_new = PyType_GenericNew,
-    .tp_init = make_alignment,
-    .tp_dealloc = end_alignment,
-    .tp_members = alignment_members,
+    .tp_init = make_instructions,
+    .tp_dealloc = end_instructions,
+    .tp_traverse = visit_instructions,
+    .tp_clear = clear_instructions,
+    .tp_methods = instructions_methods,
+    .tp_members = instructions_members,
 };
 
 #define FAST(function) (PyCFunction)(void (*)(void))function, METH_FASTCALL
 
 static PyMethodDef methods[] = {
     {"use", FAST(use), use_doc},
-    {"start", FAST(start), start_doc},
     {"stop", stop, METH_O, stop_doc},
     {"read", FAST(read_memory), read_doc},
     {"write", FAST(write_memory), write_doc},
@@ -462,7 +497,7 @@ static struct PyModuleDef definition = {
 PyMODINIT_FUNC PyInit__calls(void)
 {
     PyObject *module = PyModule_Create(&definition);
-    if (module != NULL && (PyModule_AddType(module, &registers_type) < 0 || PyModule_AddType(module, &alignment_type) < 0))
+    if (module != NULL && (PyModule_AddType(module, &registers_type) < 0 || PyModule_AddType(module, &instructions_type) < 0))
         Py_CLEAR(module);
     return module;
 }

@@ -40,10 +40,19 @@ class Registers(Protocol):
         """Set them, in their order."""
 
 
-class Alignment(Protocol):
-    """The look at each access, which the caller keeps."""
+class Instructions(Protocol):
+    """The instructions of a core, which the caller keeps as long as its engine."""
 
+    count: int
+    """Since the last start, also in the middle of them."""
     traps_all: bool
+    """Whether words and halfwords are to be aligned, too, not only what always is."""
+
+    def start(self, address: int, count: int) -> int:
+        """Do up to a number of them; an exception of a function that is called ends it."""
+
+    def add_code(self, address: int, size: int, place: int) -> None:
+        """Look at the accesses of those in a range, whose bytes are at a place of this process."""
 
 
 class Calls(Protocol):
@@ -52,11 +61,8 @@ class Calls(Protocol):
     def use(self, *addresses: int) -> None:
         """Take unicorn's functions by their addresses."""
 
-    def start(self, handle: int, address: int, count: int) -> int:
-        """Do up to a number of instructions; an exception of a function that is called ends it."""
-
     def stop(self, handle: int) -> None:
-        """Have `start` return."""
+        """Have a start return."""
 
     def read(self, handle: int, address: int, size: int) -> bytes | int:
         """Return bytes of memory, 256 at most."""
@@ -79,13 +85,9 @@ class Calls(Protocol):
     def Registers(self, handle: int, numbers: tuple[int, ...]) -> Registers:  # noqa: N802 - a class
         """Return some registers by unicorn's numbers."""
 
-    def Alignment(  # noqa: N802 - likewise
-        self,
-        handle: int,
-        take: Callable[[int], None],
-        registers: tuple[int, ...],
-        regions: tuple[tuple[int, int, int], ...],
-    ) -> Alignment:
+    def Instructions(  # noqa: N802 - likewise
+        self, handle: int, take: Callable[[int], None], registers: tuple[int, ...]
+    ) -> Instructions:
         """Have a function take the address of an access that is not aligned, in front of it."""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from struct import Struct
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from unicorn import arm_const as arm
 
@@ -20,9 +20,6 @@ from hil_bench.abilities.controllers.elf.nvic import (
     Exceptions,
 )
 from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
-
-if TYPE_CHECKING:
-    from hil_bench.abilities.controllers.elf.calls import Alignment
 
 MODELS: Final = {
     "Cortex-M0": arm.UC_CPU_ARM_CORTEX_M0,
@@ -106,13 +103,12 @@ class Cpu:
     def __init__(
         self, model: str, exceptions: Exceptions, per_ms: int, divisors: Mapping[int, int]
     ) -> None:
-        self.engine = engine = Engine(MODELS[model])
+        self.engine = engine = Engine(MODELS[model], self._take_unaligned)
         self.divisions = DivisionTraps(engine, divisors, self._divide)
         self._has_masks = model != "Cortex-M0"
         self._has_floats = model == "Cortex-M4F"
         self.exceptions = exceptions
         self.vectors = 0
-        self._alignment: Alignment | None = None
         self.sleeps_on_exit = self.wants_reset = False
         self._per_ms = per_ms
         self._timeline = Timeline()
@@ -121,7 +117,7 @@ class Cpu:
         self._must_repeat = self._is_repeating = False
         self._trap = 0
         self._access = ""
-        self._count = engine.count
+        self._instructions = engine.instructions
         self._at = 0  # where it goes on
         self._pc = engine.registers((arm.UC_ARM_REG_PC,))
         self._saved = engine.registers(_SAVED)
@@ -134,10 +130,11 @@ class Cpu:
         self._stacks = engine.registers(_numbers(("MSP", "PSP", "CONTROL")))
         self._shown = engine.registers(_numbers(_SHOWN))
         engine.hook_traps(self._take_trap)
+        self.trap_unaligned(is_on=False)
 
     def now(self) -> int:
         """Return the time, to the instruction [ns]."""
-        done = self._done + self._count.value if self._is_running else self._done
+        done = self._done + self._instructions.count if self._is_running else self._done
         return self._epoch + done * 1_000_000 // self._per_ms
 
     def alarm(self, time: int, action: Callable[[], None]) -> Alarm:
@@ -175,15 +172,9 @@ class Cpu:
         if self._is_running and self.divisions.are_due:
             self._interrupt()
 
-    def watch_alignment(self) -> None:
-        """Have accesses that are not aligned be traps, now that all memory is mapped."""
-        self._alignment = self.engine.watch_alignment(self._take_unaligned)
-        self.trap_unaligned(is_on=False)
-
     def trap_unaligned(self, *, is_on: bool) -> None:
-        """Have each of them be a trap; on a Cortex-M0 they always are."""
-        if self._alignment is not None:
-            self._alignment.traps_all = is_on or not self._has_masks
+        """Have each access that is not aligned be a trap; on a Cortex-M0 they always are."""
+        self._instructions.traps_all = is_on or not self._has_masks
 
     def map_peripheral(
         self,
@@ -283,10 +274,10 @@ class Cpu:
     def _start(self, count: int) -> int:
         """Do a number of instructions; return how many were done."""
         self._is_running = True
-        error = self.engine.start(self._at, count)
+        error = self._instructions.start(self._at, count)
         self._is_running = False
         self._at = self._pc.read()[0]
-        done = min(self._count.value, count)  # unicorn counts the one that it stops at
+        done = min(self._instructions.count, count)  # the one that it stops at is counted
         self._done += done
         if error and not self._trap:
             if error == INVALID_INSTRUCTION and self._code(self._at - 2) == _WFE:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import unicorn
 from unicorn import arm_const as arm
 
-from hil_bench.abilities.controllers.elf.calls import LIBRARY, Alignment, Registers, find_calls
+from hil_bench.abilities.controllers.elf.calls import LIBRARY, Registers, find_calls
 
 _CODE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint32, c_void_p)
 _MISS = CFUNCTYPE(ctypes.c_bool, c_void_p, c_int, c_uint64, c_int, ctypes.c_int64, c_void_p)
@@ -37,16 +37,15 @@ class Engine:
 
     Args:
         model: unicorn's number of the core.
+        take_unaligned: takes the address of an access that is not aligned, in front of it.
 
     Attributes:
         handle: of unicorn.
-        count: the instructions since the last start, also in the middle of them.
-        start: does instructions from an address, up to a number of them; returns unicorn's number
-            of an error, 0 for none.
-        stop: has `start` return.
+        instructions: of the core.
+        stop: has their start return.
     """
 
-    def __init__(self, model: int) -> None:
+    def __init__(self, model: int, take_unaligned: Callable[[int], None]) -> None:
         # Opened by the wrapper, which knows how a model is chosen.
         self._wrapper = unicorn.Uc(
             unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
@@ -54,11 +53,11 @@ class Engine:
         self._wrapper.ctl_set_cpu_model(model)
         self.handle = _address(self._wrapper)
         self._kept: list[object] = []  # functions that unicorn calls
-        self._code: list[tuple[int, int, int]] = []  # memory for it: address, size and place here
         self._calls = calls = find_calls()
-        self.start: Callable[[int, int], int] = partial(calls.start, self.handle)
         self.stop: Callable[[], None] = partial(calls.stop, self.handle)
-        self.count = c_uint64.from_address(self.handle + _counter_offset())
+        registers = tuple(range(arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R12 + 1))
+        registers += arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC
+        self.instructions = calls.Instructions(self.handle, take_unaligned, registers)
 
     def registers(self, numbers: tuple[int, ...]) -> Registers:
         """Return some registers by unicorn's numbers, to read and write them together."""
@@ -72,7 +71,7 @@ class Engine:
         """Map memory that stays the caller's."""
         at = ctypes.addressof(memory)
         if address < _PERIPHERALS:
-            self._code.append((address, len(memory), at))
+            self.instructions.add_code(address, len(memory), at)
         _check(_map_pointer(self.handle, address, len(memory), protection, at))
 
     def map_functions(
@@ -91,16 +90,6 @@ class Engine:
         """Have a function take the number of each trap."""
         self._kept.append(take)
         _check(self._calls.hook_traps(self.handle, take))
-
-    def watch_alignment(self, take: Callable[[int], None]) -> Alignment:
-        """Have a function take the address of an access that is not aligned, in front of it.
-
-        Looked at are the instructions in the caller's memory that is mapped by now: those that need
-        alignment always, and where ``traps_all`` is set, all others.
-        """
-        registers = tuple(range(arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R12 + 1))
-        registers += arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC
-        return self._calls.Alignment(self.handle, take, registers, tuple(self._code))
 
     def hook_address(self, address: int, take: Callable[[], None]) -> None:
         """Have a function called in front of the instruction at an address."""
@@ -149,10 +138,6 @@ class Engine:
         _check(LIBRARY.uc_hook_add(handle, byref(made), kinds, function, None, begin, end))
 
 
-_NEVER = 0xFFFF_FFFE  # an address that no program comes to
-_NOP, _WFI = b"\x00\xbf", b"\x30\xbf"
-
-
 def _check(number: int) -> None:
     """Check what unicorn has returned.
 
@@ -167,31 +152,3 @@ def _address(uc: Any) -> int:  # noqa: ANN401 - unicorn has no name for it
     """Return the address of unicorn's own record of an engine."""
     handle = uc._uch  # noqa: SLF001
     return int(getattr(handle, "value", handle))
-
-
-_offset = 0
-
-
-def _counter_offset() -> int:
-    """Return the place in its record where unicorn counts instructions; it cannot be asked.
-
-    Found by counting: programs of known lengths are run up to a WFI.
-
-    Raises:
-        RuntimeError: it is nowhere.
-    """
-    global _offset  # noqa: PLW0603 - looked for once
-    if _offset:
-        return _offset
-    uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
-    uc.mem_map(0, 0x3000)
-    found = set(range(0, 2048, 8))
-    for page, count in enumerate((1000, 37, 611)):
-        uc.mem_write(page << 12, _NOP * (count - 1) + _WFI)
-        uc.emu_start(page << 12 | 1, _NEVER, count=5000)
-        record = ctypes.string_at(_address(uc), 2048)
-        found = {at for at in found if int.from_bytes(record[at : at + 8], "little") == count}
-    if not found:
-        raise RuntimeError("unicorn counts instructions elsewhere than version 2.1.4")
-    _offset = min(found)
-    return _offset

@@ -80,7 +80,6 @@ class Machine:
         self._wires = self._map_peripherals(family, job)
         self._map_rest(family)
         self._cpu.engine.hook_misses(self._miss)
-        self._cpu.watch_alignment()
         self._program_flash()
         self.switch_on(0)
 

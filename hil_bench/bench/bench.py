@@ -19,7 +19,7 @@ the tick, and the tick knows nothing else of it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar
 
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
@@ -43,17 +43,6 @@ class Extension(Protocol):
 
     def join(self, bench: "Bench") -> None:
         """Add what it does to the places of the tick, and its ways to the switchboard."""
-
-
-@runtime_checkable
-class Shown(Protocol):
-    """An extension that those who watch the bench see, in keys of its own."""
-
-    def greeting(self) -> Mapping[str, Any]:
-        """Return the facts that stay, for those who begin to watch."""
-
-    def state(self, now: int) -> Mapping[str, Any]:
-        """Return its present state, at `now` [ns]."""
 
 
 class Event(Protocol):

@@ -31,10 +31,10 @@ from hil_bench.abilities.live.messages import (
 from hil_bench.abilities.live.process import FeedProcess
 from hil_bench.abilities.live.server import FeedPlan
 from hil_bench.ability import load
-from hil_bench.bench.bench import Shown
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
+from hil_bench.bench.shown import Shown
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.views import Health, WorkState
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError

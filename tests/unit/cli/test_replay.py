@@ -174,6 +174,10 @@ def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
             '--tolerance "position=-1 mm": "position=0.5 mm" is the form',
         ),
         (
+            ["--virtual", "--tolerance", "position=1e400 mm"],  # within which everything is
+            '--tolerance "position=1e400 mm": "position=0.5 mm" is the form',
+        ),
+        (
             ["--virtual", "--tolerance", "position=1 bar"],
             '"position=1 bar": bar is no unit of it; give one of m, mm, um',
         ),

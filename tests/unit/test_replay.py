@@ -111,6 +111,19 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
         compare_recordings(load_config(), recorded, simulated, {"axis9.position": 1.0})
 
 
+def test_a_deviation_has_its_greatest_value_with_its_time_and_its_rms(recorded):
+    """Half of the rows are off by 1 mm, the tenth by -4 mm: rms² is (n / 2 + 16) / n mm²."""
+    simulated = drive_plant(load_config(), recorded)
+    simulated["axis1.position"] = recorded["axis1.position"]
+    count = len(recorded) // 2
+    simulated["axis1.position"][-count:] += 1e-3
+    simulated["axis1.position"][9] -= 4e-3
+    (deviation, *_) = compare_recordings(load_config(), recorded, simulated, {})
+    assert deviation.maximum == pytest.approx(4e-3)
+    assert deviation.time == recorded["time"][9]
+    assert deviation.rms == pytest.approx(1e-3 * np.sqrt((count + 16) / len(recorded)))
+
+
 def leaping(rows, time):
     """Return seven rows of 1 ms and one of another time."""
     rows = rows[:8].copy()

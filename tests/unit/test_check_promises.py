@@ -312,3 +312,13 @@ def test_a_unit_with_nothing_but_its_pump_is_as_fast_as_the_pump(tmp_path):
     words = "at the relief valve's setting, P_S rises by up to 1.5 bar"
     for name in ("top speed extending", "largest push", "largest pull"):
         assert notes[name].endswith(words)
+
+
+def test_a_swing_is_counted_in_ticks_and_in_steps():
+    """By default a tick has 1 ms and a step 50 us; the fastest swing needs the steps."""
+    config = load_config()
+    facts = {fact.name.strip(): fact.value for fact in facts_of(config, config.axes[0])}
+    places = ("retracted", "mid-stroke", "extended", "lowest")
+    frequencies = [facts[f"eigenfrequency, {place}"] for place in places]
+    assert facts["steps a swing"] == pytest.approx(1.0 / (max(frequencies) * 50e-6))
+    assert facts["ticks a swing"] == pytest.approx(1.0 / (min(frequencies) * 1e-3))

@@ -416,7 +416,8 @@ def _store(bench: Bench, names: Sequence[str], rungs: Sequence[Rung]) -> Fit:
     Saturation and friction stand for a supply that long strokes drain, so no search leads from
     there to an accumulator: all others are fitted to a usual one first, plateaus before rows.
     """
-    unknowns, begin = _pairs(bench, names, rungs[-1].fit.values)
+    whole = next((rung for rung in rungs if rung.title == WHOLE), rungs[-1])
+    unknowns, begin = _pairs(bench, names, whole.fit.values)
     tied = [
         one._replace(start=_STORE[one.name], spread=_TIED) if one.name in _STORE else one
         for one in unknowns

@@ -105,7 +105,7 @@ def _of_folder(data: CoverageData, name: str) -> dict[int, list[str]]:
 
 
 def _reach(path: Path, line: int) -> Iterable[int]:
-    """Return the lines of a function's statement; none for what an import runs."""
+    """Return the lines of a function's statement; no lines for what an import runs."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     around = [
         node

@@ -131,7 +131,7 @@ class Bench:
         departures: given what was sent, in a tick and between two.
         extensions: those of the bench, in the order in which they joined.
         events: what began and ended on it last, oldest first, by the names of such things.
-        retells: make an observer of frames into one that is told them as they passed.
+        retells: make an observer of frames into one that gets them as they passed.
     """
 
     def __init__(

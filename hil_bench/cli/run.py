@@ -99,7 +99,7 @@ def _add_seldom(group: "argparse._ActionsContainer") -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the bench until it is told to stop, or its bus is lost."""
+    """Run the bench until somebody ends it, or its bus is lost."""
     check_arguments(args)
     check_options("run", args)
     code = take_over("run", args)

@@ -124,7 +124,7 @@ class AttachedBench:
         """Return an attribute that an ability brings, as `faults`.
 
         Raises:
-            AttributeError: none brings this one.
+            AttributeError: no ability brings it.
         """
         for module in given_to("attached") if not name.startswith("_") else ():
             if name in module.ATTRIBUTES:

@@ -7,7 +7,7 @@ from hil_bench.abilities.live.places import HAS_SOCKETS
 from hil_bench.errors import ConfigError
 
 NAME = "bench"
-"""Name of a bench that is given none."""
+"""Name of a bench without `--name`."""
 
 EXAMPLES = {
     "run": """\

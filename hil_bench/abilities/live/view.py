@@ -166,7 +166,7 @@ class WorkFeed:
             return self._plan.up.put(kind, message)
 
 
-# The feed of `hil-bench run`: its arguments, its name, and what it says of the bench.
+# The feed of `hil-bench run`: its name, and what it says of the bench.
 
 logger = logging.getLogger(__name__)
 

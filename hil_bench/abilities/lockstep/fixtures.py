@@ -72,7 +72,7 @@ def firmware(
     """Starts a program on the bench's bus: ``firmware("build/controller", "--bus", "{bus}")``.
 
     In the arguments, ``{bus}`` becomes the bus: "vcan0", or "127.0.0.1:PORT" of the bench's own
-    hub. The environment tells it too, as HIL_BENCH_BUS and in python-can's variables. From the
+    hub. The environment has it, too, as HIL_BENCH_BUS and in python-can's variables. From the
     first start on the program's SYNC lets bench time pass, or the clock with --hil-realtime. At the
     end of the test each program gets SIGTERM, and the bench serves it while it ends.
     """

@@ -39,7 +39,7 @@ def write_spans(report: RecordingReport, ranges: list[Span]) -> None:
         try:
             append_events(file.path, ranges)
         except OSError as error:
-            logger.warning("%s: its faults are not in it: %s", file.path, error.strerror or error)
+            logger.warning("%s: its events are not in it: %s", file.path, error.strerror or error)
 
 
 # Recording as an observer of a session, whatever makes its ticks.

@@ -55,7 +55,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
             ``faults=[{"kind": "freeze", "target": "pressure_a"}]``.
 
     Raises:
-        TypeError: no ability has a table of such a name.
+        TypeError: no ability has a table of such a name, or it takes no list.
     """
     if unknown := sorted(given.keys() - own_tables().keys()):
         raise TypeError(f"load_config() got an unexpected keyword argument '{unknown[0]}'")
@@ -87,6 +87,9 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         for name, make in special.items()
         if getattr(make, "of_bench", False)
     }
+    for name, value in given.items():
+        if not isinstance(value, bool) and name not in of_bench:
+            raise TypeError(f"load_config() takes True or False for '{name}', not {value!r}")
     others = {
         name: make(document, buses.names, base, problems)
         for name, make in special.items()

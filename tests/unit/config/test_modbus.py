@@ -39,6 +39,11 @@ def test_without_the_table_there_is_no_server() -> None:
     assert load_config().of(ModbusConfig) is None
 
 
+def test_tables_that_nobody_would_read_are_refused() -> None:
+    with pytest.raises(TypeError, match=r"^load_config\(\) takes True or False for 'modbus', not"):
+        load_config(modbus=[{"port": 5021}])
+
+
 @pytest.mark.parametrize("text", ["[modbus]\n", ""])
 def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
     config = load_config(write(text), modbus=True).of(ModbusConfig)

@@ -18,6 +18,7 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     split,
 )
 from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
+from hil_bench.abilities.j1939.protocol.signals import NOT_AVAILABLE
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 
@@ -28,7 +29,6 @@ _SHOWN: Final = 64
 
 _ASSIGNED: Final = range(0xFE00, 0xFF00)
 """Parameter groups of eight bytes to all that SAE has assigned, with or without a name here."""
-_NOT_AVAILABLE: Final = "not available"
 _REQUEST_OF_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
 
 Place = tuple[int, int]
@@ -193,7 +193,7 @@ class J1939Reader:
         shown = message.shown or self._shown(bus, message.source, group, data)
         is_standard = signals is SPNS.get(group)
         for signal, (_, indicator) in zip(signals, shown, strict=True):
-            if not (is_standard and indicator == _NOT_AVAILABLE):
+            if not (is_standard and indicator == NOT_AVAILABLE):
                 yield signal.words(data, indicator)
 
 

@@ -26,6 +26,7 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     is_to_all,
     split,
 )
+from hil_bench.abilities.j1939.protocol.signals import NOT_AVAILABLE
 
 _MS: Final = 1_000_000
 _KNOWN: Final = 5
@@ -213,7 +214,7 @@ class Changes(OfJ1939):
             signal = self._signals[key] = _Signal()
         if not shown:
             signal.valid += 1
-            if signal.shown == _NOT_AVAILABLE or signal.sights.total < _CHANGED:
+            if signal.shown == NOT_AVAILABLE or signal.sights.total < _CHANGED:
                 signal.sights = Evidence()
         elif signal.valid >= _VALID:
             if shown != signal.shown:
@@ -250,9 +251,6 @@ class Changes(OfJ1939):
                 text += f' "{signal.shown}" from {seconds(first.now)} on, after {signal.valid}'
                 text += " messages with a value"
                 yield finding(Cause.J1939_INDICATOR, first.node, signal.sights, text)
-
-
-_NOT_AVAILABLE: Final = "not available"
 
 
 def _length_words(usual: object, first: Sight) -> str:

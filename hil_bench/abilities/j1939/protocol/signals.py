@@ -7,6 +7,9 @@ _BYTE: Final = 8
 _HIGHEST_VALID: Final = 0xFA
 _ERROR: Final = 0xFE
 
+NOT_AVAILABLE: Final = "not available"
+"""The indicator of a signal that its sender does not have."""
+
 
 def _highest(length: int) -> int:
     if length < _BYTE:
@@ -79,7 +82,7 @@ class Signal(NamedTuple):
         whole = self.length >= _BYTE and self.length % _BYTE == 0
         low = self.length - _BYTE if whole else 0
         if raw >> low == self.not_available >> low:
-            return "not available"
+            return NOT_AVAILABLE
         return "error" if raw >> low == self.error >> low else "reserved"
 
     def put(self, message: int, raw: int) -> int:

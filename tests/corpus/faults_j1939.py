@@ -3,16 +3,13 @@
 import itertools
 
 from corpus.faults import MS, Found, Scene, changed, fault, merged
+from corpus.j1939_scene import is_from
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 
 _TRANSPORT = frozenset({0xEB, 0xEC})
 _CLAIM = 0xEE
-
-
-def _is_from(each: LoggedFrame, address: int) -> bool:
-    return each.frame.is_extended and each.frame.can_id & 0xFF == address
 
 
 def _format(each: LoggedFrame) -> int:
@@ -52,7 +49,7 @@ def ecu_falls_silent(scene: Scene) -> Found:
         or len({c & 0xFF for c in _cyclic(scene)}) < 2
     ):
         return None
-    return scene.without(lambda e: e.now > since and _is_from(e, found[0] & 0xFF)), _address(
+    return scene.without(lambda e: e.now > since and is_from(e, found[0] & 0xFF)), _address(
         found[0]
     )
 

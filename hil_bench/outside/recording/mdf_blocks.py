@@ -140,7 +140,7 @@ def pack_text(text: str, kind: bytes = b"##TX") -> bytes:
     return pack_block(kind, (), raw + bytes(-len(raw) % 8))
 
 
-# The named times of a recording in its MF4 file, as its faults: events with a begin and an end (EV blocks).
+# The named times of a recording in its MF4 file, as faults: events of begin and end (EV blocks).
 #
 # They are appended when the recording has ended, so a file whose writer was killed has none.
 # Tools such as asammdf show them as markers over time.
@@ -161,7 +161,7 @@ _NANOSECOND = 1e-9
 
 
 def append_events(path: Path, spans: Sequence[Span]) -> None:
-    """Append named times of a recording to its file, which must be closed; `OSError` as it comes."""
+    """Append named times of a recording to its closed file; `OSError` as it comes."""
     if not spans:
         return
     with path.open("r+b") as file:

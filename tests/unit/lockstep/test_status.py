@@ -30,14 +30,12 @@ def clock():
 def lockstep():
     bench = build_bench(load_config())
     bench.start(0)
-    lockstep = LockStep(Session(bench), tick_ns=1_000_000)
-    lockstep.bench = bench
-    return lockstep
+    return LockStep(Session(bench), tick_ns=1_000_000)
 
 
 @pytest.fixture
 def status(lockstep, clock):
-    return LockStepStatus(lockstep.bench, lockstep, Bus(), clock)
+    return LockStepStatus(lockstep.session.bench, lockstep, Bus(), clock)
 
 
 def shown(status):

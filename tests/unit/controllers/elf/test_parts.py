@@ -10,11 +10,11 @@ import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
+from hil_bench.abilities.controllers.elf.cpu import Cpu
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.nvic import PENDSV, SYSTICK, THREAD_PRIORITY, Exceptions
 from hil_bench.abilities.controllers.elf.peripherals import clocks as trees
@@ -281,15 +281,14 @@ def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:
 
 
 def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr() -> None:
-    asked = []
-    cpu = SimpleNamespace(exceptions=Exceptions(4, 8), ask_for_reset=lambda: asked.append(1))
+    cpu = Cpu("Cortex-M4F", Exceptions(4, 8), 1000, {})
     system = SystemControl(cpu, 0, lambda: 0)
     system.store(0xD0C, 0x1234_0304)
-    assert (cpu.exceptions.group_bits, asked) == (1, [])
+    assert (cpu.exceptions.group_bits, cpu.wants_reset) == (1, False)
     system.store(0xD0C, 0x05FA_0500)
     assert (cpu.exceptions.group_bits, system.load(0xD0C)) == (6, 0xFA05_0500)
     system.store(0xD0C, 0x05FA_0004)  # SYSRESETREQ
-    assert asked == [1]
+    assert cpu.wants_reset
 
 
 def test_an_active_line_comes_again_when_its_exception_is_over() -> None:

@@ -17,8 +17,11 @@ from hil_bench.errors import ConfigError, ControllerError
 pytest.importorskip("unicorn")
 
 from hil_bench.abilities.controllers.elf.calls import compiled_calls
+from hil_bench.abilities.controllers.elf.cpu import Cpu
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.machine import Machine
+from hil_bench.abilities.controllers.elf.nvic import Exceptions
+from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 
 pytestmark = pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
 
@@ -479,3 +482,14 @@ def test_without_a_compiler_the_calls_are_one_line(
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(ConfigError, match=r'^kind "elf": there is no C compiler \(cc\); install'):
         compiled_calls()
+
+
+def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr() -> None:
+    cpu = Cpu("Cortex-M4F", Exceptions(4, 8), 1000, {})
+    system = SystemControl(cpu, 0, lambda: 0)
+    system.store(0xD0C, 0x1234_0304)
+    assert (cpu.exceptions.group_bits, cpu.wants_reset) == (1, False)
+    system.store(0xD0C, 0x05FA_0500)
+    assert (cpu.exceptions.group_bits, system.load(0xD0C)) == (6, 0xFA05_0500)
+    system.store(0xD0C, 0x05FA_0004)  # SYSRESETREQ
+    assert cpu.wants_reset

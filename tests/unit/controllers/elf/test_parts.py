@@ -14,14 +14,12 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
-from hil_bench.abilities.controllers.elf.cpu import Cpu
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.nvic import PENDSV, SYSTICK, THREAD_PRIORITY, Exceptions
 from hil_bench.abilities.controllers.elf.peripherals import clocks as trees
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
 from hil_bench.abilities.controllers.elf.peripherals.fdcan import Fdcan
-from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
 from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
 from hil_bench.abilities.controllers.elf.wire import Wire
@@ -278,17 +276,6 @@ def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:
     assert exceptions.find_due(THREAD_PRIORITY) == 16
     exceptions.pending |= 1 << PENDSV | 1 << SYSTICK
     assert exceptions.find_due(THREAD_PRIORITY) == PENDSV
-
-
-def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr() -> None:
-    cpu = Cpu("Cortex-M4F", Exceptions(4, 8), 1000, {})
-    system = SystemControl(cpu, 0, lambda: 0)
-    system.store(0xD0C, 0x1234_0304)
-    assert (cpu.exceptions.group_bits, cpu.wants_reset) == (1, False)
-    system.store(0xD0C, 0x05FA_0500)
-    assert (cpu.exceptions.group_bits, system.load(0xD0C)) == (6, 0xFA05_0500)
-    system.store(0xD0C, 0x05FA_0004)  # SYSRESETREQ
-    assert cpu.wants_reset
 
 
 def test_an_active_line_comes_again_when_its_exception_is_over() -> None:

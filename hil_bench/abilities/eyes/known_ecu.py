@@ -28,10 +28,6 @@ class KnownSignal:
     signal: Signal
     unit: str
 
-    def text(self, data: bytes) -> str:
-        """Return name and value in a message."""
-        return self.words(data, self.shown(data))
-
     def words(self, data: bytes, shown: str) -> str:
         """Return name and value in a message, of which it is known what the signal shows."""
         if shown:
@@ -41,10 +37,7 @@ class KnownSignal:
         return f"{self.name} {raw * signal.resolution + signal.offset:.6g}{unit}"
 
     def shown(self, data: bytes) -> str:
-        """Return the indicator in a message: "error", "not available"; empty for a value.
-
-        The two highest bytes are theirs (J1939-71): where a signal has more than one, the last.
-        """
+        """Return the indicator in a message: "error", "not available"; empty for a value."""
         return self.signal.indicator_in(data)
 
 

@@ -76,7 +76,7 @@ def parse_trigger(text: str, channels: Sequence[Channel]) -> Trigger:
 # Takes rows and frames, and writes them to the files of a recording in blocks.
 #
 # With a trigger nothing is written until it comes; what the time before it brought is held in a
-# ring and written then. A file that can no longer be written is given up, and told; the others go
+# ring and written then. A file that can no longer be written is given up with a line; the others go
 # on.
 
 logger = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ class Recorder:
     Args:
         plan: what to record.
         durable: have each block on the disk, not only with the system.
-        tell: told the number of a file that is given up and why, in one line, when it happens.
+        tell: takes the number of a file that is given up and why, in one line, when it happens.
         progress: counts what the files hold; without it one of its own.
     """
 
@@ -218,7 +218,7 @@ def ended_early(path: Path | str, end: float, reason: str) -> str:
 
 
 def warn(_number: int, problem: str) -> None:
-    """Tell a problem of a recording at once, in a line."""
+    """Log a problem of a recording at once, in a line."""
     logger.error("%s", problem)
 
 
@@ -254,8 +254,6 @@ class _History:
         frames = [logged for logged in self._frames if logged.now >= start * 1e9]
         return rows[rows[TIME.name] >= start], frames
 
-
-# Recorders inside the process: of a bench, and of a network.
 
 # A recording written by the one whose ticks it records: for virtual time, which can wait.
 

@@ -204,6 +204,7 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
         (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
         (["t.log", "--tick", "1"], "--tick is for the rows of a recording; give it with -o"),
         (["t.log", "-o", "d.csv", "--hold", "5"], "--hold is for rows at even ticks"),
+        (["t.log", "-o", "d.csv", "--tick", "1e-7"], "--tick 1e-07: give 0.001 ms or more"),
         (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
         (
             ["t.log", "--write-dbc", "d.txt"],

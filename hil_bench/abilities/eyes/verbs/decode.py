@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner
 
 _HOLD = 100.0  # ms
+_LEAST_TICK = 1e-3  # ms
 _Seen = Iterable[tuple[int, Sequence[Sight]]]
 _Append = Callable[[Sequence[float]], None]
 _EXAMPLES = """\
@@ -128,6 +129,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError(f"--write-dbc {args.write_dbc}: give a file name that ends in .dbc")
     if args.tick is not None and args.output is None:
         raise ConfigError("--tick is for the rows of a recording; give it with -o")
+    if args.tick is not None and args.tick < _LEAST_TICK:
+        raise ConfigError(f"--tick {args.tick:g}: give {_LEAST_TICK:g} ms or more")
     if args.hold is not None and args.tick is None:
         raise ConfigError("--hold is for rows at even ticks; give it with --tick")
     if args.dbc is not None and args.write_dbc is not None:

@@ -13,7 +13,6 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.outside.recording.channels import LoggedFrame
 
 _DM1 = 0xFECA
-_ERROR_FLAG = 0x20000000
 _SPNS = {
     0xF004: (3, 2),
     0xF003: (1, 1),

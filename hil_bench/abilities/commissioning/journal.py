@@ -9,8 +9,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Self
 
-from canopen.objectdictionary import datatypes
-
 from hil_bench.abilities.commissioning.comparison import ObjectKey
 from hil_bench.errors import ConfigError, about_file
 from hil_drivers import (
@@ -32,7 +30,6 @@ from hil_drivers.node import object_name
 _PDOS = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _COB_ID = 1
 _INVALID = 1 << 31
-_NUMBERS = frozenset((*datatypes.INTEGER_TYPES, datatypes.BOOLEAN))
 _BEGIN = b'{"node": '
 _LONGEST_VALUE = 64
 """Bytes of an object that is a setting; a longer one is a program or a log."""

@@ -83,7 +83,6 @@ class Rig:
         self._recording = recording
         self.period = period
         self.missed = 0
-        self._members = members
         node = members.valve
         self.valve = ProportionalValve(network, node.node_id, node.eds)
         self._position = PositionSensor(network, members.position.node_id, members.position.eds)

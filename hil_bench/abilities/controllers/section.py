@@ -63,7 +63,7 @@ class ControllersSection:
     def __init__(
         self, document: Document, buses: tuple[str, ...], base: Path, problems: Problems
     ) -> None:
-        self._buses, self._base, self._problems = buses, base, problems
+        self._buses, self._problems = buses, problems
         self._chosen: dict[str, Chosen] = {}
         for name, given in read_named_sections(document, TABLE, problems).items():
             if name == ONLY:

@@ -7,7 +7,6 @@ from typing import Final
 
 _ABORT: Final = 0x80
 _LAST: Final = 0x80
-_SEGMENT: Final = 7
 
 PATIENCE: Final = 1_000_000_000
 """Time without a frame after which a transfer counts as given up [ns]."""

@@ -33,7 +33,6 @@ RETRY_LIMIT = 256
 
 # struct can_frame: identifier with flags, length, three bytes of padding, payload.
 _CAN_FRAME = struct.Struct("=IB3x8s")
-_LENGTH = 4  # where the length stands in it
 # struct canfd_frame: likewise, with flags in the first byte of padding.
 _CANFD_FRAME = struct.Struct("=IBB2x64s")
 

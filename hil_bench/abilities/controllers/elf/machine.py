@@ -72,7 +72,6 @@ class Machine:
         self.printed: list[str] = []
         self._line = bytearray()
         self._bitten = ""  # by the watchdog, and why
-        self._seen: set[int] = set()
         self._last: list[TimedFrame] = []
         self._memory: list[tuple[int, Any]] = []
         self._peripherals: dict[int, Peripheral] = {}

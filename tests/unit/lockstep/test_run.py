@@ -134,14 +134,18 @@ def test_arguments_that_cannot_be_meant(arguments, message, capsys):
     assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
 
 
-def test_it_says_join_when_the_nodes_have_booted(run, monkeypatch):
-    events = []
+def test_it_says_join_when_the_nodes_have_booted(run, capsys):
+    printed, sent = [], []
     controller = Controller(SYNC)
     send = controller.send
-    controller.send = lambda frames: (events.append(list(frames)), send(frames))
-    monkeypatch.setattr(
-        "builtins.print", lambda *words, **_options: events.append(" ".join(map(str, words)))
-    )
+
+    def note(frames):
+        printed.append(capsys.readouterr().out)
+        sent.append(list(frames))
+        send(frames)
+
+    controller.send = note
     run(controller, "--duration", "0.001")
-    assert [frame.can_id for frame in events[0]] == [0x701, 0x702, 0x703, 0x704]
-    assert events[1].startswith("bench  built-in bench")
+    assert [frame.can_id for frame in sent[0]] == [0x701, 0x702, 0x703, 0x704]
+    assert printed[0] == ""
+    assert "".join([*printed, capsys.readouterr().out]).startswith("bench  built-in bench")

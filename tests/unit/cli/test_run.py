@@ -86,7 +86,7 @@ def test_what_is_hard_to_believe_is_said_once(tmp_path, capsys):
 
 
 def test_it_says_join_when_the_nodes_have_booted(monkeypatch, capsys):
-    """`print` itself is left alone: Numba looks it up when it is imported, here where it is first."""
+    """`print` itself is left alone, since Numba looks it up where it is imported here first."""
     printed, sent = [], []
 
     def note(_self, frames):

@@ -6,14 +6,15 @@ from corpus.j1939_scene import (
     CLAIMED,
     CONTROL,
     Added,
+    Blamed,
     Session,
     cyclic,
     drawn,
+    fault_of_a_transfer,
     frame,
     is_from,
     name_of,
     one_of_several,
-    pair,
     senders,
 )
 from hil_bench.abilities.eyes.explain.finding import Cause
@@ -77,28 +78,20 @@ def message_comes_in_bursts(scene: Scene) -> Found:
     return sorted(frames, key=lambda e: e.now), f"{message.source}"
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def announcement_contradicts_itself(scene: Scene) -> Found:
+@fault_of_a_transfer(3000)
+def announcement_contradicts_itself(scene: Scene, session: Session) -> Blamed:
     """An RTS has more packets than its bytes need; the receiver aborts it."""
-    found = pair(scene, 3000 * MS)
-    if found is None:
-        return None
-    session = Session(found[0], found[1], int(scene.share(30, 300)), found[2])
     session.count += 1 + scene.random.randrange(3)
     session.announce().wait(scene.share(1, 20)).abort(session.b, 250)
-    return merged(scene.frames, session.frames), f"{session.a}|{session.b}"
+    return f"{session.a}|{session.b}"
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def end_of_message_comes_too_soon(scene: Scene) -> Found:
+@fault_of_a_transfer(3000, shortest=40)
+def end_of_message_comes_too_soon(_: Scene, session: Session) -> Blamed:
     """The receiver says that it has a message of which half of the packets have not been sent."""
-    found = pair(scene, 3000 * MS)
-    if found is None:
-        return None
-    session = Session(found[0], found[1], int(scene.share(40, 300)), found[2])
     session.announce().wait(4).clear(session.count, 1)
     session.packets(range(1, session.count // 2 + 1), 5).wait(3).end()
-    return merged(scene.frames, session.frames), f"{session.a}|{session.b}"
+    return f"{session.a}|{session.b}"
 
 
 @fault_of_j1939(Cause.TROUBLE_CODE)

@@ -1,27 +1,23 @@
 """Faults of long J1939 messages: packets, sequence, pace, time-outs T1 to T4, aborts."""
 
 from corpus.faults import MS, Found, Frames, Scene, changed, fault_of_j1939, merged
-from corpus.j1939_scene import ALL, CONTROL, PACKET, Session, is_of, pair, pdu_format, senders
+from corpus.j1939_scene import (
+    ALL,
+    CONTROL,
+    PACKET,
+    Blamed,
+    Session,
+    fault_of_a_transfer,
+    is_of,
+    pdu_format,
+    senders,
+)
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.outside.recording.channels import LoggedFrame
 
 _TIMEOUT, _RESOURCES, _BAD_SEQUENCE = 3, 2, 7
 _T1, _T2, _T3, _T4 = 750, 1250, 1250, 1050
 _BROADCAST = 0xFEE3
-
-
-def _size(scene: Scene) -> int:
-    return int(scene.share(30, 300))
-
-
-def _between(scene: Scene, lasts: int = 4000) -> Session | None:
-    """Begin a transfer between two devices that have none; None where there are no two."""
-    found = pair(scene, lasts * MS)
-    return None if found is None else Session(found[0], found[1], _size(scene), found[2])
-
-
-def _with(scene: Scene, session: Session, node: int | str) -> Found:
-    return merged(scene.frames, session.frames), f"{node}"
 
 
 def _broadcasts(frames: Frames) -> dict[int, list[list[LoggedFrame]]]:
@@ -106,101 +102,77 @@ def broadcast_too_slow(scene: Scene) -> Found:
     return _paced(scene, scene.share(260.0, 700.0))
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def no_clear_to_send(scene: Scene) -> Found:
+@fault_of_a_transfer(5000)
+def no_clear_to_send(scene: Scene, session: Session) -> Blamed:
     """Nobody answers an RTS; its sender aborts after T3, or begins anew."""
-    session = _between(scene, 5000)
-    if session is None:
-        return None
     session.announce().wait(_T3 + 5)
     if scene.random.random() < 0.5:
         session.abort(session.a, _TIMEOUT)
     else:
         session.announce().wait(_T3 + 5).announce()
-    return _with(scene, session, f"{session.b}")
+    return session.b
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def sender_stops_between_packets(scene: Scene) -> Found:
+@fault_of_a_transfer()
+def sender_stops_between_packets(scene: Scene, session: Session) -> Blamed:
     """The sender of a long message stops after some packets; the receiver aborts after T1."""
-    session = _between(scene)
-    if session is None:
-        return None
     last = 1 + scene.random.randrange(session.count - 1)
     session.announce().wait(4).clear(session.count, 1).packets(range(1, last + 1), 5)
     session.wait(_T1 + scene.share(1, 30)).abort(session.b, _TIMEOUT)
-    return _with(scene, session, session.a)
+    return session.a
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def no_packet_after_clear_to_send(scene: Scene) -> Found:
+@fault_of_a_transfer()
+def no_packet_after_clear_to_send(scene: Scene, session: Session) -> Blamed:
     """The sender of a long message sends nothing after the CTS; the receiver aborts after T2."""
-    session = _between(scene)
-    if session is None:
-        return None
     session.announce().wait(4).clear(min(session.count, 16), 1)
     session.wait(_T2 + scene.share(1, 30)).abort(session.b, _TIMEOUT)
-    return _with(scene, session, session.a)
+    return session.a
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def no_end_of_message(scene: Scene) -> Found:
+@fault_of_a_transfer(6000)
+def no_end_of_message(scene: Scene, session: Session) -> Blamed:
     """All packets have come, and the receiver says nothing; the sender aborts after T3."""
-    session = _between(scene, 6000)
-    if session is None:
-        return None
     session.announce().wait(4).clear(session.count, 1).packets(range(1, session.count + 1), 4)
     session.wait(_T3 + scene.share(1, 30)).abort(session.a, _TIMEOUT)
-    return _with(scene, session, session.b)
+    return session.b
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def receiver_holds_for_ever(scene: Scene) -> Found:
+@fault_of_a_transfer(6000)
+def receiver_holds_for_ever(scene: Scene, session: Session) -> Blamed:
     """The receiver says "wait" some times, then nothing; the sender aborts after T4."""
-    session = _between(scene, 6000)
-    if session is None:
-        return None
     session.announce()
     for _ in range(1 + scene.random.randrange(3)):
         session.wait(scene.share(100, 450)).clear(0, 0xFF)
     session.wait(_T4 + scene.share(1, 30)).abort(session.a, _TIMEOUT)
-    return _with(scene, session, session.b)
+    return session.b
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def receiver_refuses(scene: Scene) -> Found:
+@fault_of_a_transfer()
+def receiver_refuses(scene: Scene, session: Session) -> Blamed:
     """The receiver aborts at the RTS, or in the middle: busy, out of resources, or another."""
-    session = _between(scene)
-    if session is None:
-        return None
     session.announce().wait(scene.share(2, 40))
     if scene.random.random() < 0.5:
         last = 1 + scene.random.randrange(session.count - 1)
         session.clear(session.count, 1).packets(range(1, last + 1), 5).wait(3)
     session.abort(session.b, scene.random.choice((1, _RESOURCES, 4, 250)))
-    return _with(scene, session, f"{session.a}|{session.b}")
+    return f"{session.a}|{session.b}"
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def packet_is_left_out(scene: Scene) -> Found:
+@fault_of_a_transfer()
+def packet_is_left_out(scene: Scene, session: Session) -> Blamed:
     """The sender leaves a packet out, and the receiver aborts at the next: bad sequence number."""
-    session = _between(scene)
-    if session is None:
-        return None
     gone = 1 + scene.random.randrange(session.count - 1)
     session.announce().wait(4).clear(session.count, 1).packets(range(1, gone), 5)
     session.wait(5).packet(gone + 1).wait(2).abort(session.b, _BAD_SEQUENCE)
-    return _with(scene, session, session.a)
+    return session.a
 
 
-@fault_of_j1939(Cause.J1939_TRANSFER)
-def begun_anew_before_its_end(scene: Scene) -> Found:
+@fault_of_a_transfer()
+def begun_anew_before_its_end(scene: Scene, session: Session) -> Blamed:
     """The sender begins the message anew before it has ended, and the second one arrives."""
-    session = _between(scene)
-    if session is None:
-        return None
     last = 1 + scene.random.randrange(session.count - 1)
     session.announce().wait(4).clear(session.count, 1).packets(range(1, last + 1), 5)
     session.wait(scene.share(20, 300)).announce().wait(4).clear(session.count, 1)
     session.packets(range(1, session.count + 1), 4).wait(3).end()
-    return _with(scene, session, session.a)
+    return session.a

@@ -1,8 +1,11 @@
 """Who sends what in a sound J1939 log, for the faults that are put into it."""
 
 import itertools
+from collections.abc import Callable
+from functools import wraps
 
-from corpus.faults import MS, Scene
+from corpus.faults import MS, Found, Scene, fault_of_j1939, merged
+from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.j1939.protocol.identifier import join
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
@@ -14,6 +17,11 @@ _TRANSPORT = frozenset({0xEB, 0xEC})
 _SERVICES = frozenset({0xE8, 0xEA, 0xEB, 0xEC, 0xEE})
 
 Added = list[tuple[int, Frame]]
+
+Blamed = int | str
+"""The address of who is to blame, or a pattern of several."""
+
+Act = Callable[[Scene, "Session"], Blamed]
 
 
 def frame(group: int, source: int, data: bytes, destination: int = ALL, priority: int = 6) -> Frame:
@@ -181,3 +189,30 @@ class Session:
     def _control(self, source: int, destination: int, head: bytes) -> "Session":
         self.frames.append((self.now, frame(CONTROL, source, head + self._group, destination, 7)))
         return self
+
+
+def fault_of_a_transfer(lasts: int = 4000, shortest: int = 30) -> Callable[[Act], Act]:
+    """Register a function as a fault of a transfer between two devices that have none.
+
+    The function acts the transfer, and returns who is to blame.
+
+    Args:
+        lasts: the longest that the transfer takes [ms].
+        shortest: its fewest bytes.
+    """
+
+    def register(act: Act) -> Act:
+        @wraps(act)
+        def make(scene: Scene) -> Found:
+            found = pair(scene, lasts * MS)
+            if found is None:
+                return None
+            source, destination, at = found
+            session = Session(source, destination, int(scene.share(shortest, 300)), at)
+            blamed = act(scene, session)
+            return merged(scene.frames, session.frames), f"{blamed}"
+
+        fault_of_j1939(Cause.J1939_TRANSFER)(make)
+        return act
+
+    return register

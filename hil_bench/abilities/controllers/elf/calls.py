@@ -14,9 +14,8 @@ from typing import Final, Protocol, cast
 
 from unicorn.unicorn_py3.unicorn import uclib
 
-from hil_bench.abilities.controllers.program.compile import FLAGS, CompilerError, compile_files
-from hil_bench.abilities.controllers.program.preload import cache_folder
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.abilities.controllers.program.compile import FLAGS, compile_files
+from hil_bench.abilities.controllers.program.preload import compiled_once
 
 LIBRARY: Final = ctypes.CDLL(uclib._name)  # noqa: SLF001 - a handle of our own, with types of our own
 """Unicorn."""
@@ -107,26 +106,14 @@ def find_calls() -> Calls:
 
 
 def compiled_calls() -> Path:
-    """Return the file of this user's own, compiled unless it is there.
-
-    Raises:
-        ConfigError: there is no compiler, or there are no headers of Python.
-    """
+    """Return the file of this user's own, compiled unless it is there; see `compiled_once`."""
     made_of = (*FLAGS, sysconfig.get_config_var("EXT_SUFFIX"), _SOURCE.read_text(encoding="utf-8"))
     digest = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:16]
-    folder = cache_folder()
-    module = folder / f"elf-{digest}.so"
-    if not module.exists():
-        with about_file(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            try:
-                compile_files(module, (_SOURCE,), "-isystem", _INCLUDE)
-            except CompilerError as error:
-                raise ConfigError(
-                    f'kind "elf": {error}; install gcc and the headers of Python, or a wheel that '
-                    "was built with HIL_BENCH_COMPILE=1"
-                ) from None
-    return module
+    return compiled_once(f"elf-{digest}", "elf", _compile, "gcc and the headers of Python")
+
+
+def _compile(target: Path) -> None:
+    compile_files(target, (_SOURCE,), "-isystem", _INCLUDE)
 
 
 def _load(path: Path) -> Calls:

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import platform
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -19,26 +20,39 @@ INSTALLED = Path(__file__).with_name("_preload.so")
 
 
 def find_library() -> Path:
-    """Return the library, compiled now where no wheel or earlier run has brought it.
-
-    Raises:
-        ConfigError: there is none, and no compiler.
-    """
+    """Return the library, compiled now where no wheel or earlier run has brought it."""
     if INSTALLED.exists():
         return _loadable(INSTALLED)
+    return _loadable(compiled_once(f"program-{_digest()}", "program", compile_library))
+
+
+def compiled_once(
+    name: str, kind: str, compile_to: Callable[[Path], None], needs: str = "gcc"
+) -> Path:
+    """Return a library of this user's own, compiled unless it is there.
+
+    Args:
+        name: of its file, with a digest of all that it is made of.
+        kind: of controller that needs it.
+        compile_to: compiles it to a file.
+        needs: what is to be installed where that cannot be.
+
+    Raises:
+        ConfigError: there is no compiler, or it refuses.
+    """
     folder = cache_folder()
-    library = folder / f"program-{_digest()}.so"
+    library = folder / f"{name}.so"
     if not library.exists():
         with about_file(folder):
             folder.mkdir(parents=True, exist_ok=True)
             try:
-                compile_library(library)
+                compile_to(library)
             except CompilerError as error:
                 raise ConfigError(
-                    f'kind "program": {error}; install gcc, or a wheel that was built with '
+                    f'kind "{kind}": {error}; install {needs}, or a wheel that was built with '
                     "HIL_BENCH_COMPILE=1"
                 ) from None
-    return _loadable(library)
+    return library
 
 
 def cache_folder() -> Path:

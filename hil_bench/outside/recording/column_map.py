@@ -19,7 +19,6 @@ from hil_bench.outside.recording.foreign_table import (
     Values,
     as_recording,
     read_columns,
-    read_units,
 )
 from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
 
@@ -157,7 +156,7 @@ def read_named(path: Path, mapped: Mapped, axis: str) -> Recording:
     Raises:
         ConfigError: the table cannot be read, or the map and the table contradict each other.
     """
-    table, units = read_columns(path), read_units(path)
+    table, units = read_columns(path)
     try:
         check_units(units, mapped)
         _check_columns(table, mapped)
@@ -182,7 +181,7 @@ def read_mapped(path: Path, mapped: Mapped, axis: str) -> Recording:
     Raises:
         ConfigError: the table cannot be read, or the map and the table contradict each other.
     """
-    table, units = read_columns(path), read_units(path)
+    table, units = read_columns(path)
     try:
         check_units(units, mapped)
         return map_columns(table, mapped, axis)

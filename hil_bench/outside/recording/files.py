@@ -22,7 +22,7 @@ from hil_bench.outside.recording.channels import (
     recording_dtype,
 )
 from hil_bench.outside.recording.column_units import in_own_units
-from hil_bench.outside.recording.foreign_table import as_recording, read_columns, read_units
+from hil_bench.outside.recording.foreign_table import as_recording, read_columns
 from hil_bench.outside.recording.mdf_reader import read_mdf
 from hil_bench.units import read_unit
 
@@ -95,9 +95,9 @@ def _read_csv(path: Path) -> Recording:
                 return _read_ours(path)
         except (ValueError, csv.Error) as error:
             raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
-    columns, units = read_columns(path), read_units(path)
+    table = read_columns(path)
     try:
-        return as_recording(columns, units)
+        return as_recording(*table)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 

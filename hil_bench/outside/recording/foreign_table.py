@@ -2,7 +2,6 @@
 
 import csv
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +23,21 @@ Values = npt.NDArray[np.float64]
 Columns = dict[str, Values]
 """The columns of a table by their names, all of one length."""
 
+Units = dict[str, str]
+"""The units that a table gives its columns, by the names of these; less than all may have one."""
+
 _DELIMITERS = ";\t,"
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]$")
 _HEAD = 50  # lines among which the one with the names is
 _TIMES = frozenset({"time", "t", "zeit"})
 
 
-def read_columns(path: Path) -> Columns:
-    """Return the columns of a table, by its suffix CSV (or text), MAT or our MF4.
+def read_columns(path: Path) -> tuple[Columns, Units]:
+    """Return the columns of a table and their units, by its suffix CSV (or text), MAT or our MF4.
 
-    The names of a CSV file are in its first row with as many fields as the numbers below have; rows
-    between these are left out. A field that is no number counts as not a number.
+    The names of a CSV file are in its first row with as many fields as the numbers below have, the
+    units behind the names or in the row below; a MAT file has no units. Other rows between are left
+    out. A field that is no number counts as not a number.
 
     Raises:
         ConfigError: the file cannot be read, or has no columns of numbers.
@@ -42,33 +45,16 @@ def read_columns(path: Path) -> Columns:
     suffix = path.suffix.lower()
     if suffix == ".mf4":
         signals = read_mdf(path).signals
-        return {name: np.asarray(signals[name]) for name in signals.dtype.names or ()}
+        columns = {name: np.asarray(signals[name]) for name in signals.dtype.names or ()}
+        return columns, {name: unit for name, unit in recording_channels(signals) if unit}
     with about_file(path, what="cannot be read", right="give a recording"):
         try:
-            return _read_mat(path) if suffix == ".mat" else _read_csv(path)
+            return (_read_mat(path), {}) if suffix == ".mat" else _read_csv(path)
         except (ValueError, csv.Error) as error:
             raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
 
 
-def read_units(path: Path) -> dict[str, str]:
-    """Return the units that a table gives its columns, behind a name or in the row below it.
-
-    Args:
-        path: of a table that `read_columns` reads; a MAT file has no units.
-    """
-    suffix = path.suffix.lower()
-    if suffix == ".mf4":
-        return {name: unit for name, unit in recording_channels(read_mdf(path).signals) if unit}
-    if suffix == ".mat":
-        return {}
-    lines, delimiter = _read_lines(path)
-    heads, _, width = _read_head(lines, delimiter)
-    names, *below = _named_rows(heads, width)
-    bracketed = {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
-    return dict(zip(names, below[0] if below else (), strict=False)) | bracketed
-
-
-def as_recording(columns: Columns, units: Mapping[str, str]) -> Recording:
+def as_recording(columns: Columns, units: Units) -> Recording:
     """Return a table of another tool as a recording, in its own units.
 
     The time is the first column that is called time, t or Zeit, else the first of all. Brackets
@@ -76,7 +62,7 @@ def as_recording(columns: Columns, units: Mapping[str, str]) -> Recording:
 
     Args:
         columns: of the table, as `read_columns` returns them.
-        units: as `read_units` returns them.
+        units: likewise.
     """
     names = {column: _IN_BRACKETS.sub("", column).strip() for column in columns}
     called = (column for column, name in names.items() if name.casefold() in _TIMES)
@@ -121,20 +107,22 @@ def _named_rows(above: list[list[str]], width: int) -> list[list[str]]:
     return [row for row in rows if any(row)]
 
 
-def _read_csv(path: Path) -> Columns:
+def _read_csv(path: Path) -> tuple[Columns, Units]:
     lines, delimiter = _read_lines(path)
     above, first, width = _read_head(lines, delimiter)
     heads = _named_rows(above, width)
     if not heads:
         raise ConfigError(f"its {width} columns have no names; give a row of names")
-    names = heads[0]
+    names, *below = heads
     if twice := {name for name in names if name and names.count(name) > 1}:
         raise ConfigError(f"it has the column {min(twice)} twice")
     try:
         values = _read_quickly(lines[first:], delimiter, width)
     except ValueError:
         values = _read_slowly(lines[first:], delimiter, len(above))
-    return {name: values[:, number] for number, name in enumerate(names) if name}
+    units = dict(zip(names, below[0] if below else (), strict=False))
+    units |= {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
+    return {name: values[:, number] for number, name in enumerate(names) if name}, units
 
 
 def _read_quickly(lines: list[str], delimiter: str, width: int) -> Values:

@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import foreign_table
-from hil_bench.outside.recording.foreign_table import read_columns, read_units
+from hil_bench.outside.recording.foreign_table import read_columns
 
 
 def write(directory: Path, text: str) -> Path:
@@ -29,7 +29,7 @@ def write(directory: Path, text: str) -> Path:
     ],
 )
 def test_the_columns_of_a_csv_file_are_found(tmp_path: Path, text: str) -> None:
-    columns = read_columns(write(tmp_path, text))
+    columns, _ = read_columns(write(tmp_path, text))
 
     assert columns["t"].tolist() == [0.0, 0.1]
     assert columns["s [mm]"].tolist() == [1.5, 2.5]
@@ -42,7 +42,7 @@ def test_a_table_of_numbers_is_read_by_rows_of_c(
     monkeypatch.setattr(foreign_table, "_read_slowly", None)
     text = "# logger\n\nt;s [mm]\n0;1,5\n\n0,1;2,5\n"
 
-    columns = read_columns(write(tmp_path, text))
+    columns, _ = read_columns(write(tmp_path, text))
 
     assert columns["t"].tolist() == [0.0, 0.1]
     assert columns["s [mm]"].tolist() == [1.5, 2.5]
@@ -60,11 +60,11 @@ def test_a_table_of_numbers_is_read_by_rows_of_c(
 def test_the_units_of_a_csv_file_are_behind_the_names_or_below(
     tmp_path: Path, text: str, units: dict[str, str]
 ) -> None:
-    assert read_units(write(tmp_path, text)) == units
+    assert read_columns(write(tmp_path, text))[1] == units
 
 
 def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:
-    columns = read_columns(write(tmp_path, "t,s\n0,1\n0.1,\n0.2,err\n"))
+    columns, _ = read_columns(write(tmp_path, "t,s\n0,1\n0.1,\n0.2,err\n"))
 
     assert np.isnan(columns["s"][1:]).all()
 
@@ -91,7 +91,7 @@ def test_the_vectors_of_a_mat_file_are_columns(tmp_path: Path) -> None:
     path = tmp_path / "rig.mat"
     savemat(path, {"t": np.arange(5.0), "s": np.arange(5)[:, np.newaxis], "note": "x", "k": 3.0})
 
-    columns = read_columns(path)
+    columns, _ = read_columns(path)
 
     assert sorted(columns) == ["s", "t"]
     assert columns["s"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -12,7 +12,7 @@ from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
-    from hil_bench.outside.recording.channels import Channel
+    from hil_bench.outside.recording.channels import Channel, RowSink
 
 MOST_ITEMS = 200
 """Most items of a state: those that are worth it come first."""
@@ -211,13 +211,6 @@ class WorkView:
             self._feed.put_row(values)
 
 
-class TakesRows(Protocol):
-    """Takes rows, as a recording."""
-
-    def append_row(self, values: Sequence[float]) -> None:
-        """Take a row: time [s], then a value a channel in its SI unit."""
-
-
 class ShownRows:
     """A recording whose rows people see, too.
 
@@ -226,7 +219,7 @@ class ShownRows:
         view: where the rows are shown.
     """
 
-    def __init__(self, recording: TakesRows | None, view: WorkView) -> None:
+    def __init__(self, recording: "RowSink | None", view: WorkView) -> None:
         self._recording = recording
         self._view = view
 

@@ -26,10 +26,9 @@ from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, com
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
-from hil_bench.abilities.recording.recorder import RowSink
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
-from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.recording.channels import Channel, RowSink
 from hil_drivers import BusLostError, DriverError, Network
 
 logger = logging.getLogger(__name__)

@@ -184,15 +184,7 @@ def watched_run(
     health: Health = dict,
     work: ShownWork | None = None,
 ) -> Iterator[Callable[[], None] | None]:
-    """Let people watch a session in the block.
-
-    Args:
-        args: the command line.
-        config: of the bench.
-        session: to be watched.
-        statistics: of the loop, shared.
-        health: see `Feed`.
-        work: what is played on it; None where nothing is.
+    """Let people watch a session in the block; see `cli.views`.
 
     Yields:
         What is to be called after each tick; None where there is no feed.
@@ -370,12 +362,7 @@ _PATIENCE = 15.0  # with a panel that starts [s]; the work begins with it
 
 
 def add_work_arguments(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Add what concerns those who watch the work.
-
-    Args:
-        parser: of the verb.
-        verb: its name, by which others find it.
-    """
+    """Add what concerns those who watch the work; see `cli.views`."""
     group = parser.add_argument_group("watching")
     group.add_argument(
         "--panel",
@@ -398,15 +385,7 @@ def watched_work(
     channels: "Sequence[Channel]" = (),
     again: Sequence[str] = (),
 ) -> Iterator[WorkView]:
-    """Let people watch work in the block; their stop is a Ctrl-C.
-
-    Args:
-        args: the command line, with what `add_work_arguments` adds.
-        verb: what is being done.
-        title: what with, in words.
-        channels: of its rows, after the time.
-        again: words of the command that repeats a run of it, before ``--run=KEY``; empty where
-            nothing does.
+    """Let people watch work in the block; see `cli.views`.
 
     Yields:
         Takes what is to be seen.

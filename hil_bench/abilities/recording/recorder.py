@@ -17,6 +17,7 @@ from hil_bench.outside.recording.channels import (
     Channel,
     LoggedFrame,
     Recording,
+    RowSink,
     recording_dtype,
 )
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
@@ -256,13 +257,6 @@ class _History:
 
 
 # A recording written by the one whose ticks it records: for virtual time, which can wait.
-
-
-class RowSink(Protocol):
-    """Takes rows."""
-
-    def append_row(self, values: Sequence[float]) -> None:
-        """Take a row: time [s], then a value a channel in its SI unit."""
 
 
 class RecordingSink(RowSink, Protocol):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from struct import Struct
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
@@ -32,6 +32,13 @@ class Channel(NamedTuple):
 
 
 TIME = Channel("time", "s")
+
+
+class RowSink(Protocol):
+    """Takes rows, as a recording."""
+
+    def append_row(self, values: Sequence[float]) -> None:
+        """Take a row: time [s], then a value a channel in its SI unit."""
 
 
 class ChannelRecorder:

@@ -30,7 +30,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import function_of
 from hil_bench.cli.exit_codes import ExitCode, verdict_code
-from hil_bench.cli.results import plain
+from hil_bench.cli.results import json_text
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
 from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
@@ -100,9 +100,7 @@ def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapte
     report = Report(title, facts, tuple(chapters))
     texts = {
         args.report: report_html(report),
-        args.report.with_suffix(".json"): json.dumps(
-            plain(_content(report)), indent=2, ensure_ascii=False, allow_nan=False
-        ),
+        args.report.with_suffix(".json"): json_text(_content(report)),
     }
     for path, text in texts.items():
         with about_file(path), whole_file(path) as file:

@@ -39,7 +39,7 @@ ON_FAULTY_BENCHES = {"commissioning", "shadow"}
 
 
 OF_LIVE = {"attached", "ctl", "feed"}
-"""What the live view takes of other abilities, under names of its parts."""
+"""Parts that the live view takes of other abilities, under names of its parts."""
 
 
 def imported(ability: Ability) -> set[str]:

@@ -1,4 +1,4 @@
-"""What may be in a sound J1939 log without being a fault: `explain` has to find nothing in it."""
+"""Additions to a sound J1939 log that are no faults: `explain` has to find nothing in it."""
 
 from collections.abc import Callable, Iterator
 from random import Random

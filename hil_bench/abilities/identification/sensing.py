@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 Values = npt.NDArray[np.float64]
 
-_PROMPT = 1e-3  # of a row: a lag below is none
+_PROMPT = 1e-3  # of a row: a lag below it counts as nothing
 
 
 def sense(motion: Values, delay: float, lag: float) -> Values:

@@ -17,7 +17,7 @@ NOTHING = ""
 
 
 def state_lines(state: Mapping[str, Any]) -> list[str]:
-    """Return the recording in the state of a bench; no line where there is none."""
+    """Return a line of the recording in the state of a bench, where it records."""
     recording = state.get("recording")
     if not recording:
         return []

@@ -45,7 +45,7 @@ class Instructions(Protocol):
     count: int
     """Since the last start, also in the middle of them."""
     traps_all: bool
-    """Whether words and halfwords are to be aligned, too, not only what always is."""
+    """True if words and halfwords are to be aligned, too, beside those that always are."""
 
     def start(self, address: int, count: int) -> int:
         """Do up to a number of them; an exception of a function that is called ends it."""

@@ -220,7 +220,7 @@ class Restarts(OfJ1939):
         self._names: dict[Who, bytes] = {}
         self._requests = ClaimRequests()
         self._contended: dict[Who, int] = {}
-        self._found: dict[Who, tuple[Evidence, list[int]]] = {}
+        self._found: dict[Who, tuple[Evidence, int]] = {}  # with the first silence [ns]
         self._again: dict[Who, Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
@@ -264,9 +264,8 @@ class Restarts(OfJ1939):
         if dark < max(_DARK, _LONGER * life.usual):
             return
         if len(self._found) < _MOST:
-            said, silences = self._found.setdefault(who, (Evidence([life.last]), []))
+            said, _ = self._found.setdefault(who, (Evidence([life.last]), dark))
             said.append(sight)
-            silences[:] = [*silences[:1], dark][:1]
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
         """Yield the devices that restart.
@@ -277,9 +276,9 @@ class Restarts(OfJ1939):
         Yields:
             The findings.
         """
-        for said, silences in self._found.values():
+        for said, silence in self._found.values():
             last, claim = said[0], said[1]
-            text = f"{claim.node} sends nothing for {milliseconds(silences[0])} after"
+            text = f"{claim.node} sends nothing for {milliseconds(silence)} after"
             text += f" {seconds(last.now)}, and claims its address anew"
             text += f"; {said.total - 1} times" if said.total > 2 else ""
             yield finding(Cause.J1939_RESTART, claim.node, said, text)

@@ -13,9 +13,10 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from coverage import CoverageData
+if TYPE_CHECKING:
+    from coverage import CoverageData
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 BUILD: Final = ROOT / "build"
@@ -97,7 +98,7 @@ def tests_of_line(path: Path, line: int) -> list[str]:
     return chosen
 
 
-def _of_folder(data: CoverageData, name: str) -> dict[int, list[str]]:
+def _of_folder(data: "CoverageData", name: str) -> dict[int, list[str]]:
     """Return all contexts of the modules beside one, as if of one line."""
     files = [file for file in data.measured_files() if Path(file).parent == Path(name).parent]
     contexts = (data.contexts_by_lineno(file).values() for file in files)
@@ -132,8 +133,10 @@ def _function(name: str) -> str:
 
 
 @cache
-def _map(as_python: bool) -> tuple[CoverageData, dict[str, float]]:
+def _map(as_python: bool) -> tuple["CoverageData", dict[str, float]]:
     """Return the tests of each line and the processor time of each test [s]; measure them once."""
+    from coverage import CoverageData  # noqa: PLC0415 - README's tests run without it
+
     file = BUILD / f"mutation-{'python' if as_python else 'fast'}.coverage"
     times = file.with_suffix(".times")
     if not file.exists():

@@ -1,7 +1,9 @@
 """Run README's tests on each other Python of the classifiers: ``other_pythons.py WORK``.
 
 WORK is a folder for a copy of the sources and an environment each. A version that this machine does
-not have is named. Exit code 1: the tests failed on one that it has.
+not have is named. The first that has ``sys.monitoring`` measures meanwhile which lines run, for a
+tenth of the time: tracers of older ones double it, as do branches before Python 3.14. Exit code 1:
+the tests failed on one that the machine has, or left too many lines alone.
 """
 
 import os
@@ -16,6 +18,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PYENV = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
 """Where pyenv keeps its Pythons: those on the PATH run only where they are chosen."""
+MONITORED = (3, 12)
+"""The first version with ``sys.monitoring``."""
 
 
 def classified_versions() -> list[str]:
@@ -42,8 +46,11 @@ def find_python(version: str) -> Path | None:
     return None
 
 
-def test_on(program: Path, place: Path) -> int:
-    """Run README's tests in a fresh copy with a fresh environment; return their exit code."""
+def test_on(program: Path, place: Path, *, measured: bool) -> int:
+    """Run README's tests in a fresh copy with a fresh environment; return their exit code.
+
+    Where coverage is measured, the environment has pytest-cov, too.
+    """
     place.mkdir(parents=True)
     command = "git ls-files -z --cached --others --exclude-standard | tar --null -T - -cf - "
     copy = f'{command} | tar -xf - -C "{place}"'
@@ -53,6 +60,9 @@ def test_on(program: Path, place: Path) -> int:
     block = [sys.executable, ROOT / ".ci" / "readme_block.py", ROOT / "README.md", "test-command"]
     script = subprocess.run(block, capture_output=True, text=True, check=True).stdout  # noqa: S603 - ours
     environment = os.environ | {"PATH": f"{place / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    if measured:
+        script = f"python3 -m venv .venv; .venv/bin/pip install -q 'pytest-cov>=6,<8'\n{script}"
+        environment |= {"COVERAGE_CORE": "sysmon", "PYTEST_ADDOPTS": "--cov --cov-report=term"}
     run = ["bash", "-euo", "pipefail", "-c", script]
     return subprocess.run(run, cwd=place, env=environment, check=False).returncode  # noqa: S603 - README's
 
@@ -61,6 +71,7 @@ def main() -> int:
     """Print a line for each version; return 1 where its tests failed."""
     here = f"{sys.version_info.major}.{sys.version_info.minor}"
     verdicts = {here: "README's tests run in a section of their own"}
+    measured_on = ""
     for version in classified_versions():
         if version == here:
             continue
@@ -69,10 +80,14 @@ def main() -> int:
             verdicts[version] = "NOT TRIED: this machine does not have it"
             continue
         print(f"== Python {version}", flush=True)
-        code = test_on(program, Path(sys.argv[1]) / f"python{version}")
+        measured = not measured_on and tuple(map(int, version.split("."))) >= MONITORED
+        measured_on = version if measured else measured_on
+        code = test_on(program, Path(sys.argv[1]) / f"python{version}", measured=measured)
         verdicts[version] = f"FAILED: exit code {code}" if code else "passed"
     for version in sorted(verdicts):
         print(f"Python {version}: {verdicts[version]}")
+    if not measured_on:
+        print("coverage: NOT MEASURED: no other Python of this machine has sys.monitoring")
     return int(any(verdict.startswith("FAILED") for verdict in verdicts.values()))
 
 

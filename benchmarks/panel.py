@@ -36,7 +36,6 @@ ROOT = Path(__file__).parents[1]
 BENCH = ROOT / "examples" / "two_axes.toml"
 ONE_AXIS = ROOT / "examples" / "one_axis.toml"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
-CLICKS = 20
 PAINTS = 5
 
 _PERCENTILES = (50, 99, 99.9)
@@ -113,9 +112,10 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=10.0, help="of a turn")
     parser.add_argument("--browser-seconds", type=float, default=30.0)
+    parser.add_argument("--clicks", type=int, default=20, help="how many faults to click")
     parser.add_argument("--realtime", default="off", help="as of hil-bench run")
     parser.add_argument("--memory-minutes", type=int, help="watch memory, and nothing else")
-    options = occasion.arguments(parser, rounds=1, seconds=1.0, browser_seconds=1.0)
+    options = occasion.arguments(parser, rounds=1, seconds=1.0, browser_seconds=1.0, clicks=2)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
         os.environ["XDG_RUNTIME_DIR"] = folder
@@ -127,7 +127,7 @@ def main() -> None:
         time.sleep(2.0)
         with chromium() as browser:
             compare_loop(stand, options, browser)
-            look_by_browser(stand, options.browser_seconds, browser)
+            look_by_browser(stand, options, browser)
         print("load of the machine in the last minutes:", *map("{:.1f}".format, os.getloadavg()))
 
 
@@ -183,8 +183,9 @@ def open_page(browser: Any, stand: Stand) -> Any:  # noqa: ANN401 - a browser an
     return page
 
 
-def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa: ANN401 - likewise
+def look_by_browser(stand: Stand, options: argparse.Namespace, browser: Any) -> None:  # noqa: ANN401
     """Print what a browser sees."""
+    seconds = options.browser_seconds
     paints = []
     for _ in range(PAINTS):
         page = open_page(browser, stand)
@@ -205,7 +206,7 @@ def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa
     frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
     used = page_seconds(watch) - used
     after = script_memory(page), _resident(stand.panel.pid)
-    clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
+    clicks = [page.evaluate(CLICK) * 1e3 for _ in range(options.clicks)]
     page.close()
     shown = ", ".join(f"{paint:.0f}" for paint in sorted(paints))
     print(f"first contentful paint [ms]: {shown}")
@@ -215,7 +216,7 @@ def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa
     )
     print(
         f"click to the fault's first tick, at most: median {statistics.median(clicks):.1f} ms, "
-        f"largest {max(clicks):.1f} ms of {CLICKS}"
+        f"largest {max(clicks):.1f} ms of {options.clicks}"
     )
     (page_before, panel_before), (page_after, panel_after) = before, after
     print(f"memory over {seconds:g} s: page {page_before:.1f} to {page_after:.1f} MB,", end=" ")

@@ -99,7 +99,7 @@ class Attack(NamedTuple):
 
 def attacks(*, brief: bool) -> list[Attack]:
     """Return the attacks; those that take the seats of honest clients leave some."""
-    many = 100 if brief else 500
+    many = 20 if brief else 500
     return [
         Attack("none", 0),
         Attack("silent", many),
@@ -465,7 +465,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="of each attack (default: 10)")
     parser.add_argument("--server", help="attack this one alone, by its name in the table")
-    args = occasion.arguments(parser, seconds=0.5)
+    args = occasion.arguments(parser, seconds=0.2)
     print(_TABLE)
     is_kept = True
     with fortress() as targets:

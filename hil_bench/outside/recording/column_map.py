@@ -197,9 +197,12 @@ def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
     Raises:
         ConfigError: a needed quantity has no column, or the table lacks one.
     """
-    for name in _NEEDED:
-        if name not in mapped:
-            raise ConfigError(f"no column is {name}; name it in --columns or with --map")
+    missing = [name for name in _NEEDED if name not in mapped]
+    if missing:
+        raise ConfigError(
+            f"no column is {' and '.join(missing)}; give each in --columns or with --map "
+            f"COLUMN={missing[0]}:UNIT; the file has {', '.join(table)}"
+        )
     _check_columns(table, mapped)
     channels = [
         channel if channel is TIME else channel._replace(name=f"{axis}.{channel.name}")

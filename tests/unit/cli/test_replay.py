@@ -129,7 +129,10 @@ def test_the_columns_of_another_logger_are_ours(tmp_path, capsys):
         (["--map", "t=time:s"], "--columns, --map and --axis are for --virtual; give that, too"),
         (
             ["--virtual", "--map", "t=time:ms"],
-            "{0}: no column is position; name it in --columns or with --map",
+            (
+                "{0}: no column is position and spool_setpoint; give each in --columns or with "
+                "--map COLUMN=position:UNIT; the file has s_mess, U, t"
+            ),
         ),
         (
             ["--virtual", "--columns", "{1}"],

@@ -137,11 +137,16 @@ def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
         map_columns(TABLE, columns.of("a.csv"), "lift")
 
 
-def test_a_map_without_the_command_is_refused() -> None:
-    columns = read_column_map(None, ["t=time:s", "s=position:mm"])
+def test_a_map_without_time_and_command_names_both_and_the_columns_to_choose_from() -> None:
+    columns = read_column_map(None, ["s=position:mm"])
 
-    with pytest.raises(ConfigError, match="no column is spool_setpoint"):
+    with pytest.raises(ConfigError) as error:
         map_columns(TABLE, columns.of("a.csv"), "lift")
+
+    assert str(error.value) == (
+        "no column is time and spool_setpoint; give each in --columns or with --map "
+        "COLUMN=time:UNIT; the file has t, s, U, p"
+    )
 
 
 def test_what_sensors_measured_counts_before_what_only_the_plant_knows() -> None:

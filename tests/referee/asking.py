@@ -132,9 +132,10 @@ def refusals(requirement, tick: Fraction, duration: Fraction | None) -> list[str
     """Return why a requirement cannot be judged, in words of the product's message."""
     found = []
     spans = [tree.span for tree in conditions_in(requirement) if isinstance(tree, Window | Until)]
-    for begin, end in (ticks_of(span, tick) for span in spans):
-        if end is not None and end < begin:
-            found.append("holds no tick")
+    for span in spans:
+        begin, end = ticks_of(span, tick)
+        if end is not None and (end < begin or 0 < span.end - span.begin < tick):
+            found.append("is shorter than a tick")
     if duration is not None and reach(requirement) > duration:
         found.append("to be decided")
     if duration is not None and way_back(requirement) > duration:

@@ -167,6 +167,8 @@ def _window(rng) -> tuple[str, str, int]:
     end = start + rng.integers(5)
     early = rng.choice([0, 0, 250, 999]) if start else 0
     late = rng.choice([0, 0, 400, 999])
+    if end == start:  # a window of a tick or longer, or of an instant
+        early = late = 0
     ours = f"from {start * 1000 - early} us to {end * 1000 + late} us"
     return ours, f"[{start}:{end}]", int(end)
 

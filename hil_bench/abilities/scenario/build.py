@@ -76,17 +76,18 @@ def window_ticks(node: Condition, window: Window, tick_ns: int) -> tuple[int, in
     """Return the first and the last tick of a window: those that lie in it.
 
     Raises:
-        ExpectationError: none does.
+        ExpectationError: it lies between two ticks, where nothing is seen, or is shorter than one.
     """
     start = -(-window.start // tick_ns)
     if window.end is None:
         return start, None
     end = window.end // tick_ns
-    if start > end:
+    length = window.end - window.start
+    if start > end or 0 < length < tick_ns:
         raise ExpectationError(
             node.position,
-            f"{window.start / 1e6:g} to {window.end / 1e6:g} ms holds no tick of "
-            f"{tick_ns / 1e6:g} ms; give a longer window",
+            f"a window of {length / 1e6:g} ms is shorter than a tick of {tick_ns / 1e6:g} ms, and "
+            "between ticks nothing is seen; give a longer window or shorter ticks",
         )
     return start, end
 

@@ -105,7 +105,8 @@ def prepare_for_machine(
     ]
     requirements: tuple[Requirement, ...] = ()
     try:
-        requirements = compile_expectations(scenario, channel_vocabulary(channels, values))
+        vocabulary = channel_vocabulary(channels, values)
+        requirements = compile_expectations(scenario, vocabulary, tick_ns)
     except ConfigError as error:
         problems.append(f"{error}; a machine has only what its sensors measure")
     if problems:

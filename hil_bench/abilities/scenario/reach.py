@@ -114,12 +114,12 @@ def names_in(conditions: Iterable[Condition]) -> set[str]:
     """Return the names of all signals, states and events in some conditions."""
     return {
         node.name
-        for node in _walk(conditions)
+        for node in walk(conditions)
         if isinstance(node, nodes.Reading | nodes.StateIs | nodes.Event)
     }
 
 
-def _walk(conditions: Iterable[Condition]) -> Iterator[object]:
+def walk(conditions: Iterable[Condition]) -> Iterator[object]:
     """Yield each piece of some conditions, values too."""
     waiting: list[object] = list(conditions)
     while waiting:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,13 +14,12 @@ from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.nodes import (
     Arithmetic,
     Comparison,
-    Node,
     Number,
     Operation,
     Value,
     channel_vocabulary,
 )
-from hil_bench.abilities.scenario.reach import names_in
+from hil_bench.abilities.scenario.reach import names_in, walk
 from hil_bench.abilities.scenario.records import ticks_of
 from hil_bench.abilities.scenario.resolve import Requirement, compile_texts
 from hil_bench.abilities.scenario.values import Floats
@@ -51,7 +49,8 @@ def check_columns(requirements: Iterable[Requirement], recording: Recording, sou
             check_quantities(recording, names_in([each.condition]))
         except ConfigError as error:
             raise ConfigError(f"{source}: {each.id}: {error}") from None
-        for comparison in _comparisons(each.condition):
+        pieces = walk([each.condition])
+        for comparison in (piece for piece in pieces if isinstance(piece, Comparison)):
             names = names_in([comparison]) & given.keys()
             if names and comparison.dimension == NUMBER and _has_plain_number(comparison):
                 name = min(names)
@@ -65,18 +64,6 @@ def _is_one(symbol: str) -> bool:
     """Return True if a unit is that of a plain number, as in ``1``."""
     unit = read_unit(symbol)
     return unit is not None and (unit.symbol, unit.factor) == (ONE.symbol, 1.0)
-
-
-def _comparisons(condition: Node) -> Iterator[Comparison]:
-    waiting: list[object] = [condition]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Comparison):
-            yield node
-        elif isinstance(node, Node):
-            waiting += (getattr(node, each.name) for each in fields(node))
-        elif isinstance(node, tuple):
-            waiting += node
 
 
 def _has_plain_number(comparison: Comparison) -> bool:
@@ -156,7 +143,7 @@ def judge_with_trace(
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source, start, duration)
     longest = math.inf if duration is None else duration
-    compiled = compile_texts(expectations, vocabulary, longest)
+    compiled = compile_texts(expectations, vocabulary, longest, trace.tick_ns)
     check_columns(compiled, signals, source)
     return Judged([judge_trace(each, trace) for each in compiled], trace)
 

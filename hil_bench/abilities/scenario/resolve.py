@@ -9,10 +9,11 @@ from typing import NamedTuple
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.abilities.faults.section import build_fault, check_amount, check_effect
+from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import unit_of_name
-from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
+from hil_bench.abilities.scenario.nodes import Condition, Vocabulary, Windowed
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.reach import look_back, reach
+from hil_bench.abilities.scenario.reach import look_back, reach, walk
 from hil_bench.abilities.scenario.records import (
     Amount,
     Expectation,
@@ -154,20 +155,26 @@ def resolve_steps(
     return tuple(sorted(actions, key=lambda each: each.tick))
 
 
-def compile_expectations(scenario: Scenario, vocabulary: Vocabulary) -> tuple[Requirement, ...]:
+def compile_expectations(
+    scenario: Scenario, vocabulary: Vocabulary, tick_ns: int = 1
+) -> tuple[Requirement, ...]:
     """Return the expectations, parsed.
 
     Args:
         scenario: whose expectations.
         vocabulary: the names they may use, the parameters among them.
+        tick_ns: time between two ticks [ns]; windows shorter than one are refused.
 
     What is wrong comes as one `ConfigError`, a line a problem, with file, line and column.
     """
-    return compile_texts(scenario.expectations, vocabulary, scenario.duration)
+    return compile_texts(scenario.expectations, vocabulary, scenario.duration, tick_ns)
 
 
 def compile_texts(
-    expectations: Iterable[Expectation], vocabulary: Vocabulary, duration: float = math.inf
+    expectations: Iterable[Expectation],
+    vocabulary: Vocabulary,
+    duration: float = math.inf,
+    tick_ns: int = 1,
 ) -> tuple[Requirement, ...]:
     """Return expectations, parsed.
 
@@ -175,6 +182,7 @@ def compile_texts(
         expectations: which.
         vocabulary: the names they may use, the parameters among them.
         duration: of the run [s].
+        tick_ns: time between two ticks [ns]; windows shorter than one are refused.
 
     Raises:
         ConfigError: a line a problem, each with file, line and column.
@@ -183,6 +191,9 @@ def compile_texts(
     for each in expectations:
         try:
             condition = parse_expectation(each.that, vocabulary)
+            for node in walk([condition]):
+                if isinstance(node, Windowed):
+                    window_ticks(node, node.window, tick_ns)
         except ExpectationError as error:
             wrong.append(f"{each.place.at(*error.position)}: {each.id}: {error.what}")
             continue

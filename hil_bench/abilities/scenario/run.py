@@ -292,7 +292,8 @@ def prepare_on(
         nodes = dict(zip((each.name for each in config.nodes), session.bench.nodes, strict=True))
         problems += idle_steps(scenario, actions, config, nodes)
     try:
-        requirements = compile_expectations(scenario, bench_vocabulary(config, session, values))
+        vocabulary = bench_vocabulary(config, session, values)
+        requirements = compile_expectations(scenario, vocabulary, config.tick_ns)
     except ConfigError as error:
         problems.append(str(error))
     if problems:

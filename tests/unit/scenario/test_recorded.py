@@ -143,3 +143,17 @@ def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_pat
     ):
         assert main([*files, *options]) == ExitCode.USAGE
         assert wrong in capsys.readouterr().err
+
+
+def test_rows_too_far_apart_for_a_window_decide_nothing(tmp_path, capsys):
+    """At rows 100 ms apart one row alone would pass ``for 50 ms``."""
+    file = tmp_path / "r.toml"
+    file.write_text('[[expect]]\nid = "R"\nthat = "eventually (axis1.P_A < 250 bar for 50 ms)"\n')
+    (tmp_path / "slow.csv").write_text("time [s],axis1.P_A [bar]\n0,1\n0.1,260\n0.2,260\n")
+
+    assert main(["judge", str(file), str(tmp_path / "slow.csv")]) == ExitCode.USAGE
+    wrong = "a window of 50 ms is shorter than a tick of 100 ms"
+    assert f"{file}:3:21: R: {wrong}" in capsys.readouterr().err
+
+    (tmp_path / "fast.csv").write_text("time [s],axis1.P_A [bar]\n0,1\n0.05,1\n0.1,260\n")
+    assert main(["judge", str(file), str(tmp_path / "fast.csv")]) == ExitCode.DONE

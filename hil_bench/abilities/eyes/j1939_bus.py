@@ -10,6 +10,7 @@ from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
+    COMMANDED_ADDRESS,
     GLOBAL,
     NULL,
     REQUEST,
@@ -30,6 +31,8 @@ _SHOWN: Final = 64
 _ASSIGNED: Final = range(0xFE00, 0xFF00)
 """Parameter groups of eight bytes to all that SAE has assigned, with or without a name here."""
 _REQUEST_OF_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
+_CLAIMED_AFTER: Final = 300_000_000
+"""Time in which a request for claims is answered [ns]."""
 
 Place = tuple[int, int]
 """Bus and address."""
@@ -53,6 +56,7 @@ class J1939Reader:
         self._buses = {each.bus for each in known}
         self._named: dict[int, int] = {}
         self._long = LongMessages()
+        self._asked: dict[Place, int] = {}
         self._last: dict[tuple[int, int, int], Frame] = {}
 
     @property
@@ -149,6 +153,12 @@ class J1939Reader:
     def _sight(
         self, now: int, frame: Frame, message: J1939Message, words: str, problem: str = ""
     ) -> Sight:
+        if message.group == ADDRESS_CLAIMED:
+            message = message._replace(is_answer=self._is_asked(frame.bus, message.source, now))
+        elif message.group == COMMANDED_ADDRESS:
+            self._asked[frame.bus, GLOBAL] = now
+        elif message.group == REQUEST and (message.data or b"")[:3] == _REQUEST_OF_CLAIMS:
+            self._asked[frame.bus, message.destination] = now
         return Sight(
             now,
             frame,
@@ -159,6 +169,11 @@ class J1939Reader:
             problem=problem,
             message=message,
         )
+
+    def _is_asked(self, bus: int, address: int, now: int) -> bool:
+        """Return True if an address, or all, were asked for claims just before."""
+        asked = [self._asked.get((bus, each)) for each in (address, GLOBAL)]
+        return any(each is not None and now - each <= _CLAIMED_AFTER for each in asked)
 
     def _sender(self, bus: int, message: J1939Message) -> str:
         """Return the name of the sender; a device that claims says who it is."""

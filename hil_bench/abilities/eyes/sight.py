@@ -39,6 +39,7 @@ class J1939Message(NamedTuple):
             "not available", or nothing for a value.
         culprit: address of the one who did not do what was due where it did not arrive; None for
             nobody.
+        is_answer: for an address claim that somebody has asked for, or commanded, just before.
     """
 
     group: int
@@ -49,6 +50,7 @@ class J1939Message(NamedTuple):
     receiver: str = ""
     shown: tuple[tuple[str, str], ...] = ()
     culprit: int | None = None
+    is_answer: bool = False
 
 
 class Sight(NamedTuple):

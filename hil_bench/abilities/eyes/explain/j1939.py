@@ -15,8 +15,6 @@ from hil_bench.abilities.eyes.j1939 import group_name, lamps_of, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ACKNOWLEDGEMENT,
-    ADDRESS_CLAIMED,
-    COMMANDED_ADDRESS,
     DM1,
     GLOBAL,
     REQUEST,
@@ -26,11 +24,6 @@ _MS: Final = 1_000_000
 _ANSWER: Final = 1250 * _MS
 """Longest time from a request to its answer, T3 of J1939-21 [ns]."""
 
-
-_CLAIMED_AFTER: Final = 300 * _MS
-"""Time in which a request for claims is answered [ns]."""
-
-_CLAIMS: Final = ADDRESS_CLAIMED.to_bytes(3, "little")
 _MOST: Final = 4096
 VIOLATION_SPN: Final = 2000
 VIOLATION_FMI: Final = 31
@@ -49,27 +42,6 @@ class OfJ1939:
 
     def pause(self, length: int) -> None:
         """Nothing of it depends on the time."""
-
-
-class ClaimRequests:
-    """Knows whether an address claim is the answer to a request, or to a commanded address."""
-
-    def __init__(self) -> None:
-        self._asked: dict[Who, int] = {}
-
-    def is_answer(self, sight: Sight) -> bool:
-        """Take a sight; return True for a claim that somebody has asked for just before."""
-        message = sight.message
-        if message is None:
-            return False
-        bus = sight.frame.bus
-        if message.group == ADDRESS_CLAIMED:
-            asked = [self._asked.get((bus, each)) for each in (message.source, GLOBAL)]
-            return any(each is not None and sight.now - each <= _CLAIMED_AFTER for each in asked)
-        asks = message.group == REQUEST and (message.data or b"")[:3] == _CLAIMS
-        if asks or message.group == COMMANDED_ADDRESS:
-            self._asked[bus, message.destination if asks else GLOBAL] = sight.now
-        return False
 
 
 class LongTransfers(OfJ1939):

@@ -15,7 +15,6 @@ from hil_bench.abilities.eyes.explain.finding import (
 from hil_bench.abilities.eyes.explain.j1939 import (
     VIOLATION_FMI,
     VIOLATION_SPN,
-    ClaimRequests,
     OfJ1939,
     Who,
 )
@@ -218,19 +217,18 @@ class Restarts(OfJ1939):
     def __init__(self) -> None:
         self._lives: dict[Who, _Life] = {}
         self._names: dict[Who, bytes] = {}
-        self._requests = ClaimRequests()
         self._contended: dict[Who, int] = {}
         self._found: dict[Who, tuple[Evidence, int]] = {}  # with the first silence [ns]
         self._again: dict[Who, Evidence] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        message, is_answer = sight.message, self._requests.is_answer(sight)
+        message = sight.message
         if message is None or message.source == NULL:
             return
         who = sight.frame.bus, message.source
         if message.group == ADDRESS_CLAIMED:
-            self._hear_claim(who, message.data, sight, is_answer=is_answer)
+            self._hear_claim(who, message, sight)
             return
         life = self._lives.get(who)
         if life is None:
@@ -242,7 +240,8 @@ class Restarts(OfJ1939):
         life.frames += 1
         life.last = sight
 
-    def _hear_claim(self, who: Who, name: bytes | None, sight: Sight, *, is_answer: bool) -> None:
+    def _hear_claim(self, who: Who, claim: J1939Message, sight: Sight) -> None:
+        name = claim.data
         if name is None:
             return
         before, life = self._names.get(who), self._lives.pop(who, None)
@@ -254,7 +253,7 @@ class Restarts(OfJ1939):
             if found is not None and _is_recent(found[0][1].now, sight):
                 del self._found[who]  # the claim before was that of a contender
             return
-        if is_answer or _is_recent(self._contended.get(who), sight):
+        if claim.is_answer or _is_recent(self._contended.get(who), sight):
             return
         if before is not None and len(self._again) < _MOST:
             self._again.setdefault(who, Evidence()).append(sight)

@@ -15,7 +15,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     milliseconds,
     seconds,
 )
-from hil_bench.abilities.eyes.explain.j1939 import ClaimRequests, OfJ1939, Who, group_title
+from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
@@ -147,7 +147,6 @@ class Changes(OfJ1939):
     def __init__(self) -> None:
         self._courses: dict[_Key, _Course] = {}
         self._signals: dict[tuple[_Key, str], _Signal] = {}
-        self._requests = ClaimRequests()
 
     def pause(self, length: int) -> None:
         """Count from the end of a pause."""
@@ -156,12 +155,12 @@ class Changes(OfJ1939):
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        message, is_answer = sight.message, self._requests.is_answer(sight)
+        message = sight.message
         if message is None or message.source == NULL or message.destination != GLOBAL:
             return
         who = sight.frame.bus, message.source
         if message.group == ADDRESS_CLAIMED:
-            if not is_answer:
+            if not message.is_answer:
                 self._begin_anew(who)
             return
         if message.data is None or not is_to_all(message.group):

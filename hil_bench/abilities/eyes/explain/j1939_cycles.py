@@ -7,7 +7,7 @@ from statistics import median
 from typing import Final
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
-from hil_bench.abilities.eyes.explain.j1939 import ClaimRequests, OfJ1939, Who, group_title
+from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
@@ -133,7 +133,6 @@ class Cycles(OfJ1939):
         self._first: dict[Who, int] = {}
         self._away: dict[Who, _Away] = {}
         self._paused: dict[Who, int] = {}
-        self._requests = ClaimRequests()
 
     def pause(self, length: int) -> None:
         """Count from the end of a pause."""
@@ -144,7 +143,7 @@ class Cycles(OfJ1939):
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        message, is_answer = sight.message, self._requests.is_answer(sight)
+        message = sight.message
         if message is None or message.source == NULL:
             return
         bus = sight.frame.bus
@@ -152,7 +151,7 @@ class Cycles(OfJ1939):
         if message.data is None or message.destination != GLOBAL or message.group in _PARTS:
             return
         if message.group == ADDRESS_CLAIMED:
-            for place, each in () if is_answer else self._cycles.items():
+            for place, each in () if message.is_answer else self._cycles.items():
                 each.is_new = each.is_new or place[:2] == (bus, message.source)
             return
         key = bus, message.source, message.group

@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.encoder_406 import EncoderConfig
+from hil_bench.kinds.encoder_406 import ROTARY_ENCODER, EncoderConfig, RotaryEncoderConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
-from hil_bench.kinds.rotary_encoder_406 import ROTARY_ENCODER, RotaryEncoderConfig
 from hil_bench.kinds.valve_408 import ValveConfig
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 

@@ -1,18 +1,85 @@
-"""The linear position sensor of CiA 406 as a kind of device."""
+"""The kinds of encoders by CiA 406."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
-from device_profiles import ENCODER_406, REGISTERS
+from device_profiles import ENCODER_406, ENCODER_REDUNDANT_406, REGISTERS, ROTARY_ENCODER_406
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.axis import Fitting
+from hil_bench.config.settings import Problems, Settings
+from hil_bench.devices.axis import Fitting, Measurement, Rate
 from hil_bench.devices.encoder_406 import EncoderDevice
-from hil_bench.devices.quantities import encoder_quantities
-from hil_bench.kinds.motion_sensor import MotionConfig, MotionKind
+from hil_bench.devices.measurement.parameters import ChainParameters
+from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
+from hil_bench.devices.redundant_encoder import RedundantEncoder
+from hil_bench.devices.rotary_encoder_406 import RotaryEncoderDevice
+from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
 from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.plants.kind import AxisSettings
+
+# Common parts of the kinds of devices that measure a motion of their axis, and its speed.
+
+_SPEED = "speed"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionConfig(NodeConfig):
+    """A sensor of a motion.
+
+    Attributes:
+        chain: what lies between the motion and the sensor's objects.
+    """
+
+    chain: ChainParameters
+
+
+MotionT = TypeVar("MotionT", bound=MotionConfig)
+
+
+class MotionKind(DeviceKind[MotionT]):
+    """A sensor of a motion and its speed.
+
+    Attributes:
+        quantity: which motion, by its name at the plant.
+    """
+
+    quantity: str
+
+    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
+        """Note a plant without such a motion."""
+        require_quantities(problems.place(table, "axis"), (self.quantity, _SPEED), axis, problems)
+
+    def measured(self, config: MotionT) -> str:
+        """Return the quantity."""
+        return self.quantity
+
+    def watched(self, config: MotionT) -> Mapping[str, str]:
+        """Return the quantity."""
+        return {self.quantity: self.quantity}
+
+    def measure(
+        self,
+        config: MotionT,
+        name: str,
+        publish: Callable[[float, float, int], None],
+        surroundings: Surroundings,
+    ) -> Measurement:
+        """Build the measurement of motion and speed of the axis, by the named chain if any."""
+        chain = surroundings.chain(config.chain, name)
+        by_name = surroundings.axes[str(config.axis)].kind.by_name
+        return Measurement(
+            publish,
+            by_name[self.quantity],
+            () if chain is None else (chain.measure,),
+            name=name,
+            rate=Rate("speed", by_name[_SPEED], () if chain is None else (chain.speed,)),
+        )
+
+
+# The linear position sensor of CiA 406 as a kind of device.
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,3 +120,66 @@ class EncoderKind(MotionKind[EncoderConfig]):
 
 
 ENCODER: Final = EncoderKind()
+
+
+# The rotary position sensor of CiA 406 as a kind of device.
+
+
+@dataclass(frozen=True, slots=True)
+class RotaryEncoderConfig(MotionConfig):
+    """A rotary position sensor (CiA 406)."""
+
+
+class RotaryEncoderKind(MotionKind[RotaryEncoderConfig]):
+    """An encoder measures angle and speed of its axis."""
+
+    name = "rotary_encoder_406"
+    record = RotaryEncoderConfig
+    eds = ROTARY_ENCODER_406
+    registers = REGISTERS / "rotary_encoder_406.toml"
+    chain_unit = "rad"
+    driver = "hil_drivers:RotarySensor"
+    quantity = "angle"
+
+    def fit(self, config: RotaryEncoderConfig, node: Node, surroundings: Surroundings) -> Fitting:
+        """Build the sensor, behind its chain if any."""
+        publish = RotaryEncoderDevice(node).publish
+        measurement = self.measure(config, config.name, publish, surroundings)
+        return Fitting(
+            sensors=((str(config.axis), measurement),),
+            registers=partial(rotary_quantities, node.object_dictionary),
+        )
+
+
+ROTARY_ENCODER: Final = RotaryEncoderKind()
+
+
+# The linear position sensor of CiA 406 with two measuring systems as a kind of device.
+
+
+class RedundantEncoderKind(EncoderKind):
+    """Such an encoder measures position and speed of its axis twice."""
+
+    name = "encoder_redundant_406"
+    eds = ENCODER_REDUNDANT_406
+    registers = REGISTERS / "encoder_redundant_406.toml"
+
+    def signals(self, name: str, node: Settings) -> dict[str, str]:
+        """Return both positions."""
+        return {name: str(self.chain_unit), f"{name}.2": str(self.chain_unit)}
+
+    def fit(self, config: EncoderConfig, node: Node, surroundings: Surroundings) -> Fitting:
+        """Build the sensor, each system behind a chain of its own if any."""
+        axis = str(config.axis)
+        device = RedundantEncoder(node, self.stroke(config, surroundings))
+        fitting = self.dress(config, device, surroundings)
+        name = f"{config.name}.2"
+        second = self.measure(config, name, device.publish_second, surroundings)
+        return replace(
+            fitting,
+            sensors=(*fitting.sensors, (axis, second)),
+            registers=partial(redundant_quantities, node.object_dictionary),
+        )
+
+
+REDUNDANT_ENCODER: Final = RedundantEncoderKind()

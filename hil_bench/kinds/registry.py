@@ -6,13 +6,10 @@ from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chains import CHAIN_TABLE
 from hil_bench.kinds.drive_402 import DRIVE
-from hil_bench.kinds.encoder_406 import ENCODER
-from hil_bench.kinds.encoder_redundant_406 import REDUNDANT_ENCODER
+from hil_bench.kinds.encoder_406 import ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
-from hil_bench.kinds.pressure_404 import PRESSURE
-from hil_bench.kinds.rotary_encoder_406 import ROTARY_ENCODER
-from hil_bench.kinds.transducer_404 import TRANSDUCER
+from hil_bench.kinds.pressure_404 import PRESSURE, TRANSDUCER
 from hil_bench.kinds.valve_408 import VALVE
 from hil_bench.registry import Registry, find_twice
 

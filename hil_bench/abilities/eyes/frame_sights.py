@@ -7,8 +7,7 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from hil_bench.abilities.eyes.error_words import error_text
-from hil_bench.abilities.eyes.frame_words import emcy_words, meaning_of
+from hil_bench.abilities.eyes.frame_words import emcy_words, error_text, meaning_of
 from hil_bench.abilities.eyes.j1939 import describe
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight

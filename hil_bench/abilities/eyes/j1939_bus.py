@@ -12,13 +12,13 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
     COMMANDED_ADDRESS,
     GLOBAL,
+    NAME_BYTES,
     NULL,
     REQUEST,
     TRANSPORT_CONNECTION,
     TRANSPORT_DATA,
     split,
 )
-from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
 from hil_bench.abilities.j1939.protocol.signals import NOT_AVAILABLE
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame

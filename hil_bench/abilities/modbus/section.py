@@ -1,16 +1,19 @@
 """The tables ``[modbus]`` and ``[modbus.units.NAME]``: which devices are on Modbus too, and how."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.map_files import (
     HIGHEST_ADDRESS,
+    ModbusConfig,
     ModbusUnitConfig,
     copy_inputs,
     load_register_map,
 )
-from hil_bench.abilities.modbus.part import ModbusPart
 from hil_bench.abilities.modbus.protocol.register_map import (
     Holes,
     Parity,
@@ -19,13 +22,69 @@ from hil_bench.abilities.modbus.protocol.register_map import (
     TlsConfig,
     WordOrder,
 )
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, Tables, read_section
 from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import KINDS, kind_of
+from hil_bench.session.session import Session
 from hil_bench.units import MILLISECOND, Unit
+
+if TYPE_CHECKING:
+    from hil_bench.abilities.modbus.serving import OpenModbus
+
+
+# Modbus as a part of a bench: from its table to the server of a run.
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusPart(ModbusConfig):
+    """The part that the table ``[modbus]`` describes; `ModbusConfig` is its data.
+
+    Attributes:
+        real_time_only: why clients can be served in real time only.
+        is_fitted: True: registers want what the devices have.
+    """
+
+    is_fitted: ClassVar[bool] = True
+
+    real_time_only: ClassVar[str] = (
+        "Modbus clients ask in real time, and bench time would stand while they do; "
+        "leave --modbus and [modbus] out"
+    )
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """No line: where clients find the server is known once it is open."""
+        return ()
+
+    def extension(self, config: BenchConfig, bench: Bench) -> ModbusBinding:
+        """Return the binding of the registers to a bench; `ConfigError` where one has no source."""
+        return ModbusBinding(config, bench)
+
+    @contextmanager
+    def attached(self, session: Session, config: BenchConfig) -> Iterator[None]:  # noqa: ARG002 - of every part
+        """Exchange values and writes in each tick of a session.
+
+        Yields:
+            When it is so.
+        """
+        session.watch(ticks=session.bench.part(ModbusBinding).exchange)
+        yield
+
+    def served(
+        self,
+        session: Session,
+        config: BenchConfig,  # noqa: ARG002 - of every such part
+    ) -> "AbstractContextManager[OpenModbus]":
+        """Serve clients in real time, by a process of its own."""
+        from hil_bench.abilities.modbus.serving import open_modbus  # noqa: PLC0415 - for runs alone
+
+        return open_modbus(self, session)
+
 
 HIGHEST_UNIT_ID = 247
 """Of a device (MODBUS over Serial Line V1.02, 2.2); higher ones are reserved."""

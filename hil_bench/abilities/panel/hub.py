@@ -8,9 +8,8 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from hil_bench.abilities.eyes.explain.explain import Explainer
+from hil_bench.abilities.eyes.explain.explain import Explainer, LiveFindings
 from hil_bench.abilities.eyes.explain.finding import Finding
-from hil_bench.abilities.eyes.explain.live import LiveFindings
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.live.client import only_one
 from hil_bench.abilities.live.messages import encode

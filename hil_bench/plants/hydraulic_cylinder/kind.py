@@ -1,7 +1,6 @@
 """The hydraulic cylinder as a kind of plant."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -42,13 +41,6 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         """Return the settings of an axis with what its data sheets determine."""
         return apply_data_sheet(settings, problems)
 
-    def specialise(
-        self, settings: Settings, folder: Path, problems: Problems
-    ) -> "HydraulicCylinder":
-        """Return the kind with the pressures at the valve, and with those of a shared supply."""
-        quantities = self.see_more(self.quantities, settings)
-        return self if quantities is self.quantities else SpecialCylinder(quantities)
-
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis that are still Table I's beside data sheets of others."""
         return find_leftovers(settings)
@@ -78,17 +70,6 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""
         return find_unresolved(axis, tick_us, step_us)
-
-
-class SpecialCylinder(HydraulicCylinder):
-    """A cylinder with waves in its lines, or with a shared supply.
-
-    Args:
-        quantities: what can be seen of it.
-    """
-
-    def __init__(self, quantities: tuple[Quantity, ...]) -> None:
-        self.quantities = quantities
 
 
 HYDRAULIC_CYLINDER: Final = HydraulicCylinder()

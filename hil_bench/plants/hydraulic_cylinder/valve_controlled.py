@@ -1,10 +1,11 @@
 """Common parts of the kinds of plants that a spool valve controls: cylinder and motor."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Self
 
-from hil_bench.config.settings import Settings
+from hil_bench.config.settings import Problems, Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
 from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, LineModel, Supply
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, with_lines, with_supply
@@ -40,10 +41,18 @@ class ValveControlled(PlantKind[AxisT]):
         value = settings[SUPPLY_KEY.name].value
         return "" if value in set(Supply) else str(value)
 
-    def see_more(
-        self, quantities: tuple[Quantity, ...], settings: Settings
-    ) -> tuple[Quantity, ...]:
+    def specialise(self, settings: Settings, folder: Path, problems: Problems) -> Self:
+        """Return the kind with the pressures at the valve, and with those of a shared supply."""
+        quantities = self._see_more(settings)
+        if quantities is self.quantities:
+            return self
+        special = type(self)()
+        special.quantities = quantities
+        return special
+
+    def _see_more(self, settings: Settings) -> tuple[Quantity, ...]:
         """Return the quantities with those of lines with waves and of a supply unit."""
+        quantities = self.quantities
         if settings["line_model"].value is not LineModel.VOLUME:
             sides = "".join(s for s in "ab" if settings[f"line_{s}_length_m"].value)
             quantities = with_lines(quantities, sides)

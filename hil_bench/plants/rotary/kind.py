@@ -1,11 +1,13 @@
 """The hydraulic motor as a kind of plant."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
+from hil_bench.plants.hydraulic_cylinder.picture import WIDTH, circuit_of
+from hil_bench.plants.hydraulic_cylinder.quantities import P_S, SPOOL_POSITION
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.page import Page
@@ -14,9 +16,46 @@ from hil_bench.plants.rotary.configuration import RotaryConfig, configure
 from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
 from hil_bench.plants.rotary.motor import HydraulicMotor
-from hil_bench.plants.rotary.picture import motor_page
-from hil_bench.plants.rotary.quantities import QUANTITIES
+from hil_bench.plants.rotary.quantities import ANGLE, QUANTITIES
 from hil_bench.plants.rotary.summary import USUAL_RESULTS, find_unresolved, summarise
+
+# The picture of a hydraulic motor: its symbol of ISO 1219, and the drum that it turns.
+
+_SPOKES = "".join(
+    f'<path class="spoke" d="M 0 0 L {44 * math.cos(turn):.1f} {44 * math.sin(turn):.1f}"/>'
+    for turn in (math.radians(120 * number) for number in range(3))
+)
+_RADIUS = 34.0
+
+
+def motor_page(axis: RotaryConfig) -> Page:
+    """Return the picture of a motor with its circuit, and what is plotted first.
+
+    Args:
+        axis: its record.
+    """
+    top = circuit_of(axis.cylinder, axis.displacement, axis.displacement)
+    plots = ("speed", "spool_setpoint", SPOOL_POSITION.name, "P_A", "P_B", P_S)
+    turn = f"{ANGLE.name} 0 {2 * math.pi:.8f} 0 -360"
+    hub = "translate(292 76)"
+    svg = (
+        f'<svg viewBox="0 0 {WIDTH:g} 150">'
+        f'<path class="shaft" d="M {160 + _RADIUS:g} 76 H 292"/>'
+        f'<g transform="{hub}"><circle class="mass" r="46"/><g data-turn="{turn}">{_SPOKES}'
+        '<circle class="steel" r="7"/></g></g>'
+        f'<path class="half" d="M {160 - _RADIUS:g} 76 a 34 34 0 0 1 68 0 z" '
+        f'data-fill="P_B 0 {top.pressure:.6g}"/>'
+        f'<path class="half" d="M {160 - _RADIUS:g} 76 a 34 34 0 0 0 68 0 z" '
+        f'data-fill="P_A 0 {top.pressure:.6g}"/>'
+        f'<circle class="barrel" cx="160" cy="76" r="{_RADIUS:g}"/>'
+        '<path class="sign" d="M 160 110 l -8 -13 h 16 z M 160 42 l -8 13 h 16 z"/>'
+        f'<circle class="port" data-port="A" cx="150" cy="{76 + 33:g}" r="2.5"/>'
+        f'<circle class="port" data-port="B" cx="170" cy="{76 + 33:g}" r="2.5"/>'
+        f'<text x="10" y="20" class="huge" data-text="{ANGLE.name}"/>'
+        f'<text x="{WIDTH - 10:g}" y="20" class="right" data-text="speed"/>'
+        f'<text x="{WIDTH - 10:g}" y="140" class="right" data-text="torque"/></svg>'
+    )
+    return Page(svg, plots, top)
 
 
 class Rotary(ValveControlled[RotaryConfig]):
@@ -40,11 +79,6 @@ class Rotary(ValveControlled[RotaryConfig]):
         """Return the settings of an axis with what its data sheets determine."""
         return apply_data_sheet(settings, problems)
 
-    def specialise(self, settings: Settings, folder: Path, problems: Problems) -> "Rotary":
-        """Return the kind with the pressures at the valve, and with those of a shared supply."""
-        quantities = self.see_more(self.quantities, settings)
-        return self if quantities is self.quantities else SpecialRotary(quantities)
-
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis of which the file says nothing."""
         return find_leftovers(settings)
@@ -66,17 +100,6 @@ class Rotary(ValveControlled[RotaryConfig]):
     def find_doubts(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""
         return find_unresolved(axis, tick_us, step_us)
-
-
-class SpecialRotary(Rotary):
-    """A motor with waves in its lines, or with a shared supply.
-
-    Args:
-        quantities: what can be seen of it.
-    """
-
-    def __init__(self, quantities: tuple[Quantity, ...]) -> None:
-        self.quantities = quantities
 
 
 ROTARY: Final = Rotary()

@@ -11,7 +11,7 @@ from rich.console import Console
 from hil_bench.abilities.eyes.bus_state import EXTENDED, BusState
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs import listening, watch_bus
-from hil_bench.abilities.eyes.verbs.bus_view import BusView
+from hil_bench.abilities.eyes.verbs.watch_bus import BusView
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.frame import frame_bits

@@ -2,8 +2,8 @@
 
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Check, Impact
-from hil_bench.abilities.conformance.eds_check import EdsFinding, Severity
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 
 
 def result(outcome, detail="", chapter="SDO upload", clause="7.2.4.3.6"):

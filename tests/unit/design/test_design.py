@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.commissioning.plan import Limits
-from hil_bench.abilities.identification.design.bounds import Bounds
-from hil_bench.abilities.identification.design.course import shorten_course
-from hil_bench.abilities.identification.design.stroke_run import StrokeRun, plan_strokes
-from hil_bench.abilities.identification.design.twin import Twin
+from hil_bench.abilities.identification.design import (
+    Bounds,
+    StrokeRun,
+    Twin,
+    plan_strokes,
+    shorten_course,
+)
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters

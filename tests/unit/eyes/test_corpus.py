@@ -11,8 +11,7 @@ from corpus.faults import broken_log, broken_logs, faults, faults_of_j1939
 from corpus.logs import is_kept_apart, manifest, sound_log
 from corpus.sound_j1939 import VARIANTS, variant_of
 
-from hil_bench.abilities.eyes.explain.explain import Explainer, explain
-from hil_bench.abilities.eyes.explain.live import LiveFindings
+from hil_bench.abilities.eyes.explain.explain import Explainer, LiveFindings, explain
 
 WRITTEN = sorted(name for name in manifest() if not is_kept_apart(name))
 OF_J1939 = [name for name in WRITTEN if manifest()[name].get("series")]

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from hil_bench.abilities.eyes.explain.sync_producers import SyncProducers
+from hil_bench.abilities.eyes.explain.syncs import SyncProducers
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.frame import Frame
 

@@ -4,9 +4,9 @@ import pytest
 
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.error_words import error_text
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.eyes.frame_words import error_text
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, is_error_frame

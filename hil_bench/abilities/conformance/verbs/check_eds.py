@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.conformance.eds_check import EdsFinding, Severity, check_eds
+from hil_bench.abilities.conformance.eds_check import check_eds
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_lines
 

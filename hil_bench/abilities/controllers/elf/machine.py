@@ -14,15 +14,13 @@ from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.engine import READ_EXECUTE, Engine
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.nvic import Exceptions
-from hil_bench.abilities.controllers.elf.peripherals import watchdog
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
 from hil_bench.abilities.controllers.elf.peripherals.fdcan import RAM_BYTES, Fdcan
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
-from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
+from hil_bench.abilities.controllers.elf.peripherals.timer import WATCHDOG_ADDRESS, Timer, Watchdog
 from hil_bench.abilities.controllers.elf.peripherals.uart import NEW, OLD, Uart
-from hil_bench.abilities.controllers.elf.peripherals.watchdog import Watchdog
 from hil_bench.abilities.controllers.elf.wire import Wire
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.errors import ConfigError, ControllerError
@@ -174,7 +172,7 @@ class Machine:
         cpu = self._cpu
         self._clocks = clocks = Clocks(family.clocks, job.crystal_hz)
         self._put(family.rcc, clocks)
-        self._put(watchdog.ADDRESS, Watchdog(cpu, clocks.watchdog_hz, self._bite))
+        self._put(WATCHDOG_ADDRESS, Watchdog(cpu, clocks.watchdog_hz, self._bite))
         self._put(_SYSTEM, SystemControl(cpu, family.cpu_id, clocks.core), 4 * KIB)
         cpu.map_peripheral(
             _TRACE,

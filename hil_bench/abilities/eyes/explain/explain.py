@@ -1,12 +1,11 @@
 """Reads the frames of a bus from the first to the last and says what is wrong."""
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
-from hil_bench.abilities.eyes.explain.clock import Clock
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, seconds
 from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
@@ -26,6 +25,69 @@ from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.protocol.identifier import NULL
 from hil_bench.outside.recording.channels import LoggedFrame
+
+# The time of a log whose clock does not go on evenly, or that holds the frames of two.
+
+_UNSORTED: Final = 5_000_000
+"""Time by which frames may be written in another order than they came [ns]."""
+
+_SET_BACK: Final = 50
+"""Frames in a row of an earlier time after which the clock was set back for good."""
+
+_LEAP: Final = 60_000_000_000
+"""Time without a frame from which on the clock was set, or the recording stopped [ns]."""
+
+
+class Clock:
+    """Gives each frame a time that never goes back, and leaves out those of a second clock."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._offset = 0
+        self._strange = 0
+        self._left_out = 0
+        self._backs: list[int] = []
+        self._leaps: list[tuple[int, int]] = []
+        self._back_count = 0
+
+    def time_of(self, now: int) -> tuple[int, int] | None:
+        """Return the time of a frame and the leap before it [ns]; None for one to leave out."""
+        if self._last is None:
+            self._last, self._offset = now, -now
+            return 0, 0
+        step = now - self._last
+        if step >= 0:
+            self._strange = 0
+            self._last = now
+            if step <= _LEAP:
+                return now + self._offset, 0
+            self._leaps.append((now - step + self._offset, step))
+            del self._leaps[1:]
+            return now + self._offset, step
+        if step > -_UNSORTED:
+            return self._last + self._offset, 0
+        self._strange += 1
+        if self._strange < _SET_BACK:
+            self._left_out += 1
+            return None
+        self._strange, self._back_count = 0, self._back_count + 1
+        self._backs.append(self._last + self._offset)
+        del self._backs[1:]
+        self._offset -= step
+        self._last = now
+        return now + self._offset, 1
+
+    def notes(self) -> Iterator[str]:
+        """Yield a line for each oddity."""
+        if self._backs:
+            more = f", and {self._back_count - 1} times more" if self._back_count > 1 else ""
+            at = f"the clock goes back at {seconds(self._backs[0])}{more}"
+            yield f"{at}; what follows is joined on"
+        if self._left_out:
+            yield f"{self._left_out} frames of an earlier time, as of a second log, are left out"
+        for since, step in self._leaps:
+            yield f"the clock leaps by {seconds(step)} at {seconds(since)}, or nothing was recorded"
+
 
 _AT_ONCE = 5_000_000
 """Time within which the PDOs of several nodes stay out together [ns]."""
@@ -205,3 +267,65 @@ def _joined(group: list[Finding]) -> Finding:
     first = group[0]
     others = ", ".join(dict.fromkeys(each.node for each in group[1:] if each.node != first.node))
     return first._replace(text=f"{first.text}; at the same time {others}") if others else first
+
+
+# Causes that come and go on a bus that goes on.
+
+_EVERY: Final = 500_000_000
+"""Time between two looks [ns]."""
+
+
+class Change(NamedTuple):
+    """A cause that has come, or is gone.
+
+    Attributes:
+        now: when that was noticed [ns].
+        finding: the cause.
+        is_gone: whether it no longer explains what is on the bus.
+    """
+
+    now: int
+    finding: Finding
+    is_gone: bool
+
+
+class LiveFindings:
+    """Looks now and then what an explainer says, and keeps it.
+
+    Args:
+        explainer: takes the frames.
+
+    Attributes:
+        findings: the causes of the last look.
+    """
+
+    def __init__(self, explainer: Explainer) -> None:
+        self._explainer = explainer
+        self._look_at = _EVERY
+        self.findings: tuple[Finding, ...] = ()
+
+    def look(self, now: int) -> Iterator[Change]:
+        """Yield the causes that have come or gone, twice a second.
+
+        Args:
+            now: the time, from the first frame on [ns].
+
+        Yields:
+            The changes.
+        """
+        if now < self._look_at:
+            return
+        self._look_at = now + _EVERY
+        before = {_key(each): each for each in self.findings}
+        self.findings = self._explainer.explanation(now).findings
+        present = {_key(each) for each in self.findings}
+        for finding in self.findings:
+            if _key(finding) not in before:
+                yield Change(now, finding, is_gone=False)
+        for key, finding in before.items():
+            if key not in present:
+                yield Change(now, finding, is_gone=True)
+
+
+def _key(finding: Finding) -> tuple[str, str]:
+    return finding.cause.name, finding.node

@@ -23,9 +23,9 @@ from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.j1939.protocol.identifier import (
     ADDRESS_CLAIMED,
     DM1,
+    NAME_BYTES,
     NULL,
 )
-from hil_bench.abilities.j1939.protocol.name import NAME_BYTES
 
 _MS: Final = 1_000_000
 _SETTLED: Final = 1250 * _MS

@@ -15,10 +15,13 @@ from hil_bench.abilities.commissioning.plan import (
     check_against,
     load_plan,
 )
-from hil_bench.abilities.identification.design.bounds import Bounds
-from hil_bench.abilities.identification.design.course import shorten_course
-from hil_bench.abilities.identification.design.stroke_run import StrokeRun, plan_strokes
-from hil_bench.abilities.identification.design.twin import Twin
+from hil_bench.abilities.identification.design import (
+    Bounds,
+    StrokeRun,
+    Twin,
+    plan_strokes,
+    shorten_course,
+)
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario, SetStep
 from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.bench.configuration import BenchConfig

@@ -1,6 +1,8 @@
 """The tables ``[j1939.NAME]``: devices on SAE J1939, with the signals of those by table."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -11,20 +13,52 @@ from hil_bench.abilities.j1939.configuration.ecu_signals import (
     check_groups,
     read_signals,
 )
+from hil_bench.abilities.j1939.ecus import EcuTable, build_ecus
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE, FLOW
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
 from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
-from hil_bench.abilities.j1939.part import J1939Part
-from hil_bench.abilities.j1939.protocol.identifier import NULL
-from hil_bench.abilities.j1939.protocol.name import Name
+from hil_bench.abilities.j1939.protocol.identifier import NULL, Name
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.nodes import OtherDrive
-from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, integer, text
+from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.units import ONE, si_unit
+
+# The J1939 devices of a bench as a part of it.
+
+
+@dataclass(frozen=True, slots=True)
+class J1939Part:
+    """The part that the tables ``[j1939.NAME]`` describe.
+
+    Attributes:
+        ecus: the devices, in the order of the file.
+    """
+
+    ecus: tuple[EcuConfig, ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """No line: the devices are listed with the nodes."""
+        return ()
+
+    def attached(self, session: object, config: BenchConfig) -> AbstractContextManager[object]:  # noqa: ARG002 - of every part
+        """Return a context without content: the devices act in the ticks of the bench."""
+        return nullcontext()
+
+    def peers(self, config: BenchConfig, surroundings: Surroundings) -> EcuTable:
+        """Return the devices, built."""
+        return build_ecus(self.ecus, config.buses, surroundings)
+
+    def seen_from(self, bus: str) -> "J1939Part":
+        """Return the devices of one bus, which is then the first."""
+        ecus = (replace(ecu, bus=FIRST_BUS) for ecu in self.ecus if ecu.bus == bus)
+        return J1939Part(tuple(ecus))
+
 
 TABLE: Final = "j1939"
 

@@ -13,7 +13,7 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     AuxiliaryValve,
 )
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.values import EcuValue
+from hil_bench.abilities.j1939.protocol.signals import EcuValue
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
 from hil_bench.config.values import integer, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement

@@ -17,9 +17,8 @@ from hil_bench.abilities.j1939.protocol.signal_table import (
     Show,
     SignalTable,
 )
-from hil_bench.abilities.j1939.protocol.signals import Signal
+from hil_bench.abilities.j1939.protocol.signals import EcuValue, Signal
 from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
-from hil_bench.abilities.j1939.protocol.values import EcuValue
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key
 from hil_bench.config.values import choice, integer, non_negative, nonzero, number, text, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement

@@ -27,11 +27,11 @@ from hil_bench.abilities.j1939.protocol.identifier import (
     REQUEST,
     TRANSPORT_CONNECTION,
     TRANSPORT_DATA,
+    Name,
     is_to_all,
     join,
     split,
 )
-from hil_bench.abilities.j1939.protocol.name import Name
 from hil_bench.abilities.j1939.protocol.transport import Transport
 from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
 from hil_bench.canopen_device.agenda import NEVER

@@ -1,6 +1,7 @@
 """Signals in the data of parameter groups, with the special values of SAE J1939-71."""
 
 import math
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 _BYTE: Final = 8
@@ -88,3 +89,24 @@ class Signal(NamedTuple):
     def put(self, message: int, raw: int) -> int:
         """Return a message, as a number of the lowest byte first, with this raw value in it."""
         return message & ~(self.not_available << self.start) | raw << self.start
+
+
+# The numbers of a J1939 device by name, for those who read and set them.
+
+
+class EcuValue(NamedTuple):
+    """A number that a J1939 device has, as its table gives it.
+
+    Attributes:
+        read: returns it; NaN where it shows no value.
+        unit: symbol of its unit.
+        takes: takes another one, from a test; None where the device itself has the say.
+        low: the least that it can show.
+        high: the largest.
+    """
+
+    read: Callable[[], float]
+    unit: str
+    takes: Callable[[float], None] | None = None
+    low: float = -math.inf
+    high: float = math.inf

@@ -1,1 +1,0 @@
-"""Design of informative manoeuvres: candidates, the information of each, a scenario."""

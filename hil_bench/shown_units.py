@@ -48,10 +48,6 @@ class ShownUnit(NamedTuple):
             return nothing
         return f"{round(self.unit.from_si(value), self.digits) + 0.0:.{self.digits}f}"
 
-    def text_with_unit(self, value: float | None) -> str:
-        """Return a value that is given in SI as people read it, with its unit."""
-        return f"{self.text(value)} {self.symbol}"
-
     def short(self, value: float) -> str:
         """Return a limit or set-point, given in SI, without zeros at its end, with its unit."""
         return f"{self._bare(value)} {self.symbol}"

@@ -37,7 +37,8 @@ from hil_bench.shown_units import (
     ],
 )
 def test_a_value_is_shown_in_the_chosen_unit(words, symbol, value, text):
-    assert shown_unit(symbol, parse_choice(words)).text_with_unit(value) == text
+    shown = shown_unit(symbol, parse_choice(words))
+    assert f"{shown.text(value)} {shown.symbol}" == text
 
 
 @pytest.mark.parametrize("value", [None, math.nan, math.inf, -math.inf])

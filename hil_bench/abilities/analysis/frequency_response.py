@@ -218,7 +218,7 @@ class ChirpRun:
 
 
 def measure_frequency_response(
-    setup: Setup, chirp: Chirp, *, resolution: float = 0.25, smoothing: float = SMOOTHING
+    setup: Setup, chirp: Chirp, *, smoothing: float = SMOOTHING
 ) -> ChirpRun:
     """Return the response from spool set-point to velocity, measured with a chirp.
 
@@ -227,7 +227,6 @@ def measure_frequency_response(
     Args:
         setup: what is simulated.
         chirp: the set-point [m].
-        resolution: distance of the frequency lines [Hz].
         smoothing: width of the moving average over the spectra [octave].
     """
     recording = simulate(setup, chirp.samples(setup.dt))
@@ -235,7 +234,6 @@ def measure_frequency_response(
         recording["u"],
         recording["v"],
         setup.dt,
-        resolution=resolution,
         smoothing=smoothing,
         is_held=True,
     )

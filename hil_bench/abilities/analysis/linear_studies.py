@@ -179,7 +179,6 @@ def operating_points_study(
     parameters: PlantParameters,
     *,
     name: str = "frequency-response-linear",
-    form: CoefficientForm = CoefficientForm.CONSISTENT,
 ) -> Study:
     """Return eq. (24) at the paper's four points: 5 and 95 % of valve opening and supply."""
     frequencies = np.geomspace(1.0, 1000.0, 400)
@@ -191,7 +190,6 @@ def operating_points_study(
                 parameters,
                 orifice_state=opening * parameters.alpha,
                 load_pressure=pressure * supply,
-                form=form,
             )
             label = f"z = {opening:g} alpha, P_L = {pressure:g} P_S"
             drawn = f"$z = {opening:g}\\,\\alpha$, $P_L = {pressure:g}\\,P_S$"

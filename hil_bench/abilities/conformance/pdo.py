@@ -77,21 +77,18 @@ class Pdo:
             self._dut.write(self.index, COB_ID, self.cob_id)
 
     @contextlib.contextmanager
-    def configured(
-        self, values: Mapping[int, int], *, clear: int = INVALID, set_bits: int = 0
-    ) -> Iterator[None]:
+    def configured(self, values: Mapping[int, int], *, clear: int = INVALID) -> Iterator[None]:
         """Give the communication parameters other values, enable the PDO; restore all.
 
         Args:
             values: by sub-index.
             clear: bits of the COB-ID to clear.
-            set_bits: bits of the COB-ID to set.
         """
         before = {subindex: self._dut.number(self.index, subindex) for subindex in values}
         with self.disabled():
             try:
                 self._write(values)
-                self._dut.write(self.index, COB_ID, self.cob_id & ~clear | set_bits)
+                self._dut.write(self.index, COB_ID, self.cob_id & ~clear)
                 yield
             finally:
                 self._dut.write(self.index, COB_ID, self.cob_id | INVALID)

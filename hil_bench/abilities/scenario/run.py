@@ -240,7 +240,6 @@ def prepare(
     *,
     seed: int | None = None,
     tables: Mapping[str, object] | None = None,
-    keeps_session: bool = False,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
@@ -249,13 +248,11 @@ def prepare(
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
         tables: tables of the bench's file, nested; their keys win over its own.
-        keeps_session: keep the bench that it was checked on for the run that follows.
 
     A `ConfigError` has a line for each problem.
     """
     config = load_config(scenario.bench_path, seed=seed, tables=tables)
-    values = parameter_values(scenario, given)
-    return prepare_on(config, scenario, values, keeps_session=keeps_session)
+    return prepare_on(config, scenario, parameter_values(scenario, given))
 
 
 def prepare_on(
@@ -272,7 +269,7 @@ def prepare_on(
         config: the bench, whatever the scenario names.
         scenario: as loaded.
         values: the SI value of each parameter.
-        keeps_session: as in `prepare`.
+        keeps_session: keep the bench that it was checked on for the run that follows.
         drives_itself: whether the scenario's controller drives; else one on a bus does, which may
             enable and read what no step does.
 

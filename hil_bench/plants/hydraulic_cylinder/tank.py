@@ -100,14 +100,11 @@ class Tank:
     Attributes:
         config: as passed in.
         temperature: of the oil [°C].
-        heated: what the oil has taken up so far [J].
-        cooled: what it has given away [J].
     """
 
     def __init__(self, config: TankConfig) -> None:
         self.config, self._capacity = config, config.capacity
         self.temperature = config.start
-        self.heated = self.cooled = 0.0
 
     def warm(self, heat: float, time: float) -> None:
         """Let the oil take up heat [J] over a time [s]; linearly implicit."""
@@ -116,8 +113,6 @@ class Tank:
         if now > config.cooled_from:
             lost, slope = lost + config.cooler * (now - config.cooled_from), slope + config.cooler
         change = (heat - time * lost) / (self._capacity + time * slope)
-        self.heated += heat
-        self.cooled += heat - self._capacity * change
         self.temperature = now + change
 
     def oil_now(self) -> OilNow:

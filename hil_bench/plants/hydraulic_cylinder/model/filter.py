@@ -41,10 +41,6 @@ class Filter:
         """Return the filter with a share of its element blocked."""
         return replace(self, resistance=self.resistance / max(1.0 - share, _OPEN))
 
-    def in_oil(self, viscosity: float) -> "Filter":
-        """Return the filter in an oil of another viscosity, as a share of that before."""
-        return replace(self, resistance=self.resistance * viscosity)
-
     def drop(self, flow: float) -> float:
         """Return the pressure drop [Pa] of a flow [m³/s]."""
         return min(self.resistance * flow, self.bypass)

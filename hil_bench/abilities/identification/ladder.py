@@ -84,7 +84,6 @@ SWIFT = (
 
 PLATEAUS, THE_PAPERS = "plateaus alone", "the paper's model"
 WHOLE, SUPPLY = "whole strokes", "and a supply that yields"
-STORE = "and a pump with an accumulator"
 
 ALIASES = {
     "piston_side_volume_cm3": "dead_a",
@@ -130,11 +129,6 @@ _GRIDS: Mapping[tuple[str, ...], Sequence[tuple[float, ...]]] = {
     (DROOP,): ((0.0,), (1.0,), (2.0,), (4.0,)),
 }
 """Variables that are tried before the search, some together."""
-
-
-_STORE = {DROOP: 8.0, PUMP: math.log(0.12), GAS: math.log(15.0)}
-"""Variables of a usual supply with an accumulator."""
-_TIED = 1e-3  # standard deviation of a variable that is held
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,17 +213,10 @@ def climb(
     if first.is_moved:
         say(f"first answer: {_describe(few, first)}; {THE_PAPERS}")
         few = few.rescaled(first.values)
-        supply = _supply(few)
-        swift = [*SWIFT, *every]
         for title, start, more in (
             (THE_PAPERS, (), [*PAPER, *every]),
-            (WHOLE, first.unknowns, swift),
-            (SUPPLY, None, supply),
-            *(
-                [(STORE, first.unknowns, [*swift, *supply])]
-                if is_judged and DROOP in supply
-                else []
-            ),
+            (WHOLE, first.unknowns, [*SWIFT, *every]),
+            (SUPPLY, None, _supply(few)),
         ):
             best = rungs[choose_rung(rungs)]
             if few.clock.is_over or (len(rungs) > 1 and best.is_good):
@@ -237,13 +224,10 @@ def climb(
             say(f"{title}; so far {_describe(few, best.fit)}")
             known = best.fit.unknowns if start is None else start
             names = _free(few, [*(one.name for one in known), *more], wish)
-            if title == STORE:
-                fit = _store(few, names, rungs)
-            else:
-                values = best.fit.values if start is None else first.values if start else {}
-                unknowns, begin = _pairs(few, names, values)
-                begin = fit_plateaus(few, unknowns, begin) if start == () else begin
-                fit = search(few, unknowns, _scan(few, unknowns, begin, more), _ROUNDS)
+            values = best.fit.values if start is None else first.values if start else {}
+            unknowns, begin = _pairs(few, names, values)
+            begin = fit_plateaus(few, unknowns, begin) if start == () else begin
+            fit = search(few, unknowns, _scan(few, unknowns, begin, more), _ROUNDS)
             if fit.is_moved:
                 rungs.append(_judge(few, title, fit, folds))
     return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
@@ -408,28 +392,6 @@ def _scan(
     except Stopped:
         pass
     return best[1]
-
-
-def _store(bench: Bench, names: Sequence[str], rungs: Sequence[Rung]) -> Fit:
-    """Return the fit of a supply with an accumulator; not moved where others fit as well.
-
-    Saturation and friction stand for a supply that long strokes drain, so no search leads from
-    there to an accumulator: all others are fitted to a usual one first, plateaus before rows.
-    """
-    whole = next((rung for rung in rungs if rung.title == WHOLE), rungs[-1])
-    unknowns, begin = _pairs(bench, names, whole.fit.values)
-    tied = [
-        one._replace(start=_STORE[one.name], spread=_TIED) if one.name in _STORE else one
-        for one in unknowns
-    ]
-    begin = np.array(
-        [_STORE.get(each.name, value) for each, value in zip(tied, begin, strict=True)]
-    )
-    rough = search(replace(bench, is_rough=True), tied, begin, _ROUNDS)
-    usual = search(bench, tied, rough.variables, _ROUNDS)
-    if usual.cost > min(rung.fit.cost for rung in rungs[1:]):
-        return usual._replace(is_moved=False)
-    return search(bench, unknowns, usual.variables, 2 * _ROUNDS)
 
 
 def _width(bench: Bench) -> float:

@@ -90,7 +90,7 @@ def positive_option(config: pytest.Config, name: str) -> float | None:
 
 def is_on(config: pytest.Config, name: str) -> bool:
     """Return True if a switch is on, by option or by ini key."""
-    return bool(config.getoption(_key(name)) or config.getini(_key(name)))
+    return bool(option(config, name))
 
 
 def chosen_options(config: pytest.Config) -> str:

@@ -44,7 +44,7 @@ class FileReport:
     rows: int | None
     frames: int | None
     end: float
-    problem: str = ""
+    problem: str
 
 
 @dataclass(slots=True)
@@ -57,9 +57,9 @@ class RecordingReport:
         lost: messages that the recorder was too slow for.
     """
 
-    files: tuple[FileReport, ...] = ()
-    is_triggered: bool = True
-    lost: int = 0
+    files: tuple[FileReport, ...]
+    is_triggered: bool
+    lost: int
 
     @property
     def rows(self) -> int:

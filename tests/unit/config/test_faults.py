@@ -119,6 +119,16 @@ def test_each_kind_comes_in_si(write: Write, kind: str) -> None:
         assert found.values[name] == expected
 
 
+@pytest.mark.parametrize(
+    ("kind", "target"),
+    [("drop_load", "axis1"), ("wear_pump", "axis1"), ("lose", "valve"), ("corrupt", "valve")],
+)
+def test_without_a_share_all_is_lost(write: Write, kind: str, target: str) -> None:
+    """As docs/configuration.md has it: 100 %."""
+    (found,) = load_config(write(NODES + fault(kind, target))).of(FaultsPart).faults
+    assert found.values["share"] == 1.0
+
+
 @pytest.mark.parametrize(("base", "is_of_ecu"), [(NODES, False), (LEVER, True)])
 def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: bool) -> None:
     kinds = [kind for kind in FAULT_KINDS.built_in if (hasattr(ecu_kinds, kind)) == is_of_ecu]

@@ -31,6 +31,7 @@ def faults():
         ("break_wire", ("position", "zero"), 'reads = "zero" is unknown; give one of "nothing", "low", "high"'),
         ("lose", ("position", 1.5), "share = 1.5 is out of range; give a number from 0 to 1"),
         ("delay", ("position", -1.0), "time = -1 is out of range; give a number from 0 to 1e+09"),
+        ("corrupt", ("position", 1.5), "share = 1.5 is out of range; give a number from 0 to 1"),
         ("truncate", ("position", 9), "length = 9 is out of range; give an integer from 0 to 8"),
         ("babble", ("position", 0), "frames_per_tick = 0 is out of range; give an integer from 1 to 1000"),
     ],

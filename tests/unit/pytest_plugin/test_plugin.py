@@ -21,6 +21,7 @@ from hil_bench.errors import WaitTimeoutError
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.pytest_plugin import failure_report
+from hil_bench.pytest_plugin.options import is_on
 
 pytest_plugins = ["pytester"]
 __all__ = ["failure_report", "matplotlib"]
@@ -42,6 +43,21 @@ def test_a_test_moves_the_cylinder(bench, valve, position, pressure):
     # friction (eqs. (14), (16), Table I), so 50 mm take half a second.
     assert taken == pytest.approx(0.49, rel=0.1)
     assert pressure.pressure == pytest.approx(bench.signals["axis1.P_A"][-1], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "ini", "is_realtime"),
+    [
+        ((), "", False),
+        (("--hil-realtime",), "", True),
+        ((), "hil_realtime = true", True),
+        ((), "hil_realtime = false", False),
+        (("--hil-realtime",), "hil_realtime = false", True),
+    ],
+)
+def test_a_switch_is_on_by_its_option_or_by_its_ini_key(pytester, words, ini, is_realtime):
+    pytester.makeini(f"[pytest]\n{ini}\n")
+    assert is_on(pytester.parseconfig(*words), "realtime") == is_realtime
 
 
 def test_drivers_are_on_the_bus_of_their_node(pytester):

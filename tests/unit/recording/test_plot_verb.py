@@ -40,6 +40,14 @@ def test_each_kind_is_drawn(folder, tmp_path, monkeypatch, capsys, arguments, te
         assert text in drawn
 
 
+@pytest.mark.parametrize("words", [["--from", "0.05"], ["--to", "0.001"]])
+def test_the_ends_of_a_time_belong_to_it(folder, tmp_path, words):
+    """The recording has rows from 0.001 to 0.05 s, the refusal below says."""
+    picture = tmp_path / "end.png"
+    assert main(["plot", str(folder / "run.csv"), "-o", str(picture), *words]) == 0
+    assert picture.exists()
+
+
 def test_it_goes_beside_the_recording(folder):
     assert main(["plot", str(folder / "run.mf4")]) == 0
     assert (folder / "run.png").read_bytes().startswith(b"\x89PNG")

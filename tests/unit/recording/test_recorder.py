@@ -4,9 +4,15 @@ import errno
 import random
 import struct
 
+import numpy as np
 import pytest
 
-from hil_bench.abilities.recording.recorder import Recorder, RecordingPlan
+from hil_bench.abilities.recording.recorder import (
+    BLOCK_PERIOD,
+    InlineRecorder,
+    Recorder,
+    RecordingPlan,
+)
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
@@ -70,6 +76,26 @@ def test_every_format_holds_what_it_has_a_place_for(tmp_path):
         rows, frames = found(tmp_path / f"run{suffix}")
         assert rows == (list(range(30)) if suffix in SIGNAL_SUFFIXES else [])
         assert frames == (list(range(30)) if suffix in FRAME_SUFFIXES else [])
+
+
+def test_a_log_is_recorded_from_the_start_and_counts_no_rows(tmp_path):
+    """Without a trigger it has begun, even where the format has no place for signals."""
+    recorder = Recorder(plan(tmp_path, ".log"), durable=False, tell=fail)
+    feed(recorder, 0, 3)
+    report = recorder.close()
+    assert (report.is_triggered, report.rows, report.frames) == (True, 0, 3)
+
+
+def test_a_bench_that_is_killed_has_lost_a_block_at_most(tmp_path):
+    """The time of a row ends a block; here no value beside it ever grows."""
+    recorder = InlineRecorder(plan(tmp_path, ".csv"))
+    recorder.start()
+    last = 3 * BLOCK_PERIOD
+    for time in np.linspace(0.0, last, 76):
+        recorder.append_row((time, 0.0))
+    seen = read_recording(tmp_path / "run.csv")["time"][-1]  # nothing was closed
+    assert last - seen <= BLOCK_PERIOD
+    recorder.stop()
 
 
 @pytest.fixture

@@ -3,17 +3,27 @@
 import os
 import random
 import signal
+import struct
 import subprocess
 import sys
+from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
 
 from hil_bench.abilities.recording.recorder import RecordingPlan
-from hil_bench.abilities.recording.recorder_process import LOOK, RecorderProcess
+from hil_bench.abilities.recording.recorder_process import (
+    _FRAMES,
+    _ROW,
+    LOOK,
+    RecorderProcess,
+    record,
+)
+from hil_bench.abilities.recording.report import Progress
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.shared_ring import _TAKEN
+from hil_bench.outside.packed_frames import pack_frames
+from hil_bench.outside.processes.shared_ring import _TAKEN, SharedRing
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
@@ -43,6 +53,28 @@ def wait_until_taken(recorder):
     ring = recorder._ring
     while ring._counters[_TAKEN] < ring._end:
         os.sched_yield()
+
+
+def test_the_process_puts_rows_and_frames_on_the_disk(tmp_path, monkeypatch):
+    """Its work in this process: a block is on the disk, not only with the system."""
+    path = tmp_path / "run.mf4"
+    on_disk = []
+    monkeypatch.setattr(os, "fsync", lambda _: on_disk.append(path.stat().st_size))
+    monkeypatch.setattr(os, "nice", lambda _: 0, raising=False)
+    recording = plan(path)
+    ring, (ours, its) = SharedRing(1 << 16), Pipe()
+    ring.put(_ROW, struct.pack("<2d", 0.25, 2e5))
+    for message in pack_frames([Frame(0x181, b"\1")], 250_000_000, is_received=True):
+        ring.put(_FRAMES, message)
+    ours.send(None)  # the word that ends it
+    progress = Progress(recording.paths)
+    record(recording, ring, progress, its)
+    assert ours.recv() is None  # its files were open
+    assert on_disk
+    report = progress.report({})
+    assert (report.rows, report.frames) == (1, 1)
+    assert read_recording(path).tolist() == [(0.25, 2e5)]
+    assert [tuple(each) for each in read_frames(path)] == [(Frame(0x181, b"\1"), 250_000_000, True)]
 
 
 def test_all_that_was_recorded_is_in_the_files(tmp_path):

@@ -29,7 +29,7 @@ from eyes_corpus import judge, memory_growth, print_judgement, reader_rate
 from hil_bench.abilities.eyes.dbc import write_dbc
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import explain
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import build_parser

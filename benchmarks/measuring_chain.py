@@ -24,8 +24,7 @@ from hil_bench.devices.measurement.chain import MeasuringChain
 from hil_bench.devices.measurement.low_pass import random_stream
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
-from hil_bench.kinds.chain_keys import PositionPreset, PressurePreset
-from hil_bench.kinds.chains import preset_chain
+from hil_bench.kinds.chains import PositionPreset, PressurePreset, preset_chain
 
 TICK_NS = 1_000_000
 BAR = 1e5

@@ -6,7 +6,7 @@ from support.bus_logs import CYCLE, played
 from support.log_cases import Broken
 
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.bench.configuration import load_config
 
 BROKEN = Broken()

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from support.bus_logs import played
 
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.nodes import merge_nodes, nodes_of
+from hil_bench.abilities.eyes.known_node import KnownNode, merge_nodes, nodes_of
 from hil_bench.bench.configuration import load_config
 from hil_bench.outside.recording.channels import LoggedFrame
 

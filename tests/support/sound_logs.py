@@ -7,7 +7,7 @@ from support.log_cases import Make, bench_nodes, started
 from support.sdo_frames import MS
 
 from device_profiles import PRESSURE_404
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame

@@ -1,6 +1,7 @@
-"""The knowledge of one node: from its EDS and from its traffic on the bus."""
+"""Nodes whose EDS is known: those that a decoder knows beforehand, and what their traffic says."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -8,6 +9,8 @@ from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
 from hil_bench.abilities.eyes.scaling import UNIT_OBJECTS, Scale, number_in, profile_of
 from hil_bench.abilities.eyes.values import Reader
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import (
     UNSIGNED8,
@@ -16,14 +19,20 @@ from hil_bench.canopen_device.datatypes import (
     VISIBLE_STRING,
     DataType,
 )
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.errors import SdoAbort
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
-from hil_bench.errors import printable
+from hil_bench.errors import ConfigError, printable
 from hil_bench.frame import address_of
+from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.nmt import NmtState
+
+
+# The knowledge of one node: from its EDS and from its traffic on the bus.
 
 _PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 _COB_IDS: Final = frozenset({0x1005, 0x1012, 0x1014})
@@ -199,3 +208,71 @@ def _standard(index: int, subindex: int) -> tuple[str, DataType] | None:
     if any(index in indices for indices in _PARAMETERS) and subindex in _PARAMETER_TYPES:
         return "PDO communication parameter", _PARAMETER_TYPES[subindex]
     return object_of(index, subindex)
+
+
+# The nodes that a decoder knows beforehand: those of a bench, and those of EDS files.
+
+_NODE_IDS = range(1, 128)
+
+
+def nodes_of(
+    config: BenchConfig, live: Mapping[str, ObjectDictionary] | None = None
+) -> list[KnownNode]:
+    """Return the nodes of a bench, but for those without a node-ID.
+
+    Args:
+        config: the bench.
+        live: what the objects of the nodes hold now, by the nodes' names; without it what they
+            hold at power-on.
+    """
+    buses = list(config.buses)
+    found = []
+    for settings in config.nodes:
+        if settings.node_id == UNCONFIGURED:
+            continue
+        objects = load_objects(settings)
+        for variable in () if live is None else live[settings.name]:
+            own = objects.find(variable.index, variable.subindex)
+            if own is not None:
+                own.value = variable.value
+        node = KnownNode(
+            settings.node_id,
+            settings.name,
+            objects,
+            bus=buses.index(settings.bus),
+            scales=dict(_scales(config, settings)),
+            protected_tpdos=settings.protected_tpdos,
+        )
+        found.append(node)
+    return found
+
+
+def _scales(config: BenchConfig, settings: NodeConfig) -> Iterator[tuple[tuple[int, int], Scale]]:
+    """Yield what the objects that are bound to the plant stand for."""
+    axes = {axis.name: axis for axis in config.axes}
+    for binding in settings.bindings:
+        quantity = axes[binding.axis].kind.by_name.get(binding.quantity)
+        if quantity is not None and binding.scale:
+            unit = display_unit(quantity.unit)
+            scale = Scale(1.0 / (binding.scale * unit.factor), unit, binding.offset)
+            yield (binding.index, binding.subindex), scale
+
+
+def node_of_eds(text: str) -> KnownNode:
+    """Return the node that ``5=vendor.eds`` names.
+
+    Raises:
+        ConfigError: the text has another form, or the file is no EDS.
+    """
+    number, sign, name = text.partition("=")
+    if not sign or not number.strip().isdecimal() or int(number) not in _NODE_IDS or not name:
+        raise ConfigError(f"--eds {text}: give NODE-ID=FILE, as in 5=vendor.eds")
+    path = Path(name)
+    return KnownNode(int(number), f"{path.stem}_{int(number)}", load_eds(path, int(number)))
+
+
+def merge_nodes(known: Iterable[KnownNode], more: Iterable[KnownNode]) -> list[KnownNode]:
+    """Return all nodes; of two with one node-ID the later one."""
+    merged = {(node.bus, node.node_id): node for node in known}
+    merged.update({(node.bus, node.node_id): node for node in more})
+    return list(merged.values())

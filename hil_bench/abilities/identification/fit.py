@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.identification.descent import descend
+from hil_bench.abilities.identification.logger import sense
 from hil_bench.abilities.identification.machine import Running, Template, Unknown, read_values
 from hil_bench.abilities.identification.record import FLOORS
-from hil_bench.abilities.identification.sensing import sense
 from hil_bench.abilities.identification.strokes import Course, Stroke
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course

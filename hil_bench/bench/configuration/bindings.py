@@ -18,8 +18,7 @@ from hil_bench.config.values import describe, find_nearest
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
-from hil_bench.kinds.chain_keys import CHAIN_KEYS
-from hil_bench.kinds.chains import CHAIN_TABLE, build_chain, check_chain, read_chain
+from hil_bench.kinds.chains import CHAIN_KEYS, CHAIN_TABLE, build_chain, check_chain, read_chain
 from hil_bench.kinds.registry import GENERIC
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.quantity import Quantity

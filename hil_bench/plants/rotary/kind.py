@@ -13,8 +13,7 @@ from hil_bench.plants.kind import Fact
 from hil_bench.plants.page import Page
 from hil_bench.plants.quantity import Quantity
 from hil_bench.plants.rotary.configuration import RotaryConfig, configure
-from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
-from hil_bench.plants.rotary.keys import ROTARY_KEYS
+from hil_bench.plants.rotary.keys import ROTARY_KEYS, apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.motor import HydraulicMotor
 from hil_bench.plants.rotary.quantities import ANGLE, QUANTITIES
 from hil_bench.plants.rotary.summary import USUAL_RESULTS, find_unresolved, summarise

@@ -9,8 +9,7 @@ import pytest
 from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset
-from hil_bench.kinds.chains import preset_chain
+from hil_bench.kinds.chains import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset, preset_chain
 
 Write = Callable[[str], Path]
 

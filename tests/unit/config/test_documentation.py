@@ -27,7 +27,7 @@ from hil_bench.bench.configuration.keys import (
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.chain_keys import CHAIN_KEYS
+from hil_bench.kinds.chains import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS, TANK_KEYS
 

@@ -13,7 +13,7 @@ from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_ecu import ecus_of
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 from hil_drivers import DriverError, Network, PositionSensor

@@ -7,7 +7,7 @@ import pytest
 from hil_bench import load_config
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_ecu import ecus_of
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.abilities.eyes.sight import Service
 from hil_bench.abilities.eyes.verbs.sight_lines import is_problem
 from hil_bench.canopen_device.frame import Frame

@@ -10,8 +10,7 @@ from support.sdo_frames import MS, heard
 from device_profiles import PRESSURE_404
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.nodes import nodes_of
+from hil_bench.abilities.eyes.known_node import KnownNode, nodes_of
 from hil_bench.abilities.shadow.twin import Shadow
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds

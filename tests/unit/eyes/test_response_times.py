@@ -8,8 +8,13 @@ from device_profiles import PRESSURE_404
 from hil_bench.abilities.copper.wire.station import Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.response_times import Message, response_times, utilisation
-from hil_bench.abilities.eyes.traffic import Assumptions, find_streams
+from hil_bench.abilities.eyes.traffic import (
+    Assumptions,
+    Message,
+    find_streams,
+    response_times,
+    utilisation,
+)
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.bits import worst_bits

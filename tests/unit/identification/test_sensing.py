@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil_bench.abilities.identification.sensing import sense
+from hil_bench.abilities.identification.logger import sense
 
 
 def test_a_ramp_comes_late_by_the_delay_and_by_the_lag() -> None:

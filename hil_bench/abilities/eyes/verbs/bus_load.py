@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil_bench.abilities.copper.measured_traffic import MeasuredTraffic, measure_traffic
-from hil_bench.abilities.eyes.nodes import nodes_of
-from hil_bench.abilities.eyes.response_times import response_times, utilisation
+from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.abilities.eyes.traffic import (
     Assumptions,
     Stream,
     dbc_streams,
     find_streams,
     longest_foreign,
+    response_times,
+    utilisation,
 )
 from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
 from hil_bench.bench.configuration import BenchConfig

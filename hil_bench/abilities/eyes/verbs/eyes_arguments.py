@@ -8,8 +8,7 @@ from pathlib import Path
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, ecus_of
-from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.nodes import merge_nodes, node_of_eds, nodes_of
+from hil_bench.abilities.eyes.known_node import KnownNode, merge_nodes, node_of_eds, nodes_of
 from hil_bench.abilities.eyes.sight import Service
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE

@@ -180,7 +180,7 @@ def preemption_model(read: Read) -> str:
 def _kernel_config(read: Read) -> str:
     try:
         return gzip.decompress(Path("/proc/config.gz").read_bytes()).decode()
-    except (OSError, ValueError):
+    except OSError:
         return read(f"/boot/config-{platform.release()}")
 
 
@@ -377,9 +377,11 @@ def _throttling(runtime: str) -> Finding:
     name = "real-time throttling"
     if not runtime.lstrip("-").isdigit():
         return absent(name, "unknown")
+    advice = "'sysctl -w kernel.sched_rt_runtime_us=950000' leaves the rest a twentieth"
     if int(runtime) < 0:
-        advice = "'sysctl -w kernel.sched_rt_runtime_us=950000' leaves the rest a twentieth"
         return Finding(name, Verdict.HINT, "off: a spinning thread takes a processor", advice)
+    if int(runtime) == 0:
+        return Finding(name, Verdict.HINT, "no time at all for real-time threads", advice)
     return good(name, f"{int(runtime) / 1e4:g} % for real-time threads")
 
 

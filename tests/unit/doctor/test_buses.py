@@ -7,12 +7,14 @@ from hil_bench.outside.transports.can_interfaces import CanInterface
 
 @pytest.fixture
 def examine(monkeypatch):
-    def examine_with(*interfaces, has_socketcan=True, rmem_max="212992"):
+    def examine_with(*interfaces, has_socketcan=True, rmem_max="212992", modules=""):
         place = "hil_bench.abilities.doctor.software."
         monkeypatch.setattr(place + "has_socketcan", lambda: has_socketcan)
         monkeypatch.setattr(place + "can_interfaces", lambda: list(interfaces))
 
         def read(path):
+            if path.endswith("modules.dep"):
+                return modules
             return rmem_max if path.endswith("rmem_max") else ""
 
         return {item.name: item for item in examine_buses(read).findings}
@@ -40,6 +42,18 @@ def test_an_interface_that_is_down_says_how_to_start_it(examine):
 
 def test_without_an_interface_there_is_a_way_to_one(examine):
     assert "ip link add dev vcan0 type vcan" in examine()["interfaces"].advice
+
+
+@pytest.mark.parametrize(
+    ("modules", "verdict"),
+    [
+        ("kernel/drivers/net/can/vcan.ko.xz: kernel/drivers/net/can/dev/can-dev.ko.xz", "good"),
+        ("kernel/drivers/net/can/slcan.ko.xz:", "hint"),
+    ],
+)
+def test_a_module_that_can_be_loaded_is_there(examine, monkeypatch, modules, verdict):
+    monkeypatch.setattr("hil_bench.abilities.doctor.software.Path.exists", lambda _path: False)
+    assert examine(modules=modules)["vcan"].verdict == verdict
 
 
 def test_a_small_receive_buffer_is_a_hint(examine):

@@ -71,6 +71,11 @@ def test_throttling_that_is_off_is_a_risk(examine):
     assert examine(runtime="")["real-time throttling"].verdict is Verdict.ABSENT
 
 
+def test_no_time_for_real_time_threads_is_no_good_machine(examine):
+    """0 us of each second: the kernel runs no thread of a real-time policy at all."""
+    assert examine(runtime="0")["real-time throttling"].verdict is Verdict.HINT
+
+
 def test_elsewhere_nothing_is_asked(monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.doctor.machine.IS_LINUX", False)
     topic = examine_permissions(lambda _path: "")

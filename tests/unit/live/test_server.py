@@ -58,6 +58,15 @@ def test_rows_are_thinned_by_bench_time(loop):
     assert steps == {5}
 
 
+def test_rows_of_a_bench_that_begins_anew_are_shown_at_once(loop):
+    wire = Wire(loop)
+    wire.link.rows_every = 0.005
+    for time in (10.0, 0.0, 0.001, 0.005):
+        wire.link.show_row(time, b"[%g]" % time)
+    wire.link.flush()
+    assert [message["rows"] for message in of("rows", wire.lines())] == [[[10], [0], [0.005]]]
+
+
 def test_the_loop_stops_when_the_last_client_goes(loop):
     wires = [Wire(loop), Wire(loop)]
     for wire in wires:
@@ -227,6 +236,20 @@ def test_a_slow_client_loses_of_its_own_picture_only(loop):
     assert slow.is_reading
     loop.tick(1)
     assert of("rows", slow.lines())
+
+
+def test_what_a_slow_client_loses_is_counted_by_its_kind(loop):
+    wire = Wire(loop)
+    wire.lines()
+    wire.link.rows_every = 0.0
+    wire.link.pause_writing()
+    wire.link.show(b"{}\n")
+    wire.link.show(b"{}\n")
+    wire.link.show(b"{}\n", frames=3)
+    wire.link.show_row(0.0, b"[0]")
+    wire.link.flush()
+    wire.link.resume_writing()
+    assert wire.lines() == [{"type": "lost", "rows": 1, "frames": 3, "others": 2}]
 
 
 def test_requests_of_a_client_wait_for_their_answers(loop):

@@ -4,6 +4,7 @@ import itertools
 
 import can
 import pytest
+from support.built_in_nodes import NODES
 from support.direct_lockstep import DirectLockStep
 
 from hil_bench.abilities.faults.faults import Faults
@@ -163,21 +164,27 @@ def test_a_frame_between_two_syncs_ends_it_but_what_was_to_be_sent_is_sent(confi
     assert close in transport.sent
 
 
-def test_real_time_shows_itself_at_the_first_heartbeat(config):
+@pytest.mark.parametrize("node_id", [4, 127])
+def test_real_time_shows_itself_at_the_first_heartbeat(tmp_path, node_id):
     """A bench in real time that sent nothing before: the drivers switch its heartbeat on."""
+    file = tmp_path / "bench.toml"
+    text = NODES.replace("node_id = 4", f"node_id = {node_id}")
+    file.write_text(f"[plant.axis1]\n{text}", encoding="utf-8")
+    config = load_config(file)
     transport = DirectLockStep(config)
-    producer = join(transport)
-    switch_on = Frame(0x604, bytes.fromhex("2b17100001000000"))  # 0x1017: 1 ms
+    producer = join(transport, (1, 2, 3, node_id))
+    switch_on = Frame(0x600 + node_id, bytes.fromhex("2b17100001000000"))  # 0x1017: 1 ms
+    heartbeat = 0x700 + node_id
 
     def wait(timeout):
         if timeout == QUIET:
-            transport.put(Frame(0x704, b"\x7f"))
+            transport.put(Frame(heartbeat, b"\x7f"))
         return DirectLockStep.wait(transport, timeout)
 
     transport.wait = wait
     network = network_of(producer, config)
     network.send(switch_on.can_id, switch_on.data)
-    with pytest.raises(BusLostError, match="frame 0x704 came unasked"):
+    with pytest.raises(BusLostError, match=f"frame 0x{heartbeat:03X} came unasked"):
         network.pump(0.01)
 
 

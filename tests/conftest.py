@@ -72,6 +72,19 @@ def _own_log_handlers():
 
 
 @pytest.fixture
+def load_bench(tmp_path):
+    """Return what loads a bench from the text of its file."""
+    from hil_bench.bench.configuration import load_config  # noqa: PLC0415 - see `site`
+
+    def load(text):
+        path = tmp_path / "bench.toml"
+        path.write_text(text, encoding="utf-8")
+        return load_config(path)
+
+    return load
+
+
+@pytest.fixture
 def site(tmp_path, monkeypatch):
     """A folder in which distributions may be installed for one test."""
     # Not above: the tests of the CANopen device run where nothing else of the bench is.

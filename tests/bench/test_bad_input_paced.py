@@ -165,11 +165,9 @@ def test_a_sync_storm_costs_no_tick_and_hides_no_controller_that_died():
 
 
 @pytest.fixture
-def slow_config(tmp_path):
+def slow_config(load_bench):
     """A tick of 10 ms in twenty steps, so that a minute takes 6000 of them."""
-    path = tmp_path / "bench.toml"
-    path.write_text("[bench]\ntick_us = 10000\nstep_us = 500\n")
-    return load_config(path)
+    return load_bench("[bench]\ntick_us = 10000\nstep_us = 500\n")
 
 
 SYNCHRONOUS_RPDO = download_request(VALVE, 0x1400, 2, b"\x01")

@@ -58,10 +58,8 @@ def trace(tmp_path, seed=1):
         return list(bench.frames)
 
 
-def test_faults_of_the_file_happen_by_themselves(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(FAULTY)
-    with VirtualBench(load_config(path)) as bench:
+def test_faults_of_the_file_happen_by_themselves(load_bench):
+    with VirtualBench(load_bench(FAULTY)) as bench:
         pressures = []
         for _ in range(160):
             bench.run(0.001)

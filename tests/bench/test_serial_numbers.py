@@ -10,7 +10,6 @@ import pytest
 from support.bus_side import BusSide
 
 from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404, VALVE_408
-from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 
@@ -61,11 +60,9 @@ class Lss(BusSide):
 
 
 @pytest.fixture
-def make_bench(tmp_path):
+def make_bench(load_bench):
     def make(text):
-        path = tmp_path / "bench.toml"
-        path.write_text(text)
-        bench = Lss(load_config(path))
+        bench = Lss(load_bench(text))
         bench.tick()
         return bench
 

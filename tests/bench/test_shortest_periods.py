@@ -19,11 +19,9 @@ LENGTHS = {CYCLE: 4, HEARTBEAT: 2, EVENT_TIMER: 2, SYNC_ID: 4, (0x6200, 0): 2}
 
 
 @pytest.fixture
-def make_bench(tmp_path):
+def make_bench(load_bench):
     def make(tick_us=1000, more=""):
-        path = tmp_path / "bench.toml"
-        path.write_text(f"[bench]\ntick_us = {tick_us}\nstep_us = 100\n{more}")
-        return BusSide(load_config(path))
+        return BusSide(load_bench(f"[bench]\ntick_us = {tick_us}\nstep_us = 100\n{more}"))
 
     return make
 

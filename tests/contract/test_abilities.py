@@ -236,11 +236,9 @@ def test_a_table_of_another_distribution_is_read_and_at_work(tmp_path, capsys):
     ]
 
 
-def test_a_table_that_nobody_reads_is_refused(tmp_path):
-    file = tmp_path / "bench.toml"
-    file.write_text("[baecon]\ncan_id = 1\n")
+def test_a_table_that_nobody_reads_is_refused(load_bench):
     with pytest.raises(ConfigError, match="baecon: unknown table; the nearest known is "):
-        load_config(file)
+        load_bench("[baecon]\ncan_id = 1\n")
 
 
 NEW, ODD = 'Verb("more", 1, "do", "act")', 'Verb("odd", 1, "do", "act")'

@@ -297,13 +297,11 @@ def test_many_drawn_machines_move_as_check_promises(text, tmp_path_factory):
     check_sheet(text, tmp_path_factory.mktemp("sheet"))
 
 
-def test_a_unit_with_nothing_but_its_pump_is_as_fast_as_the_pump(tmp_path):
+def test_a_unit_with_nothing_but_its_pump_is_as_fast_as_the_pump(load_bench):
     """18 l/min on a bore of 63 mm are 18e-3 / 60 / (pi / 4 0.063²) = 96.2 mm/s."""
     text = SHEET.format(bore=63, rod=36, stroke=500, flow=60, overlap=15, supply=210, mass=300)
     text += 'supply = "unit"\npump_flow_l_min = 18\nrelief_pressure_bar = 210\n'
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    config = load_config(path)
+    config = load_bench(text)
     (axis,) = config.axes
     course = Course(config, axis, forward=True, speed=0.0962)
     assert course.speed() == pytest.approx(0.0962, rel=0.01)

@@ -17,7 +17,6 @@ from hil_bench.abilities.analysis.validation.subject import (
     steady_speed,
 )
 from hil_bench.abilities.analysis.validation.suite import TABLE_I, published_checks, validate
-from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, paper_parameters
 
 PAPER = Subject(name="Table I", parameters=paper_parameters())
@@ -105,19 +104,17 @@ def test_what_is_off_by_more_than_the_tolerance_fails(found):
     assert check.verdict is CheckVerdict.FAILED
 
 
-def test_each_cylinder_of_a_bench_is_checked_with_its_own_parameters(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text("[plant.arm]\nmoving_mass_kg = 80.0\n", encoding="utf-8")
-    checks = [check for check in validate(load_config(path).axes, 5e-5) if check.subject == "arm"]
+def test_each_cylinder_of_a_bench_is_checked_with_its_own_parameters(load_bench):
+    axes = load_bench("[plant.arm]\nmoving_mass_kg = 80.0\n").axes
+    checks = [check for check in validate(axes, 5e-5) if check.subject == "arm"]
     assert failed(checks) == set()
     (swing,) = [check for check in checks if check.name.startswith("eigenfrequency")]
     stiffness = 1e8 * (2.5e-5 / 1.2e-3 + 2.209e-5 / 1.15e-3)
     assert swing.expected == pytest.approx(math.sqrt(stiffness / 80.0), rel=1e-9)
 
 
-def test_what_has_no_closed_form_says_so(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text('[plant.arm]\nmodel = "reduced"\n', encoding="utf-8")
-    (check,) = [check for check in validate(load_config(path).axes, 5e-5) if check.subject == "arm"]
+def test_what_has_no_closed_form_says_so(load_bench):
+    axes = load_bench('[plant.arm]\nmodel = "reduced"\n').axes
+    (check,) = [check for check in validate(axes, 5e-5) if check.subject == "arm"]
     assert check.verdict is CheckVerdict.NOT_APPLICABLE
     assert "full-order" in check.detail

@@ -1,7 +1,5 @@
 """The bus against the configuration."""
 
-import pytest
-
 from device_profiles import IMITATIONS
 from hil_bench.abilities.commissioning.comparison import (
     Mend,
@@ -10,7 +8,6 @@ from hil_bench.abilities.commissioning.comparison import (
     concise_dcf,
     plan_writes,
 )
-from hil_bench.bench.configuration import load_config
 
 MACHINE = """
 [plant.axis1]
@@ -25,49 +22,39 @@ source = "P_A"
 """
 
 
-@pytest.fixture
-def config_of(tmp_path):
-    def load(text):
-        path = tmp_path / "expected.toml"
-        path.write_text(text, encoding="utf-8")
-        return load_config(path)
-
-    return load
-
-
 def keys(differences):
     return {difference.key for difference in differences}
 
 
-def test_a_bus_that_is_as_configured_has_no_difference(open_bench, config_of):
+def test_a_bus_that_is_as_configured_has_no_difference(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
-    assert compare(network, config_of(MACHINE.format(more=""))) == []
+    assert compare(network, load_bench(MACHINE.format(more=""))) == []
 
 
-def test_only_reads_are_sent(open_bench, config_of):
+def test_only_reads_are_sent(open_bench, load_bench):
     bench, network = open_bench(MACHINE.format(more=""))
     bench.frames.clear()
-    compare(network, config_of(MACHINE.format(more='objects = { "0x1017" = 50 }')))
+    compare(network, load_bench(MACHINE.format(more='objects = { "0x1017" = 50 }')))
     sent = [logged.frame for logged in bench.frames if logged.is_received]
     assert {frame.can_id & 0x780 for frame in sent} == {0x600}
     # Initiate upload and upload segment alone (CiA 301): 0x40, 0x60, 0x70.
     assert {frame.data[0] & 0xE0 for frame in sent} <= {0x40, 0x60}
 
 
-def test_a_missing_and_an_unexpected_node_are_named(open_bench, config_of):
+def test_a_missing_and_an_unexpected_node_are_named(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
     expected = MACHINE.format(more="").replace("node_id = 2", "node_id = 3")
     missing, unexpected = (
-        difference for difference in reversed(compare(network, config_of(expected)))
+        difference for difference in reversed(compare(network, load_bench(expected)))
     )
     assert "node 3 (pressure): does not answer" in missing.what
     assert "node 2: is on the bus" in unexpected.what
     assert missing.mend is unexpected.mend is Mend.NODE
 
 
-def test_a_difference_names_object_found_and_right_value(open_bench, config_of):
+def test_a_difference_names_object_found_and_right_value(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
-    config = config_of(MACHINE.format(more='objects = { "0x1017" = 50, "0x1800.05" = 25 }'))
+    config = load_bench(MACHINE.format(more='objects = { "0x1017" = 50, "0x1800.05" = 25 }'))
     heartbeat, timer = compare(network, config)
     assert heartbeat.key == (0x1017, 0)
     assert "is 0; 50 by the configuration" in heartbeat.what
@@ -75,29 +62,29 @@ def test_a_difference_names_object_found_and_right_value(open_bench, config_of):
     assert "is 10; 25 by" in timer.what  # 10 ms by the EDS
 
 
-def test_another_product_is_a_difference_of_its_own(open_bench, config_of):
+def test_another_product_is_a_difference_of_its_own(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
     swapped = MACHINE.format(more="").replace("node_id = 1", "node_id = 9")
     swapped = swapped.replace("node_id = 2", "node_id = 1").replace("node_id = 9", "node_id = 2")
-    found = [d for d in compare(network, config_of(swapped)) if d.node_id == 1]
+    found = [d for d in compare(network, load_bench(swapped)) if d.node_id == 1]
     # CiA 408 and CiA 404 as device types, and the EDS files' product codes.
     assert keys(found) == {(0x1000, 0), (0x1018, 2)}
     assert all(difference.mend is Mend.NODE for difference in found)
 
 
-def test_a_serial_number_is_compared_where_the_configuration_gives_one(open_bench, config_of):
+def test_a_serial_number_is_compared_where_the_configuration_gives_one(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more="serial_number = 5"))
-    found = compare(network, config_of(MACHINE.format(more="serial_number = 6")))
+    found = compare(network, load_bench(MACHINE.format(more="serial_number = 6")))
     assert keys(found) == {(0x1018, 4)}
 
 
-def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, config_of):
+def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, load_bench):
     bench, network = open_bench(MACHINE.format(more=""))
     objects = next(node for node in bench.bench.nodes if node.node_id == 2).object_dictionary
     right = objects.number(0x1A00, 1)
     for subindex, value in ((0, 1), (1, 0x10010008)):
         objects.variable(0x1A00, subindex).value = value
-    config = config_of(MACHINE.format(more=""))
+    config = load_bench(MACHINE.format(more=""))
     differences = compare(network, config)
     assert (0x1A00, 1) in keys(differences)
     said = {each.key: each.what for each in differences}
@@ -115,51 +102,51 @@ def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, conf
     assert compare(network, config) == []
 
 
-def test_what_was_applied_and_stored_is_there_after_a_power_cycle(open_bench, config_of):
+def test_what_was_applied_and_stored_is_there_after_a_power_cycle(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
-    config = config_of(MACHINE.format(more='objects = { "0x1017" = 50 }'))
+    config = load_bench(MACHINE.format(more='objects = { "0x1017" = 50 }'))
     (plan,) = plan_writes(network, config, compare(network, config))
     apply(network, plan, store=True)
     network.reset_node(2)
     assert compare(network, config) == []
 
 
-def test_what_was_not_stored_is_gone_after_a_reset(open_bench, config_of):
+def test_what_was_not_stored_is_gone_after_a_reset(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
-    config = config_of(MACHINE.format(more='objects = { "0x1017" = 50 }'))
+    config = load_bench(MACHINE.format(more='objects = { "0x1017" = 50 }'))
     (plan,) = plan_writes(network, config, compare(network, config))
     apply(network, plan, store=False)
     network.reset_node(2)
     assert keys(compare(network, config)) == {(0x1017, 0)}
 
 
-def test_commands_are_no_settings(open_bench, config_of):
+def test_commands_are_no_settings(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
     network.start_node()
     network.send(0x201, bytes.fromhex("07000010"))  # control word and set-point by RPDO 1
     network.pump(0.01)
-    assert compare(network, config_of(MACHINE.format(more=""))) == []
+    assert compare(network, load_bench(MACHINE.format(more=""))) == []
 
 
-def test_the_concise_dcf_has_the_layout_of_cia_302(open_bench, config_of):
+def test_the_concise_dcf_has_the_layout_of_cia_302(open_bench, load_bench):
     _, network = open_bench(MACHINE.format(more=""))
-    config = config_of(MACHINE.format(more='objects = { "0x1017" = 50 }'))
+    config = load_bench(MACHINE.format(more='objects = { "0x1017" = 50 }'))
     (plan,) = plan_writes(network, config, compare(network, config))
     # Number of entries; index, sub-index, size and data of each: little endian.
     assert concise_dcf(plan) == bytes.fromhex("01000000 1710 00 02000000 3200")
 
 
-def test_two_devices_under_one_node_id_are_named(device, device_network, config_of):
+def test_two_devices_under_one_node_id_are_named(device, device_network, load_bench):
     device.answer(
         0x601, "4000100000000000", (0x581, "4300100098010000"), (0x581, "4300100094010200")
     )
-    differences = compare(device_network, config_of(MACHINE.format(more="")))
+    differences = compare(device_network, load_bench(MACHINE.format(more="")))
     assert "2 devices answer under this node-ID" in differences[0].what
 
 
-def test_a_device_that_answers_aborts_only_is_one_difference(device, device_network, config_of):
+def test_a_device_that_answers_aborts_only_is_one_difference(device, device_network, load_bench):
     device.refuse_all(1)
-    refused, missing = compare(device_network, config_of(MACHINE.format(more="")))
+    refused, missing = compare(device_network, load_bench(MACHINE.format(more="")))
     assert refused.what == (
         "node 1 (valve): cannot read 0x1000 (Device type): SDO abort 0x08000000, General error"
     )
@@ -167,10 +154,10 @@ def test_a_device_that_answers_aborts_only_is_one_difference(device, device_netw
     assert "node 2 (pressure): does not answer" in missing.what
 
 
-def test_a_device_that_falls_silent_is_named_once(device, device_network, config_of):
+def test_a_device_that_falls_silent_is_named_once(device, device_network, load_bench):
     device.answer(0x601, "4000100000000000", (0x581, "8000100000000206"))
     found = [
-        d for d in compare(device_network, config_of(MACHINE.format(more=""))) if d.node_id == 1
+        d for d in compare(device_network, load_bench(MACHINE.format(more=""))) if d.node_id == 1
     ]
     assert len(found) == 1
     assert "0x1000" in found[0].what
@@ -186,9 +173,9 @@ eds = "{IMITATIONS / "analogue_io_401.eds"}"
 """
 
 
-def test_what_a_bound_object_holds_is_no_difference(open_bench, config_of):
+def test_what_a_bound_object_holds_is_no_difference(open_bench, load_bench):
     _, network = open_bench(BOUND)
     node = network.add_node(10, IMITATIONS / "analogue_io_401.eds")
     node.write(0x6411, 2, 8192)
     assert node.read_integer(0x6411, 2) == 8192
-    assert compare(network, config_of(BOUND)) == []
+    assert compare(network, load_bench(BOUND)) == []

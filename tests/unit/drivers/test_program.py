@@ -6,7 +6,6 @@ from contextlib import ExitStack
 import pytest
 
 from device_profiles import IMITATIONS
-from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, ProgramError, SdoAbortError
 from hil_drivers.program import ControlCommand, ProgramDownload, ProgramState
@@ -15,14 +14,12 @@ EDS = IMITATIONS / "programmable_io_401.eds"
 
 
 @pytest.fixture
-def driver_of(tmp_path):
+def driver_of(load_bench):
     """Returns bench and driver of a node of a bench, which is closed in the end."""
     with ExitStack() as stack:
 
         def open_it(text, node_id):
-            path = tmp_path / "bench.toml"
-            path.write_text(text, encoding="utf-8")
-            bench = stack.enter_context(VirtualBench(load_config(path)))
+            bench = stack.enter_context(VirtualBench(load_bench(text)))
             network = stack.enter_context(Network(bench.bus, clock=bench.now))
             node = network.add_node(node_id)
             node.await_answer()

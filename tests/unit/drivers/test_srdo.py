@@ -3,7 +3,6 @@
 import pytest
 
 from device_profiles import ENCODER_REDUNDANT_406
-from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, StaleValueError
 from hil_drivers.srdo import SafetyInput
@@ -22,10 +21,8 @@ PLAIN, INVERTED = 0xFF + 2 * 4, 0x100 + 2 * 4
 
 
 @pytest.fixture
-def rig(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    with VirtualBench(load_config(path)) as bench, Network(bench.bus, clock=bench.now) as network:
+def rig(load_bench):
+    with VirtualBench(load_bench(BENCH)) as bench, Network(bench.bus, clock=bench.now) as network:
         network.pump(0.01)
         node = network.add_node(4, ENCODER_REDUNDANT_406)
         safety = SafetyInput(network, node)

@@ -15,15 +15,9 @@ LEVER = '[j1939.lever]\naddress = 19\ndbc = "joystick.dbc"\n[j1939.lever.signals
 
 
 @pytest.fixture
-def read(tmp_path):
+def read(tmp_path, load_bench):
     shutil.copy(EXAMPLES / "joystick.dbc", tmp_path)
-
-    def read(text):
-        path = tmp_path / "bench.toml"
-        path.write_text(text)
-        return load_config(path)
-
-    return read
+    return load_bench
 
 
 def test_place_scaling_unit_period_and_spn_come_from_the_file(read):

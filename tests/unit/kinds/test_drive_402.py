@@ -7,7 +7,6 @@ are well below its top speed.
 import pytest
 
 from device_profiles import DRIVE_402
-from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, SdoAbortError
@@ -70,10 +69,8 @@ class Master:
 
 
 @pytest.fixture
-def config(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    return load_config(path)
+def config(load_bench):
+    return load_bench(BENCH)
 
 
 @pytest.fixture
@@ -247,8 +244,6 @@ def test_what_cannot_be_is_refused(master, index, value):
         master.node.write(index, 0, value)
 
 
-def test_a_cylinder_has_no_place_for_it(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text('[nodes.drive]\nprofile = "drive_402"\nnode_id = 1\n', encoding="utf-8")
+def test_a_cylinder_has_no_place_for_it(load_bench):
     with pytest.raises(ConfigError, match="has no angle"):
-        load_config(path)
+        load_bench('[nodes.drive]\nprofile = "drive_402"\nnode_id = 1\n')

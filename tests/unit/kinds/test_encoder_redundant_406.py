@@ -4,7 +4,6 @@ import pytest
 
 from device_profiles import ENCODER_REDUNDANT_406
 from hil_bench.bench.assembly import embedded_bus
-from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor
 
@@ -20,10 +19,8 @@ node_id = 4
 
 
 @pytest.fixture
-def config(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    return load_config(path)
+def config(load_bench):
+    return load_bench(BENCH)
 
 
 def test_the_drivers_read_both_channels(config):

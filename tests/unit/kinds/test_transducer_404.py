@@ -8,7 +8,6 @@ import pytest
 
 from device_profiles import PRESSURE_404, TRANSDUCER_404
 from hil_bench.bench.assembly import embedded_bus
-from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_drivers import Network, PressureSensor, TemperatureSensor
 from hil_drivers.errors import DeviceMismatchError
@@ -22,13 +21,8 @@ SINGLES = "".join(
 
 
 @pytest.fixture
-def load(tmp_path):
-    def load(text):
-        path = tmp_path / "bench.toml"
-        path.write_text(VALVE + text, encoding="utf-8")
-        return load_config(path)
-
-    return load
+def load(load_bench):
+    return lambda text: load_bench(VALVE + text)
 
 
 def test_the_drivers_read_every_channel(load):

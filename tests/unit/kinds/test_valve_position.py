@@ -8,7 +8,6 @@ nearer as a first-order lag does. 0.1 mm is what a loop without integral part ma
 import pytest
 
 from hil_bench.bench.assembly import embedded_bus
-from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_drivers import ControlMode, DeviceFaultError, Network, ProportionalValve, SdoAbortError
 
@@ -21,16 +20,6 @@ SENSED = f"""{VALVE}position_source = "position"
 """
 
 
-@pytest.fixture
-def load(tmp_path):
-    def load(text):
-        path = tmp_path / "bench.toml"
-        path.write_text(text, encoding="utf-8")
-        return load_config(path)
-
-    return load
-
-
 def controlled(network):
     """Return a valve in axis position control."""
     valve = ProportionalValve(network, 1)
@@ -40,8 +29,8 @@ def controlled(network):
     return valve
 
 
-def test_the_axis_goes_where_it_is_told_to(load):
-    with embedded_bus(load(SENSED)) as bus, Network(bus, clock=bus.now) as network:
+def test_the_axis_goes_where_it_is_told_to(load_bench):
+    with embedded_bus(load_bench(SENSED)) as bus, Network(bus, clock=bus.now) as network:
         valve = controlled(network)
         for position in (0.1, 0.04):
             valve.set_axis_position(position)
@@ -50,8 +39,8 @@ def test_the_axis_goes_where_it_is_told_to(load):
             assert valve.read_axis_position() == pytest.approx(position, abs=1e-4)
 
 
-def test_hold_stops_the_axis_where_it_is(load):
-    with embedded_bus(load(SENSED)) as bus, Network(bus, clock=bus.now) as network:
+def test_hold_stops_the_axis_where_it_is(load_bench):
+    with embedded_bus(load_bench(SENSED)) as bus, Network(bus, clock=bus.now) as network:
         valve = controlled(network)
         valve.set_axis_position(0.15)
         valve.enable()
@@ -64,9 +53,9 @@ def test_hold_stops_the_axis_where_it_is(load):
         assert valve.read_axis_position() == pytest.approx(there, abs=0.01)
 
 
-def test_a_jammed_spool_is_a_fault_of_the_axis(load):
+def test_a_jammed_spool_is_a_fault_of_the_axis(load_bench):
     text = SENSED + '"0x6651" = 1\n"0x6652.01" = 400\n'
-    config = load(text + '[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.5\n')
+    config = load_bench(text + '[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.5\n')
     with embedded_bus(config) as bus, Network(bus, clock=bus.now) as network:
         valve = controlled(network)
         valve.enable()
@@ -79,21 +68,21 @@ def test_a_jammed_spool_is_a_fault_of_the_axis(load):
             valve.check_active()
 
 
-def test_a_valve_without_a_sensor_says_so(load):
-    with embedded_bus(load(VALVE)) as bus, Network(bus, clock=bus.now) as network:
+def test_a_valve_without_a_sensor_says_so(load_bench):
+    with embedded_bus(load_bench(VALVE)) as bus, Network(bus, clock=bus.now) as network:
         network.pump(0.01)  # until it has booted
         with pytest.raises(SdoAbortError, match="0x6043"):
             ProportionalValve(network, 1).set_control_mode(ControlMode.AXIS_POSITION)
 
 
 @pytest.mark.parametrize("position", [1e5, float("nan")])
-def test_a_position_that_no_object_holds_is_refused(load, position):
-    with embedded_bus(load(SENSED)) as bus, Network(bus, clock=bus.now) as network:
+def test_a_position_that_no_object_holds_is_refused(load_bench, position):
+    with embedded_bus(load_bench(SENSED)) as bus, Network(bus, clock=bus.now) as network:
         valve = controlled(network)
         with pytest.raises(ValueError, match="32 bits"):
             valve.set_axis_position(position)
 
 
-def test_an_unknown_position_is_one_line(load):
+def test_an_unknown_position_is_one_line(load_bench):
     with pytest.raises(ConfigError, match=r'position_source: "x" is unknown; give "position"'):
-        load(f'{VALVE}position_source = "x"\n')
+        load_bench(f'{VALVE}position_source = "x"\n')

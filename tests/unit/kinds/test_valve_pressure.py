@@ -8,7 +8,6 @@ what such a loop may be off.
 import pytest
 
 from hil_bench.bench.assembly import embedded_bus
-from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_drivers import ControlMode, Network, ProportionalValve, SdoAbortError
 
@@ -22,13 +21,8 @@ COMPENSATED = """
 
 
 @pytest.fixture
-def load(tmp_path):
-    def load(text):
-        path = tmp_path / "bench.toml"
-        path.write_text(VALVE + text, encoding="utf-8")
-        return load_config(path)
-
-    return load
+def load(load_bench):
+    return lambda text: load_bench(VALVE + text)
 
 
 @pytest.mark.parametrize(("source", "side"), [("P_A", 1), ("P_B", -1)])

@@ -11,7 +11,6 @@ from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.on_machine import prepare_for_machine
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.abilities.scenario.targets import name_registers
-from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.virtual_bench import VirtualBench
@@ -240,12 +239,10 @@ def test_a_client_reads_a_value_in_counts():
     assert register.as_read(5154640.0) == pytest.approx(5155000.0)
 
 
-def test_a_row_observer_sees_what_clients_read_of_the_tick(tmp_path):
+def test_a_row_observer_sees_what_clients_read_of_the_tick(load_bench):
     """The number of the tick among it, from 1, which all values of the tick have in common."""
-    path = tmp_path / "bench.toml"
-    path.write_text(COMMANDS)
     seen = []
-    with VirtualBench(load_config(path)) as bench:
+    with VirtualBench(load_bench(COMMANDS)) as bench:
         modbus = bench.session.bench.find(ModbusBinding)
         registers = name_registers(modbus)
         place = list(registers).index("modbus.valve.sample")

@@ -22,13 +22,11 @@ SHEET_VALVE = NODES.replace("node_id = 1\n", "node_id = 1\nfull_opening_mm = 1.3
 
 
 @pytest.fixture
-def write_config(tmp_path):
+def write_config(load_bench):
     """Return what loads a machine from the keys of its axis."""
 
     def load(keys: str, more: str = "") -> BenchConfig:
-        path = tmp_path / "machine.toml"
-        path.write_text(f"[plant.axis1]\n{keys}\n{SHEET_VALVE}{more}", encoding="utf-8")
-        return load_config(path)
+        return load_bench(f"[plant.axis1]\n{keys}\n{SHEET_VALVE}{more}")
 
     return load
 

@@ -76,8 +76,8 @@ def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
     assert worst(windows, "P_B") < 1e5
 
 
-def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(write_config) -> None:
-    windows = follow(machine_frames(write_config("[bench]\ntick_us = 700\n")), load_config())
+def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(load_bench) -> None:
+    windows = follow(machine_frames(load_bench("[bench]\ntick_us = 700\n")), load_config())
 
     # In the first window the piston runs at 0.1 m/s, which is 0.1 mm in a tick of the twin; in the
     # others, too, a set-point acts as much as a tick early or late.
@@ -98,8 +98,8 @@ def test_a_synchronous_value_is_of_the_time_of_its_sync() -> None:
     assert worst(windows, "position") < 0.05e-3
 
 
-def test_faults_of_the_virtual_machine_are_not_the_twins(write_config) -> None:
-    faulty = write_config('[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.9\n')
+def test_faults_of_the_virtual_machine_are_not_the_twins(load_bench) -> None:
+    faulty = load_bench('[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.9\n')
     windows = follow(machine_frames(faulty), faulty)
 
     assert worst(windows, "spool_position") > 0.3
@@ -117,10 +117,10 @@ def test_a_sticking_spool_shows_in_the_spool_and_in_the_motion() -> None:
     assert worst(late, "position") > 5e-3
 
 
-def test_a_leak_shows_in_the_motion_under_load(write_config) -> None:
+def test_a_leak_shows_in_the_motion_under_load(load_bench) -> None:
     loaded = "[plant.axis1]\nload_n = 20000\n"
-    sound = write_config(loaded)
-    leaking = write_config(loaded + "internal_leakage_l_min_bar = 0.05\n")
+    sound = load_bench(loaded)
+    leaking = load_bench(loaded + "internal_leakage_l_min_bar = 0.05\n")
     without = follow(machine_frames(sound), sound)
     windows = follow(machine_frames(leaking), sound)
 
@@ -184,18 +184,6 @@ def test_a_restarted_plant_is_a_new_one_in_that_state(solver: Solver) -> None:
         assert plant.step(PlantInput(5e-4), 100) == fresh.step(PlantInput(5e-4), 100)
         with pytest.raises(ParameterError, match=r"x = 0\.3 m: must lie between the end stops"):
             plant.restart(state._replace(x=0.3))
-
-
-@pytest.fixture
-def write_config(tmp_path):
-    """Return what loads a configuration from text."""
-
-    def load(text: str) -> BenchConfig:
-        path = tmp_path / "bench.toml"
-        path.write_text(text, encoding="utf-8")
-        return load_config(path)
-
-    return load
 
 
 def _fields(message: can.Message) -> dict[str, object]:

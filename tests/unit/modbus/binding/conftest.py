@@ -1,8 +1,6 @@
 import pytest
 from support.modbus_side import CONTROL, ENABLE, ModbusSide
 
-from hil_bench.bench.configuration import load_config
-
 UNITS = """
 [modbus.units.valve]
 commands = true
@@ -14,10 +12,8 @@ watchdog_ms = 100
 
 
 @pytest.fixture
-def side(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(UNITS)
-    return ModbusSide(load_config(path))
+def side(load_bench):
+    return ModbusSide(load_bench(UNITS))
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import pytest
 from support.modbus_side import ModbusSide
 
 from hil_bench.abilities.modbus.protocol.register_map import Table
-from hil_bench.bench.configuration import load_config
 
 BENCH = """
 [plant.axis1]
@@ -30,10 +29,8 @@ TRANSDUCER, ENCODER = 2, 4
 
 
 @pytest.fixture
-def side(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH)
-    side = ModbusSide(load_config(path))
+def side(load_bench):
+    side = ModbusSide(load_bench(BENCH))
     side.tick(count=2)
     return side
 

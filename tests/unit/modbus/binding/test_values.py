@@ -65,15 +65,13 @@ def test_an_overload_is_no_value_and_says_why(side):
     assert bits == [0, 1, 0]
 
 
-def test_a_negative_watchdog_is_an_illegal_value(tmp_path):
+def test_a_negative_watchdog_is_an_illegal_value(tmp_path, load_bench):
     (tmp_path / "map.toml").write_text(
         '[device]\nprofile = "valve_408"\nvendor_name = "m"\nproduct_code = "c"\nrevision = "1"\n'
         '[holding_registers.watchdog]\naddress = 0\ntype = "int16"\nunit = "ms"\n'
         'source = "watchdog"\naccess = "rw"\n'
     )
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus.units.valve]\nregisters = "map.toml"\n')
-    side = ModbusSide(load_config(path))
+    side = ModbusSide(load_bench('[modbus.units.valve]\nregisters = "map.toml"\n'))
     assert side.write(VALVE, Table.HOLDING_REGISTERS, 0, 0xFFFF) == 3
     assert side.write(VALVE, Table.HOLDING_REGISTERS, 0, 5) == 0
 
@@ -178,11 +176,9 @@ revision = "1"
         ),
     ],
 )
-def test_a_map_that_does_not_fit_its_device_is_refused(tmp_path, register, message):
+def test_a_map_that_does_not_fit_its_device_is_refused(tmp_path, load_bench, register, message):
     (tmp_path / "map.toml").write_text(f"{HEAD}[holding_registers.x]\naddress = 0\n{register}\n")
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus.units.pressure_a]\nregisters = "map.toml"\n')
-    config = load_config(path)
+    config = load_bench('[modbus.units.pressure_a]\nregisters = "map.toml"\n')
     with pytest.raises(ConfigError) as caught:
         ModbusBinding(config, BusSide(config).bench)
     assert str(caught.value).startswith(f"{tmp_path}/map.toml:holding_registers.x.")

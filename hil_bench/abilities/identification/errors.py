@@ -151,6 +151,16 @@ def stated_error(errors: Sequence[StrokeError], quantity: str) -> float:
     return one.factor * float(values[min(place, len(values) - 1)])
 
 
+def describe_errors(errors: Sequence[StrokeError]) -> str:
+    """Return the errors that nine of ten strokes are within; empty where no stroke has any."""
+    stated = {name: stated_error(errors, name) for name in QUANTITIES}
+    return ", ".join(
+        f"{name} {value:.3g} {QUANTITIES[name].unit}"
+        for name, value in stated.items()
+        if math.isfinite(value)
+    )
+
+
 def find_exceeded(errors: Sequence[StrokeError], limits: Sequence[Limit]) -> list[str]:
     """Return the limits that the errors exceed, or that no stroke shows, a line each."""
     lines = []

@@ -10,6 +10,7 @@ from hil_bench.abilities.identification.errors import (
     QUANTITIES,
     Limit,
     StrokeError,
+    describe_errors,
     find_exceeded,
     stated_error,
 )
@@ -64,30 +65,21 @@ def ladder_lines(found: Identification) -> list[str]:
     for place, rung in enumerate(found.ladder.rungs):
         mark = "  <- taken" if place == found.ladder.chosen else ""
         score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
-        text = _within(rung.errors) or "not judged"
+        text = describe_errors(rung.errors) or "not judged"
         lines.append(f"{rung.title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
     return lines
 
 
 def error_lines(found: Identification) -> list[str]:
     """Return the errors of prediction as a user reads them."""
-    errors = found.ladder.best.errors
-    if not _within(errors):
+    within = describe_errors(found.ladder.best.errors)
+    if not within:
         reason = "no stroke could be left out" if found.ladder.is_whole else "the time was over"
         return [f"errors of prediction: not known, because {reason}"]
     return [
-        f"nine of ten strokes that were left out of the fit are predicted within {_within(errors)}",
+        f"nine of ten strokes that were left out of the fit are predicted within {within}",
         *found.ladder.notes,
     ]
-
-
-def _within(errors: Sequence[StrokeError]) -> str:
-    parts = []
-    for name, one in QUANTITIES.items():
-        stated = stated_error(errors, name)
-        if math.isfinite(stated):
-            parts.append(f"{name} {stated:.3g} {one.unit}")
-    return ", ".join(parts)
 
 
 def estimate_line(one: Estimate) -> str:
@@ -105,7 +97,9 @@ def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
         lines.append("the time was over: this is the best so far; --time-limit gives more")
     if not record.moves_both_ways:
         lines.append("the piston moves one way only; record strokes both ways")
-    lines += [_miss(found, signal) for signal in range(3) if _is_missed(found, signal)]
+    sizes = residual_sizes(found)
+    missed = [signal for signal in range(3) if sizes[signal] > 3.0 * record.noise[signal]]
+    lines += [_miss(found, signal, sizes[signal]) for signal in missed]
     exceeded = find_exceeded(ladder.best.errors, limits)
     lines += [f"NOT as required: {line}" for line in exceeded]
     return ["", *lines] if lines else []
@@ -120,15 +114,10 @@ def residual_sizes(found: Identification) -> list[float]:
     ]
 
 
-def _is_missed(found: Identification, signal: int) -> bool:
-    size = residual_sizes(found)[signal]
-    return bool(size > 3.0 * found.record.noise[signal])
-
-
-def _miss(found: Identification, signal: int) -> str:
+def _miss(found: Identification, signal: int, size: float) -> str:
     """Return a line on a signal that the model misses, with what that looks like."""
-    unit, size = _DISPLAY[signal], residual_sizes(found)[signal]
-    times, likeness = size / found.record.noise[signal], _looks_like(found, signal)
+    unit, likeness = _DISPLAY[signal], _looks_like(found, signal)
+    times = size / found.record.noise[signal]
     return (
         f"{SIGNALS[signal]} is off by {unit.from_si(size):.2g} {unit.symbol} rms, "
         f"{times:.2g} times its noise: the model lacks something; "

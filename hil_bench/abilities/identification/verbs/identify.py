@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,11 +13,10 @@ from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.errors import (
-    QUANTITIES,
     Limit,
+    describe_errors,
     find_exceeded,
     read_limit,
-    stated_error,
 )
 from hil_bench.abilities.identification.identify import Identification, Options, identify
 from hil_bench.abilities.identification.ladder import ALIASES, Wish
@@ -29,6 +27,7 @@ from hil_bench.abilities.identification.record import NEEDED, PRESSURES, AxisRec
 from hil_bench.abilities.identification.report import summarise, to_json
 from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.abilities.identification.verbs.identify_design import (
+    Question,
     add_design_arguments,
     check_design_arguments,
     run_design,
@@ -164,7 +163,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     with output_directory(args.output):
         if args.design:
-            return run_design(args, config, files.bench, axis)
+            return run_design(args, Question(config, axis, files.bench))
         asked = Question(config, axis)
         settings = _settings(asked)
         wish = _read_wish(args, settings)
@@ -174,18 +173,6 @@ def run(args: argparse.Namespace) -> int:
             record = _read_records(args, files.recordings, asked)
             found = identify(record, axis, settings, step=config.dt, options=options)
         return _finish(args, found, asked, files.recordings, limits)
-
-
-class Question(NamedTuple):
-    """The machine that is asked about.
-
-    Attributes:
-        config: of the bench.
-        axis: the axis.
-    """
-
-    config: BenchConfig
-    axis: CylinderConfig
 
 
 class Files(NamedTuple):
@@ -301,13 +288,7 @@ def _finish(
 def _write(directory: Path, found: Identification, asked: Question, source: str) -> list[Path]:
     """Write the bench and the figure; return the files."""
     bench = directory / "bench.toml"
-    errors = found.ladder.best.errors
-    stated = {name: stated_error(errors, name) for name in QUANTITIES}
-    within = ", ".join(
-        f"{name} {value:.3g} {QUANTITIES[name].unit}"
-        for name, value in stated.items()
-        if math.isfinite(value)
-    )
+    within = describe_errors(found.ladder.best.errors)
     with about_file(bench, right="give a directory of yours"):
         text = write_bench(found, asked.config, source, within)
         with whole_file(bench) as file:

@@ -40,17 +40,17 @@ _LONGEST = 600.0  # [s]
 
 
 class Question(NamedTuple):
-    """The subject of a design.
+    """The machine that is asked about.
 
     Attributes:
         config: of the bench.
-        bench: its file; None for the built-in one.
         axis: the axis.
+        bench: the bench's file; None for the built-in one.
     """
 
     config: BenchConfig
-    bench: Path | None
     axis: CylinderConfig
+    bench: Path | None = None
 
 
 def add_design_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,11 +89,9 @@ def check_design_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--duration {args.duration:g}: give 2 to {_LONGEST:g}")
 
 
-def run_design(
-    args: argparse.Namespace, config: BenchConfig, bench: Path | None, axis: CylinderConfig
-) -> int:
+def run_design(args: argparse.Namespace, asked: Question) -> int:
     """Plan the strokes to record, write and print them."""
-    asked = Question(config, bench, axis)
+    config, axis = asked.config, asked.axis
     _valve(asked)
     plan = None if args.plan is None else load_plan(args.plan)
     twin = Twin(

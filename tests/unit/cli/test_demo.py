@@ -1,17 +1,20 @@
 """`hil-bench demo`, as fast as it goes."""
 
+import errno
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
-from hil_bench.abilities.demo.verbs.demo_session import demo_profile, tuned_parameters
+from hil_bench.abilities.demo.verbs.demo_session import DemoAxis, demo_profile, tuned_parameters
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
+from hil_bench.outside.recording import block_file
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 
 MACHINES = Path(__file__).parents[3] / "examples" / "machines"
 
@@ -181,6 +184,53 @@ def test_the_controller_fits_the_load():
     profile = demo_profile(0.0, boom)
     speeds = [profile.at(0.01 * step).speed for step in range(1000)]
     assert max(map(abs, speeds)) < 0.12732
+
+
+def test_the_controller_fits_a_tank_under_pressure_and_a_slow_spool():
+    keys = {
+        "tank_pressure_bar": 20,
+        "spool_natural_frequency_rad_s": 40,
+        "spool_damping_ratio": 0.8,
+    }
+    tuned = tuned_parameters(load_config(tables={"plant": {"axis1": keys}}).first_axis)
+    # As above with (100 - 20) / 2 bar over an edge: 0.29073 sqrt(0.8) m/s. The spool is slower
+    # than the piston: a fifth of 2 * 0.8 * 40 1/s.
+    assert tuned.full_speed == pytest.approx(0.26004, rel=1e-4)
+    assert tuned.position_gain == pytest.approx(12.8)
+
+
+def test_a_shaft_turns_for_ever_as_fast_as_its_swing_lets_it():
+    """At 600 rpm: 60 l/min would turn 28 cm³ at 2140 rpm, and so stiff an oil holds nothing up."""
+    drum = load_config(MACHINES / "drum.toml").first_axis
+    profile = DemoAxis(drum).profile(0.0)
+    times = np.arange(1000.0, 1030.0, 0.01)
+    speeds = np.array([profile.at(time).speed for time in times])
+    assert speeds.max() == pytest.approx(600 * 2.0 * np.pi / 60, rel=1e-3)
+    swing = 2.0 * np.pi * eigenfrequency(drum.cylinder, 0.0)
+    assert np.abs(np.diff(speeds)).max() / 0.01 <= 0.25 * speeds.max() * swing
+
+
+def test_a_trigger_without_a_recording_is_refused(tmp_path, capsys):
+    assert demo(tmp_path, "--trigger", "axis1.P_A > 80 bar") == 2
+    assert "--trigger: begins a recording; give --record FILE too" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_plot")
+def test_a_lost_recording_ends_it_where_that_is_wished(tmp_path, monkeypatch, capsys):
+    """The disk is full after the first block of 0.25 s; the motion would last 3 s."""
+    path = tmp_path / "full.csv"
+    append = block_file.OutputFile.append
+
+    def fill(self, data):
+        if self.path == path and self.size > 1000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return append(self, data)
+
+    monkeypatch.setattr(block_file.OutputFile, "append", fill)
+    words = ["--duration", "3", "--record", str(path), "--end-on-loss"]
+    assert demo(tmp_path, *words) == 5
+    assert read_recording(tmp_path / "demo.csv")["time"][-1] < 2.0
+    capsys.readouterr()
 
 
 @pytest.mark.long

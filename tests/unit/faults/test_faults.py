@@ -95,6 +95,15 @@ def test_a_verb_takes_its_values_by_place_and_by_name(faults):
         faults.loose("valve")
 
 
+def test_the_state_has_times_in_seconds():
+    """Bench time is counted in nanoseconds."""
+    faults = Faults(build_bench(load_config()).part(Faults).points)
+    faults.freeze("position", at=2.0, duration=0.5)
+    faults.advance(2_000_000_000)
+    (state,) = faults.state(2_000_000_000)["faults"]
+    assert (state["begins"], state["ends"]) == pytest.approx((2.0, 2.5))
+
+
 def test_type_checkers_know_the_verbs():
     """`python tests/support/fault_verbs.py` writes the file anew."""
     assert fault_verbs.FILE.read_text(encoding="utf-8") == fault_verbs.signatures()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.fmu.export import export_axis, validate
+from hil_bench.abilities.fmu.export import export_axis, find_inputs, validate
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.together import build_together
 from hil_bench.cli import main
@@ -84,6 +84,34 @@ def test_a_motor_runs_in_fmpy(tmp_path: Path) -> None:
         seen = plant.drive(0.5 * config.full_scale(axis), 20)
     assert run["speed"][-1] == pytest.approx(seen[1], rel=1e-9)
     assert run["angle"][-1] == pytest.approx(seen[0], rel=1e-9)
+
+
+def test_each_quantity_has_its_unit(tmp_path: Path) -> None:
+    """Of SI, as FMI spells it: those of docs/plant.md."""
+    import fmpy  # noqa: PLC0415 - an extra
+
+    found = fmpy.read_model_description(str(export(tmp_path)))
+    units = {each.name: each.unit for each in found.modelVariables}
+    expected = {"position": "m", "speed": "m/s", "P_A": "Pa", "load": "N", "supply_pressure": "Pa"}
+    assert {name: units[name] for name in expected} == expected
+    assert set(expected.values()) <= {each.name for each in found.unitDefinitions}
+
+
+def test_the_plants_own_step_is_the_shortest(tmp_path: Path) -> None:
+    import fmpy  # noqa: PLC0415 - an extra
+
+    run = fmpy.simulate_fmu(
+        str(export(tmp_path)), stop_time=1e-3, step_size=50e-6, output_interval=50e-6
+    )
+    assert run["time"][-1] == pytest.approx(1e-3)
+
+
+def test_a_supply_of_one_axis_alone_has_its_input() -> None:
+    config = load_config(CRANE)
+    names = [each.name for each in find_inputs(config, list(config.axes))]
+    assert names.count("supply_pressure") == 1
+    alone = load_config(CRANE.with_name("tail_lift.toml"))
+    assert "supply_pressure" in [each.name for each in find_inputs(alone, [alone.axes[0]])]
 
 
 def test_axes_on_one_supply_are_one_fmu(tmp_path: Path) -> None:

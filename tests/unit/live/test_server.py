@@ -123,6 +123,16 @@ def test_a_fault_is_an_event_and_a_state(loop):
     assert of("state", wire.lines())[-1]["faults"] == []
 
 
+def test_a_state_comes_once_until_it_is_another(loop):
+    wire = Wire(loop)
+    wire.say(id=1, do="watch")
+    loop.tick(500)
+    assert len(of("state", wire.lines())) == 1
+    loop.session.bench.part(Faults).freeze("position")
+    loop.tick(500)
+    assert len(of("state", wire.lines())) == 1
+
+
 def test_who_comes_after_a_fault_sees_its_state_and_not_its_event(loop):
     loop.session.bench.part(Faults).freeze("pressure_a")
     loop.tick(2)

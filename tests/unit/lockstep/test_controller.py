@@ -119,6 +119,17 @@ def test_a_node_that_falls_silent_is_missed_in_bench_time_and_others_are_asked(c
     assert len(asked) > 200
 
 
+def test_a_node_that_came_back_stands_in_for_one_that_falls_silent(config):
+    """Of two nodes; with one tick in between, in which the other one answers."""
+    transport = DirectLockStep(config)
+    producer = join(transport, (1, 2))
+    for name in ("valve", "pressure_a"):
+        with transport.bench.part(Faults).silence(name):
+            for _ in range(3):
+                producer.tick([], 0)
+    assert transport.lockstep.syncs == 6
+
+
 def test_a_bench_that_is_gone_is_told(config):
     transport = DirectLockStep(config)
     producer = join(transport)

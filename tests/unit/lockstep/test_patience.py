@@ -100,6 +100,13 @@ def test_any_sync_is_a_sign_of_life(link, bus):
     assert link.now == 50_000_000
 
 
+def test_frames_that_come_fast_do_not_use_patience_up_faster(bus):
+    """A frame a millisecond, and no SYNC: 1 s of patience is 1000 of them."""
+    link = make_link(bus, Patience(1.0, ""))
+    bus.frame, bus.takes = HEARTBEAT, SECOND // 1000
+    assert steps_until_given_up(link)[0] == pytest.approx(1000, abs=1)
+
+
 def test_a_suspended_machine_is_not_the_controllers_fault(link, bus):
     bus.takes = 3600 * SECOND
     for _ in range(100):

@@ -7,6 +7,7 @@ import pytest
 from hil_bench.abilities.live.messages import COMMAND, encode
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
+from hil_bench.cli.run_setup import RunSetup
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.transport import TransportCounters
 
@@ -59,6 +60,38 @@ def test_it_ends_at_its_duration_of_bench_time(run, capsys):
     assert re.search(r"^lockstep  10 SYNCs of 2000 us: 0\.020 s in \d", out, re.MULTILINE)
     assert not controller.is_open
     assert [frame.can_id for frame in controller.sent] == [0x701, 0x702, 0x703, 0x704]
+
+
+class Line:
+    """A status line that nobody sees."""
+
+    def __init__(self, is_shown):
+        self.is_shown = is_shown
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+
+@pytest.mark.parametrize("is_shown", [True, False])
+def test_a_status_line_is_looked_after_and_without_one_the_log_says_how_far_it_is(
+    run, monkeypatch, capsys, is_shown
+):
+    line, watched = Line(is_shown), []
+    monkeypatch.setattr("hil_bench.abilities.lockstep.run.StatusLine", lambda *_, **__: line)
+    monkeypatch.setattr("hil_bench.cli.status_line.PERIOD", 0)
+    watch = RunSetup.watch
+
+    def look_on(setup, *helpers):
+        watched.extend(helpers)
+        return watch(setup)
+
+    monkeypatch.setattr(RunSetup, "watch", look_on)
+    assert run(Controller(*[SYNC] * 20), "--duration", "0.02") == 0
+    assert watched == [line] * is_shown
+    assert ("hil-bench: 0.020 s: " in capsys.readouterr().err) != is_shown
 
 
 def test_a_command_acts_with_a_sync(run, monkeypatch, capsys, tmp_path):

@@ -64,12 +64,12 @@ class RecordingReport:
     @property
     def rows(self) -> int:
         """Rows of signals in the file with the most."""
-        return max((file.rows or 0 for file in self.files), default=0)
+        return max(file.rows or 0 for file in self.files)
 
     @property
     def frames(self) -> int:
         """Frames in the file with the most."""
-        return max((file.frames or 0 for file in self.files), default=0)
+        return max(file.frames or 0 for file in self.files)
 
     @property
     def problems(self) -> list[str]:

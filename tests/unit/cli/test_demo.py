@@ -1,5 +1,6 @@
 """`hil-bench demo`, as fast as it goes."""
 
+import contextlib
 import errno
 from pathlib import Path
 
@@ -7,7 +8,12 @@ import can
 import numpy as np
 import pytest
 
-from hil_bench.abilities.demo.verbs.demo_session import DemoAxis, demo_profile, tuned_parameters
+from hil_bench.abilities.demo.verbs.demo_session import (
+    DemoAxis,
+    DemoSession,
+    demo_profile,
+    tuned_parameters,
+)
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
@@ -208,6 +214,20 @@ def test_a_shaft_turns_for_ever_as_fast_as_its_swing_lets_it():
     assert speeds.max() == pytest.approx(600 * 2.0 * np.pi / 60, rel=1e-3)
     swing = 2.0 * np.pi * eigenfrequency(drum.cylinder, 0.0)
     assert np.abs(np.diff(speeds)).max() / 0.01 <= 0.25 * speeds.max() * swing
+
+
+def test_only_a_paced_demo_runs_under_the_policy_of_its_bench(monkeypatch):
+    config, asked = load_config(), []
+
+    def undisturbed(realtime, tick_ns):
+        asked.append((realtime, tick_ns))
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo_session.undisturbed", undisturbed)
+    for is_paced in (False, True):
+        session = DemoSession(config, duration=0.1, is_paced=is_paced)
+        with session.bench, session._undisturbed():
+            assert asked == [(config.realtime, config.tick_ns)] * is_paced
 
 
 def test_a_trigger_without_a_recording_is_refused(tmp_path, capsys):

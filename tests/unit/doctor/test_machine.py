@@ -2,7 +2,14 @@
 
 import pytest
 
-from hil_bench.abilities.doctor.machine import Verdict, examine_machine, preemption_model
+from hil_bench.abilities.doctor.machine import (
+    Verdict,
+    examine_machine,
+    measure_lateness,
+    preemption_model,
+)
+from hil_bench.bench.configuration import RealtimePolicy, load_config
+from hil_bench.outside.realtime.clock import VirtualClock
 
 
 def reader(**files):
@@ -101,3 +108,9 @@ def test_a_virtual_machine_is_named():
 def test_elsewhere_the_system_is_named(monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.doctor.machine.IS_LINUX", False)
     assert [item.name for item in examine_machine(reader()).findings] == ["system"]
+
+
+def test_the_shortest_measurement_is_a_tick_of_each_policy():
+    policies = [RealtimePolicy.OFF, RealtimePolicy.OFF]
+    tests = measure_lateness(load_config(), 1e-9, policies, VirtualClock())
+    assert [test.summary.ticks for test in tests] == [1, 1]

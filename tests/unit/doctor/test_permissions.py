@@ -73,7 +73,8 @@ def test_throttling_that_is_off_is_a_risk(examine):
 
 def test_no_time_for_real_time_threads_is_no_good_machine(examine):
     """0 us of each second: the kernel runs no thread of a real-time policy at all."""
-    assert examine(runtime="0")["real-time throttling"].verdict is Verdict.HINT
+    found = examine(runtime="0")["real-time throttling"]
+    assert (found.verdict, found.value) == (Verdict.HINT, "no time at all for real-time threads")
 
 
 def test_elsewhere_nothing_is_asked(monkeypatch):

@@ -194,7 +194,8 @@ def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
         assert (code, err.splitlines()[0]) == (ExitCode.USAGE, f"hil-bench: error: {message}")
     else:
         assert code == ExitCode.DONE
-        assert out.startswith("wrote axis.fmu: axis1, a hydraulic_cylinder, ")
+        size = Path("axis.fmu").stat().st_size / 1e6
+        assert out == f"wrote axis.fmu: axis1, a hydraulic_cylinder, {size:.1f} MB\n"
 
 
 def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch) -> None:

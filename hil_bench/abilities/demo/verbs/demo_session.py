@@ -311,11 +311,10 @@ class DemoSession:
         profile = self.axis.profile(position)
         cycles = 0
         with self._ready_loop(network, position) as loop:
-            start, wall_start = network.now(), time.perf_counter()
+            wall_start = time.perf_counter()
             for record in loop.run(profile, self._duration):
                 if not cycles:
-                    start = network.now() - record.time
-                    self._setpoint_at = partial(setpoint_position, profile, start)
+                    self._setpoint_at = partial(setpoint_position, profile, network.now())
                 cycles += 1
                 self._cycle = record
                 if stopped():

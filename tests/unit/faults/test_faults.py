@@ -5,6 +5,7 @@ import pytest
 from support import fault_verbs
 
 from hil_bench.abilities.faults.faults import Faults
+from hil_bench.abilities.faults.points import PLANTS
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
@@ -93,6 +94,22 @@ def test_a_verb_takes_its_values_by_place_and_by_name(faults):
         faults.lose()
     with pytest.raises(AttributeError, match="no fault is called loose; there are freeze, offset"):
         faults.loose("valve")
+
+
+@pytest.mark.parametrize(
+    ("verb", "defect"),
+    [("drop_load", "load_loss"), ("wear_pump", "pump_loss"), ("lose_gas", "gas_loss")],
+)
+def test_without_a_share_all_is_lost_and_half_of_it_in_half_its_time(verb, defect):
+    """As docs/faults.md has it: share=1.0."""
+    bench = build_bench(load_config(tables={"plant": {"axis1": {"load_n": 10, "supply": "unit"}}}))
+    bench.start(0)
+    faults = bench.part(Faults)
+    getattr(faults, verb)("axis1", growth=0.02)
+    for tick in range(1, 11):
+        bench.tick([], tick * 1_000_000)
+    (share,) = faults.points.of(PLANTS)["axis1"].amounts[defect].values()
+    assert share == pytest.approx(0.5, abs=0.05)  # a tick is a twentieth
 
 
 def test_the_state_has_times_in_seconds():

@@ -173,6 +173,22 @@ def test_a_timer_counts_to_its_compare_and_its_end() -> None:
     assert (timer.load(0x10), timer.load(0x24)) == (0, 0)
 
 
+def test_a_timer_of_one_pulse_stands_before_it_and_behind_it() -> None:
+    core = Core()
+    timer = Timer(core, 28, lambda: 8_000_000)
+    for offset, value in ((0x28, 7), (0x2C, 299), (0x14, 1), (0x10, 0)):
+        timer.store(offset, value)
+    # 8 MHz / 8 counts microseconds, 0 to 299; OPM ends it at the update (RM0090, 18.3.10).
+    for begin in (50_000, 1_000_000):
+        core.run(begin)
+        assert timer.read(0x24, 4) == 0
+        timer.store(0, 9)
+        core.run(begin + 299_999)
+        assert [timer.read(0x24, size) for size in (4, 2, 1)] == [299, 299, 299 & 0xFF]
+        core.run(begin + 450_000)
+        assert (timer.read(0x24, 4), timer.load(0)) == (0, 8)
+
+
 def test_a_timer_loses_no_time_while_its_compare_is_written() -> None:
     core = Core()
     timer = Timer(core, 28, lambda: 8_000_000, width=32)

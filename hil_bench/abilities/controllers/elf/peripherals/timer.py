@@ -41,7 +41,14 @@ class Timer(Peripheral):
         self._prescaler = 0  # that counts; PSC is taken over at an update
         self._begin = 0  # when it was at 0 [ns]
         self._held = 0  # its count while it stands
+        self._is_counting = False
         self._alarms: dict[int, Alarm] = {}  # by the register that is reached
+
+    def read(self, offset: int, size: int) -> int:
+        """Return some bytes of a register; of all that a program reads, most is the whole count."""
+        if offset == _CNT and size == 4:
+            return self._count()
+        return super().read(offset, size)
 
     def load(self, offset: int) -> int:
         """Return a register."""
@@ -66,22 +73,20 @@ class Timer(Peripheral):
             values[offset] = value & self._most if offset == _ARR else value
             if offset == _DIER:
                 self._raise_line()
-            elif offset in _PLACES and self._is_counting():
+            elif offset in _PLACES and self._is_counting:
                 self._set_alarm(offset, self._count())
 
     def _control(self, value: int) -> None:
-        was_counting = self._is_counting()
-        if was_counting and not value & _CEN:
+        is_counting = bool(value & _CEN)
+        if self._is_counting and not is_counting:
             self._held = self._count()
         self._values[_CR1] = value
-        if was_counting != self._is_counting():
+        if self._is_counting != is_counting:
+            self._is_counting = is_counting
             self._start()
 
-    def _is_counting(self) -> bool:
-        return bool(self._values.get(_CR1, 0) & _CEN)
-
     def _count(self) -> int:
-        if not self._is_counting():
+        if not self._is_counting:
             return self._held
         passed = (self._core.now() - self._begin) * self._frequency()
         return min(passed // (1_000_000_000 * (self._prescaler + 1)), self._values[_ARR])
@@ -92,7 +97,7 @@ class Timer(Peripheral):
 
     def _start(self) -> None:
         """Count on from the count that it holds, or stand."""
-        if self._is_counting():
+        if self._is_counting:
             self._turn(self._core.now() - self._duration(self._held), self._held)
         else:
             for alarm in self._alarms.values():
@@ -140,6 +145,7 @@ class Timer(Peripheral):
         self._update(is_forced=False)
         if self._values.get(_CR1, 0) & _OPM:
             self._values[_CR1] &= ~_CEN
+            self._is_counting = False
             self._held = 0
             return
         self._turn(begin, -1)

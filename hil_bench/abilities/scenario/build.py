@@ -83,7 +83,7 @@ def window_ticks(node: Condition, window: Window, tick_ns: int) -> tuple[int, in
         return start, None
     end = window.end // tick_ns
     length = window.end - window.start
-    if start > end or 0 < length < tick_ns:
+    if start > end or 0 < length < tick_ns - 1:  # both bounds are rounded to 1 ns
         raise ExpectationError(
             node.position,
             f"a window of {length / 1e6:g} ms is shorter than a tick of {tick_ns / 1e6:g} ms, and "

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import find_unit
 from hil_bench.abilities.scenario.judgement import RequirementOutcome, judge, show_gap, show_reading
 from hil_bench.abilities.scenario.monitor import Monitor
@@ -434,6 +435,14 @@ def test_a_window_shorter_than_a_tick_is_refused(window):
         run(f"always {window} flag > 0", flag=[1, 1])
     run("always from 0 us to 1000 us flag > 0", flag=[1, 1])
     run("always from 1 ms to 1 ms flag > 0", flag=[1, 1])  # an instant is seen
+
+
+def test_a_window_of_a_tick_between_ticks_is_none_too_short():
+    # 1.5 and 2.5 ticks of 1/512 s are 2929687.5 and 4882812.5 ns, each rounded to an even one.
+    window = Window(round(2929687.5), round(4882812.5))
+    assert window.end - window.start == 1_953_124
+    node = parse_expectation("always flag > 0", Vocabulary({"flag": "1"}))
+    assert window_ticks(node, window, 1_953_125) == (2, 2)
 
 
 def test_the_margin_of_equal_sides_is_shown_as_zero():

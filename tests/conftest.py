@@ -73,7 +73,7 @@ def _own_log_handlers():
 
 @pytest.fixture
 def load_bench(tmp_path):
-    """Return what loads a bench from the text of its file."""
+    """Loads a bench from the text of its file."""
     from hil_bench.bench.configuration import load_config  # noqa: PLC0415 - see `site`
 
     def load(text):

@@ -24,7 +24,7 @@ from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 # The keys of `[nodes.NAME.chain]`, a sensor's measuring chain, and the presets for them.
 #
 # `chain.tsv` declares each key, by the SI unit of what the chain carries where it depends on
-# that. The sources of the presets are told in `docs/measuring-chain.md`.
+# that. The sources of the presets are in `docs/measuring-chain.md`.
 
 
 class PressurePreset(StrEnum):

@@ -98,7 +98,7 @@ def _check_pdo_counts(document: Document, section: Section) -> Iterator[EdsFindi
     for key, parameters in _PDO_COUNTS.items():
         there = sum(index in parameters for index in document.objects)
         text = section.text(key)
-        if text is None or _number(text) != there:
+        if _number(text) != there:
             first = f"0x{parameters.start:04X}"
             yield section.finding(
                 key, f"is {text}; {there} is right by the objects from {first} on"
@@ -108,15 +108,15 @@ def _check_pdo_counts(document: Document, section: Section) -> Iterator[EdsFindi
 def _check_numbers(section: Section, keys: tuple[str, ...], allowed: range) -> Iterator[EdsFinding]:
     for key in keys:
         text = section.text(key)
-        number = None if text is None else _number(text)
+        number = _number(text)
         if number is None or number not in allowed:
             said = "is missing" if text is None else f"is {text}"
             yield section.finding(key, f"{said}; {allowed.start} to {allowed.stop - 1} is right")
 
 
-def _number(text: str) -> int | None:
+def _number(text: str | None) -> int | None:
     try:
-        return parse_integer(text)
+        return parse_integer(text or "")
     except ValueError:
         return None
 
@@ -213,10 +213,10 @@ def check_objects(document: Document) -> Iterator[EdsFinding]:
 
 def _check_sub_number(section: Section, there: int) -> Iterator[EdsFinding]:
     """Yield a SubNumber that is not the number of sections."""
-    if _number_of(section.text("ObjectType")) not in _STRUCTURES:
+    if _number(section.text("ObjectType")) not in _STRUCTURES:
         return
     stated = section.text("SubNumber")
-    if section.text("CompactSubObj") is None and _number_of(stated) != there:
+    if section.text("CompactSubObj") is None and _number(stated) != there:
         text = f"is {stated}; {there} is right by the sections [{section.name}sub...]"
         yield section.finding("SubNumber", text)
 
@@ -226,13 +226,6 @@ def _check_operands(section: Section) -> Iterator[EdsFinding]:
         text = section.text(key)
         if text and "$NODEID" in text.upper() and not text.upper().startswith("$NODEID"):
             yield section.finding(key, f"is {text}; $NODEID as the first operand is right")
-
-
-def _number_of(text: str | None) -> int | None:
-    try:
-        return parse_integer(text or "")
-    except ValueError:
-        return None
 
 
 # All checks of one file.

@@ -7,7 +7,7 @@ from typing import Final
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.timeline import Alarm, Core
 
-# Timers of STM32: they count up, and tell of their update and of four compare values.
+# Timers of STM32: they count up, and report their update and four compare values.
 
 _CR1, _DIER, _SR, _EGR, _CNT, _PSC, _ARR = 0x00, 0x0C, 0x10, 0x14, 0x24, 0x28, 0x2C
 _CEN, _UDIS, _URS, _OPM = 1, 2, 4, 8

@@ -4,6 +4,7 @@ What the kernel does for CAN sockets is said in its Documentation/networking/can
 from what `can_program.c` asks for, in microseconds.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -276,7 +277,7 @@ def unhurried(monkeypatch):
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_in_real_time_a_program_may_have_threads(start):
+def test_in_real_time_a_program_may_have_threads(start, can_program):
     controller = start("threads", time="real")
     now, sent = 0, []
     while not sent:  # it opens its socket some time
@@ -284,7 +285,7 @@ def test_in_real_time_a_program_may_have_threads(start):
         sent = controller.advance(now, [TimedFrame(now - TICK, Frame(0x200, b"\5"))])
     assert sent[0] == TimedFrame(now, Frame(0x201, b"\5"))
     controller.close()
-    assert not _children()
+    assert not _children(can_program)
 
 
 @pytest.mark.usefixtures("unhurried")
@@ -307,12 +308,12 @@ def test_real_time_needs_a_bench_that_keeps_to_the_clock(start):
 
 
 @pytest.mark.usefixtures("watchful")
-def test_a_program_that_never_waits_is_ended(start):
+def test_a_program_that_never_waits_is_ended(start, can_program):
     controller = start("forever", cpu_s=0.1)
     with pytest.raises(ControllerError, match=r"^took 0\.1 s of processor time and did not wait"):
         live(controller, 2)
     controller.close()
-    assert not _children()
+    assert not _children(can_program)
 
 
 @pytest.mark.usefixtures("watchful")
@@ -324,19 +325,20 @@ def test_a_program_that_waits_for_something_else_is_ended(start, monkeypatch, tm
         live(start("sh", "-c", f"read line < {pipe}"), 2)
 
 
-def test_no_child_outlives_it(start):
+def test_no_child_outlives_it(start, can_program):
     controller = start("orphan")
     assert live(controller, 3).ending == "exit code 0"
     controller.close()
-    assert not _children()
+    assert not _children(can_program)
 
 
-def _children():
-    """The processes of `can_program` that live; the dead may wait for a machine's init."""
-    command = ["ps", "-eo", "stat=,args="]
-    listed = subprocess.run(command, capture_output=True, text=True, check=True)
-    lines = listed.stdout.splitlines()
-    return [line for line in lines if "can_program" in line.split()[1] and line[0] != "Z"]
+def _children(program):
+    """The command lines of this program's living processes; the dead have none."""
+    lines = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):  # it has just gone
+            lines.append(file.read_bytes().decode(errors="replace"))
+    return [line for line in lines if line.startswith(f"{program}\0")]
 
 
 def test_close_lets_it_leave_in_order(start):

@@ -4,7 +4,7 @@ import math
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.dbc_words import DbcMessages
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownValue
@@ -17,10 +17,22 @@ from hil_bench.outside.recording.channels import Channel
 from hil_bench.units import ONE, read_unit, si_unit
 
 _MOST_LATE: Final = 10  # ticks
+_LEAST_HOLD: Final = 100_000_000  # [ns]
+_HELD_INTERVALS: Final = 3
 _NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
 
 _Key = tuple[int, int, int, int]
 """Bus, node-ID, index and sub-index."""
+
+
+class _Heard(NamedTuple):
+    """A value, and the time of its frame [ns]."""
+
+    value: float
+    time: float
+
+
+_UNHEARD: Final = _Heard(math.nan, -math.inf)
 
 
 def symbol_of(name: str) -> str:
@@ -34,12 +46,14 @@ def word_of(name: str) -> str:
 
 
 class BusChannels:
-    """Holds the last value of each number that a PDO or a J1939 message carries.
+    """Holds each number that a PDO or a J1939 message carries, until it is too old to count.
 
     Args:
         owners: the PDOs.
         ecus: the J1939 devices.
         dbc: the messages of all other frames.
+        hold: how long a value counts [ns]; without it three times the shortest time between two
+            of its values so far, and 100 ms at least.
 
     Attributes:
         channels: one an object with numbers, its name is node and object; and one a J1939 signal.
@@ -51,14 +65,17 @@ class BusChannels:
         owners: Iterable[PdoOwner],
         ecus: Iterable[KnownEcu] = (),
         dbc: DbcMessages | None = None,
+        hold: int | None = None,
     ) -> None:
+        self._hold = hold
         self._dbc = dbc or DbcMessages(None)
         self._signals: dict[tuple[str, str], tuple[int, float]] = {}
         self.missed = 0
         self.channels: list[Channel] = []
         self._places: dict[_Key, tuple[int, float]] = {}
         self._told: dict[tuple[int, int], list[tuple[int, str, KnownValue]]] = {}
-        self._values: list[float] = []
+        self._values: list[_Heard] = []
+        self._intervals: list[float] = []  # the shortest of each channel [ns]
         self._names: set[str] = set()
         for owner in owners:
             for field in owner.pdo.fields:
@@ -89,18 +106,31 @@ class BusChannels:
             name = f"{name}_{place}"
         self._names.add(name)
         self.channels.append(Channel(name, unit))
-        self._values.append(math.nan)
+        self._values.append(_UNHEARD)
+        self._intervals.append(math.inf)
         return len(self.channels) - 1
 
-    def take(self, sight: Sight) -> bool:
-        """Hold the values of a PDO or a message, and return whether there were some."""
-        found = dict(self.numbers(sight))
-        for place, value in found.items():
-            self._values[place] = value
-        return bool(found)
+    def take(self, sight: Sight, now: int) -> dict[int, float]:
+        """Hold the values of a frame that came at a time [ns].
 
-    def numbers(self, sight: Sight) -> Iterator[tuple[int, float]]:
-        """Yield the number of each channel of which a frame has a value, and that [SI]."""
+        Returns:
+            The number of each channel of which it has a value, and that [SI].
+        """
+        found = dict(self._numbers(sight))
+        for number, value in found.items():
+            interval = now - self._values[number].time
+            self._intervals[number] = min(self._intervals[number], interval)
+            self._values[number] = _Heard(value, now)
+        return found
+
+    def hold(self, number: int) -> float:
+        """Return the time for which a value of a channel counts [ns]."""
+        if self._hold is not None:
+            return self._hold
+        interval = self._intervals[number]
+        return max(_LEAST_HOLD, _HELD_INTERVALS * interval) if interval < math.inf else _LEAST_HOLD
+
+    def _numbers(self, sight: Sight) -> Iterator[tuple[int, float]]:
         if sight.message is not None:
             yield from self._message_numbers(sight, sight.message)
         for reading in sight.readings:
@@ -123,8 +153,12 @@ class BusChannels:
                 yield place, value.read(message.data)
 
     def row(self, now: int) -> tuple[float, ...]:
-        """Return a row of a recording: time [s] and the last values, NaN before the first."""
-        return now * 1e-9, *self._values
+        """Return a row of a recording: time [s], and each value, NaN where it does not count."""
+        held = (
+            heard.value if now - heard.time <= self.hold(number) else math.nan
+            for number, heard in enumerate(self._values)
+        )
+        return now * 1e-9, *held
 
 
 class TickRows:
@@ -135,29 +169,27 @@ class TickRows:
     unknown there is no row.
 
     Args:
-        channels: what is heard.
+        channels: what is heard, and how long it counts.
         tick: time between two rows [ns].
-        hold: how long a value counts [ns].
 
     Attributes:
         late: how late a value stands at most, beside the part of a tick that rounding makes [ns].
     """
 
-    def __init__(self, channels: BusChannels, tick: int, hold: int) -> None:
-        self._channels = channels
-        self._tick, self._hold = tick, hold
-        self._waiting: list[deque[tuple[float, int]]] = [deque() for _ in channels.channels]
-        self._last = [(math.nan, 0)] * len(channels.channels)
+    def __init__(self, channels: BusChannels, tick: int) -> None:
+        self._channels, self._tick = channels, tick
+        self._waiting: list[deque[_Heard]] = [deque() for _ in channels.channels]
+        self._last = [_UNHEARD] * len(channels.channels)
         self._next = 0  # [ns]
         self.late = 0
 
     def take(self, sight: Sight, now: int) -> None:
         """Take the values of a frame that came at a time [ns], behind the last row."""
-        for number, value in self._channels.numbers(sight):
+        for number, value in self._channels.take(sight, now).items():
             waiting = self._waiting[number]
-            if waiting and waiting[-1][0] == value:
+            if waiting and waiting[-1].value == value:
                 waiting.pop()
-            waiting.append((value, now))
+            waiting.append(_Heard(value, now))
 
     def rows(self, until: int) -> Iterator[tuple[float, ...]]:
         """Yield the rows of all ticks before a time [ns]: time [s], and the values."""
@@ -177,7 +209,7 @@ class TickRows:
         """
         if waiting := self._waiting[number]:
             self._last[number] = waiting.popleft()
-            late = self._next - self._last[number][1] - self._tick
+            late = int(self._next - self._last[number].time) - self._tick
             if late > _MOST_LATE * self._tick:
                 name = self._channels.channels[number].name
                 raise ConfigError(
@@ -185,8 +217,8 @@ class TickRows:
                     f"{self._next / 1e9:.6g} s; give a shorter --tick"
                 )
             self.late = max(self.late, late)
-        value, heard = self._last[number]
-        return value if self._next - heard <= self._hold else math.nan
+        heard = self._last[number]
+        return heard.value if self._next - heard.time <= self._channels.hold(number) else math.nan
 
 
 def _key(sight: Sight, reading: Reading) -> _Key:

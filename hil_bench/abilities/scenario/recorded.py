@@ -213,7 +213,9 @@ def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int
     if steps.min() <= 0.0:
         first = int(np.argmax(steps <= 0.0))
         was, now = times[first : first + 2]
-        raise ConfigError(f"{source}: the time does not go on: {was:.9g} s, and then {now:.9g} s")
+        what = f"the time does not go on in row {first + 2}: {was:.9g} s, and then {now:.9g} s"
+        right = "'hil-bench decode --tick' lays a log of frames on ticks"
+        raise ConfigError(f"{source}: {what}; give rising times ({right})")
     usual = float(np.median(steps))
     tick_ns = round(usual * 1e9)
     if not tick_ns:

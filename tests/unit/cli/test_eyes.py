@@ -127,11 +127,33 @@ def test_values_become_channels_in_si(folder, capsys):
 
 
 def write_pressures(path, *values):
-    """Write a log of one sensor: times [ms] and pressures [bar]."""
+    """Write a log of sensors: times [ms], pressures [bar], and the node-ID where it is not 2."""
     with open_frame_file(path) as file:
-        for time, bar in values:
-            frame = Frame(0x182, struct.pack("<fB", bar, 0))
+        for time, bar, *node in values:
+            frame = Frame(0x180 + (node or [2])[0], struct.pack("<fB", bar, 0))
             file.write_frames([LoggedFrame(frame, round(time * 1e6), None)])
+
+
+@pytest.mark.parametrize(
+    ("options", "last"),
+    [
+        ((), {20: 120, 40: 160, 150: 600}),  # 100 ms at least; three times 40 and 150 ms
+        (("--hold", "60"), {20: 80, 40: 100, 150: 210}),
+    ],
+)
+def test_a_row_has_no_value_of_a_node_that_fell_silent(folder, options, last):
+    """Rows come by node 3, each 10 ms; node 2 sends twice, `period` ms apart."""
+    other = BENCH[BENCH.index("[nodes.pressure_a]") :].replace("_a]", "_b]").replace("= 2", "= 3")
+    (folder / "bench.toml").write_text(BENCH + other)
+    for period, end in last.items():
+        spoken = [(0, 50.0), (period, 51.0)]
+        rows = [(time, 1.0, 3) for time in range(0, 1000, 10)]
+        write_pressures(folder / "p.log", *sorted([*spoken, *rows]))
+        assert main(["decode", "p.log", "bench.toml", "-o", "p.csv", *options]) == 0
+        found = read_recording(folder / "p.csv")
+        known = np.isfinite(found["pressure_a.ai_input_process_value_1"])
+        assert round(found["time"][known][-1] * 1e3) == end
+        assert np.isfinite(found["pressure_b.ai_input_process_value_1"])[1:].all()
 
 
 def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, capsys):
@@ -203,7 +225,7 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
         (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
         (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
         (["t.log", "--tick", "1"], "--tick is for the rows of a recording; give it with -o"),
-        (["t.log", "-o", "d.csv", "--hold", "5"], "--hold is for rows at even ticks"),
+        (["t.log", "--hold", "5"], "--hold is for the values of a recording; give it with -o"),
         (["t.log", "-o", "d.csv", "--tick", "1e-7"], "--tick 1e-07: give 0.001 ms or more"),
         (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
         (

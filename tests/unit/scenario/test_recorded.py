@@ -41,8 +41,8 @@ def test_a_missing_row_is_unknown():
     ("times", "wrong"),
     [
         ([0.0], "has 1 rows; give a recording of two or more"),
-        ([0.0, 0.0], "the time does not go on: 0 s, and then 0 s"),
-        ([0.0, 2.0, 1.5, 3.0], "the time does not go on: 2 s, and then 1.5 s"),
+        ([0.0, 0.0], "the time does not go on in row 2: 0 s, and then 0 s; give rising times"),
+        ([0.0, 2.0, 1.5, 3.0], "the time does not go on in row 3: 2 s, and then 1.5 s"),
         ([0.0, float("nan")], "the time of row 2 is no number"),
         ([0.0, 1.0, 1.1, 2.0, 3.0], "not evenly spaced"),  # two rows of one tick
         ([0.0, 1.0, 2.0, 3.0, 4.6, 5.0, 6.0, 6.6], "not evenly spaced, as at 4.6 s"),

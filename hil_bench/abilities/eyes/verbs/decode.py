@@ -11,8 +11,10 @@ from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_filter_arguments,
+    add_hold_argument,
     add_log_arguments,
     check_nodes,
+    hold_of,
     known_ecus,
     known_nodes,
     print_losses,
@@ -34,7 +36,6 @@ from hil_bench.outside.recording.frames import LeftOut, read_frames
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner
 
-_HOLD = 100.0  # ms
 _LEAST_TICK = 1e-3  # ms
 _Seen = Iterable[tuple[int, Sequence[Sight]]]
 _Append = Callable[[Sequence[float]], None]
@@ -71,15 +72,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--tick",
         type=positive,
         metavar="MS",
-        help="with -o: a row each MS milliseconds, for 'hil-bench judge', in which values count "
-        "as long as --hold says (default: a row a frame, with the last value of each channel)",
+        help="with -o: a row each MS milliseconds, for 'hil-bench judge' (default: a row a frame)",
     )
-    parser.add_argument(
-        "--hold",
-        type=positive,
-        metavar="MS",
-        help=f"with --tick: a value that is older is unknown (default: {_HOLD:g})",
-    )
+    add_hold_argument(parser, "with -o: ")
     add_dbc_argument(parser, "shown")
     parser.add_argument(
         "--write-dbc",
@@ -131,8 +126,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError("--tick is for the rows of a recording; give it with -o")
     if args.tick is not None and args.tick < _LEAST_TICK:
         raise ConfigError(f"--tick {args.tick:g}: give {_LEAST_TICK:g} ms or more")
-    if args.hold is not None and args.tick is None:
-        raise ConfigError("--hold is for rows at even ticks; give it with --tick")
+    if args.hold is not None and args.output is None:
+        raise ConfigError("--hold is for the values of a recording; give it with -o")
     if args.dbc is not None and args.write_dbc is not None:
         raise ConfigError("--write-dbc writes what is known without --dbc; give one of them")
 
@@ -177,7 +172,8 @@ def _write(
         written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
     if args.output is not None:
         dbc = DbcMessages(args.dbc, seen)
-        channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus), dbc)
+        known = (each.narrowed(groups) for each in ecus)
+        channels = BusChannels(owners.values(), known, dbc, hold_of(args))
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"
             raise ConfigError(
@@ -232,7 +228,7 @@ def _take_frames(
 ) -> None:
     """Append a row for each frame with values."""
     for now, sights in seen:
-        if sum(map(channels.take, sights)):
+        if sum(len(channels.take(sight, now)) for sight in sights):
             append(channels.row(now))
 
 
@@ -241,7 +237,7 @@ def _take_ticks(
 ) -> None:
     """Append rows at even ticks."""
     tick, last = round(args.tick * 1e6), 0
-    ticks = TickRows(channels, tick, round((args.hold or _HOLD) * 1e6))
+    ticks = TickRows(channels, tick)
     for now, sights in seen:
         last = max(last, now)
         for row in ticks.rows(now):

@@ -13,6 +13,7 @@ from hil_bench.abilities.eyes.sight import Service
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
+from hil_bench.cli.parser import positive
 from hil_bench.errors import ConfigError, printable
 from hil_bench.outside.recording.frames import LeftOut
 
@@ -52,6 +53,22 @@ def add_eds_argument(parser: argparse.ArgumentParser) -> None:
         metavar="N=FILE",
         help="EDS or DCF file of node N, as in 5=vendor.eds; repeat it for more nodes",
     )
+
+
+def add_hold_argument(parser: argparse.ArgumentParser, where: str = "") -> None:
+    """Add --hold, of values that are written; `where` says with which other option."""
+    parser.add_argument(
+        "--hold",
+        type=positive,
+        metavar="MS",
+        help=f"{where}a value that is older is unknown (default: three times the shortest time "
+        "between two values of its channel so far, and 100 at least)",
+    )
+
+
+def hold_of(args: argparse.Namespace) -> int | None:
+    """Return the time for which a value counts [ns], None for the default."""
+    return None if args.hold is None else round(args.hold * 1e6)
 
 
 def add_filter_arguments(parser: argparse.ArgumentParser) -> None:

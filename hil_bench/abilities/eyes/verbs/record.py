@@ -7,7 +7,9 @@ from hil_bench.abilities.eyes.channels import BusChannels
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
+    add_hold_argument,
     add_listening_arguments,
+    hold_of,
     known_ecus,
     known_nodes,
 )
@@ -64,6 +66,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_listening_arguments(parser, assumes=False)
     add_dbc_argument(parser, "recorded")
     add_duration_argument(parser, "record")
+    add_hold_argument(parser)
     add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -82,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     ecus = known_ecus(args, config)
     decoder = Decoder(known_nodes(args, config), ecus)
     owners = (owner for owners in decoder.pdos.values() for owner in owners)
-    channels = BusChannels(owners, ecus, DbcMessages(args.dbc))
+    channels = BusChannels(owners, ecus, DbcMessages(args.dbc), hold_of(args))
     if args.file.suffix.lower() == ".csv" and not channels.channels:
         right = "give bench.toml, --eds N=FILE or --dbc FILE.dbc, or record .mf4 or .log"
         raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")
@@ -100,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             for logged in heard(listener, args.duration):
                 recorder.append_frames([logged.frame], logged.now, is_received=True)
-                if sum(map(channels.take, decoder.take(logged))):
+                if sum(len(channels.take(each, logged.now)) for each in decoder.take(logged)):
                     recorder.append_row(channels.row(logged.now))
         finally:
             recorder.stop()

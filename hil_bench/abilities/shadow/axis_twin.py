@@ -198,6 +198,7 @@ class AxisTwin:
         valve: that valve; None where another device commands the spool.
         begin: of the window that runs, None while there is none [s].
         patience: how long a quantity may be silent and still count as known [s].
+        compared: the quantities that the machine's devices say.
         corrections: of the valve's state while the twin followed; take them out at will.
     """
 
@@ -213,7 +214,7 @@ class AxisTwin:
         self.patience = max(_SHORTEST_PATIENCE, 2.0 * horizon)
         self.corrections: deque[Correction] = deque(maxlen=1000)
         self._horizon = horizon
-        self._compared = [q.name for q in axis.quantities if q.residual is not None]
+        quantities = [q.name for q in axis.quantities if q.residual is not None]
         self._anchors = tuple(q.name for q in axis.quantities if q.is_anchor)
         self._outputs = {q.name: q.output for q in axis.quantities if q.output is not None}
         self._spool = next(name for name, at in self._outputs.items() if at == axis.follower)
@@ -223,11 +224,13 @@ class AxisTwin:
             for reading in readings
             if reading.quantity != STATUS_WORD
         }
+        said = set(self._quantities.values())
+        self.compared = tuple(quantity for quantity in quantities if quantity in said)
         self._trace = Trace(max(2, math.ceil(_REMEMBERED / tick)))
         self._joined_at: float | None = None
         self._heard: dict[str, float] = {}
         self._invalid: set[str] = set()
-        self._apart = dict.fromkeys(self._compared, 0.0)
+        self._apart = dict.fromkeys(quantities, 0.0)
         self._slope: deque[tuple[float, float]] = deque()
         self._residuals: dict[str, Residual] = {}
         self._counted: dict[str, float] = {}
@@ -358,8 +361,8 @@ class AxisTwin:
     def _begin(self, time: float) -> None:
         self._anchor(self._anchors)
         self.begin = time
-        self._residuals = {quantity: Residual() for quantity in self._compared}
-        self._counted = dict.fromkeys(self._compared, time)
+        self._residuals = {quantity: Residual() for quantity in self.compared}
+        self._counted = dict.fromkeys(self.compared, time)
         self._lateness = 0.0
 
     def _count(self, reading: Reading, value: float, sampled: SampleTime) -> None:

@@ -11,6 +11,7 @@ from hil_bench.abilities.shadow.verbs import shadow
 from hil_bench.cli import main
 from hil_bench.cli.views import WorkView
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.session.virtual_bench import VirtualBench
 
 
@@ -98,11 +99,45 @@ def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, capsys):
     )
 
 
+@pytest.mark.parametrize(
+    ("cut", "verdict", "code"),
+    [
+        (0.35, {"axis1": {"P_A": 0.2}}, 6),  # windows of 0.1 s from 0.18 s on: the third has none
+        (0.75, {}, 0),  # a silence shorter than the patience of 1 s
+    ],
+)
+def test_what_was_compared_for_a_part_of_the_time_does_not_follow(
+    log, tmp_path, capsys, cut, verdict, code
+):
+    silent = tmp_path / "silent.log"
+    lines = log.read_text().splitlines(keepends=True)
+    kept = [line for line in lines if " 182#" not in line or float(line[1:9]) < cut]
+    silent.write_text("".join(kept))
+    shown = ["shadow", "--log", str(silent), "--horizon", "0.1"]
+    assert main([*shown, "--json"]) == code
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == ("in part" if code else "follows")
+    seen = {
+        axis: {name: round(gap["compared"], 1) for name, gap in gaps.items() if name == "P_A"}
+        for axis, gaps in content["gaps"].items()
+    }
+    assert seen == verdict
+    assert main(shown) == code
+    out = capsys.readouterr().out
+    assert ("axis1 P_A: compared for 0.20 s, and not from 0.38 s to" in out) == bool(code)
+    assert ("misses at the end P_A (node 2, PDO 0x182): silent for 1.2 s" in out) == bool(code)
+
+
 class SilentBus:
-    """A bus on which waiting takes the time of a clock that a test made."""
+    """A bus on which waiting takes the time of a clock that a test made.
+
+    Attributes:
+        messages: those that come before it is silent.
+    """
 
     def __init__(self):
         self.now = 0.0
+        self.messages = []
 
     def __enter__(self):
         return self
@@ -111,7 +146,12 @@ class SilentBus:
         pass
 
     def recv(self, timeout):
+        if self.messages:
+            message = self.messages.pop(0)
+            self.now = message.timestamp
+            return message
         self.now += timeout
+        return None
 
 
 @pytest.fixture
@@ -130,6 +170,16 @@ def test_the_duration_ends_where_nothing_is_heard(silent_bus, capsys):
     waits, ended = capsys.readouterr().err.splitlines()
     assert waits.startswith("    0.00 s  axis1  waits for position (node 4, PDO 0x184): not heard;")
     assert ended.startswith("axis1: nothing was compared in 3.0 s, 0 frames heard; missing: posi")
+
+
+def test_a_bus_that_falls_silent_is_compared_in_part(log, silent_bus, capsys):
+    silent_bus.messages = [message_of(logged) for logged in read_frames(log)]
+    assert main(["shadow", "--duration", "3", "--horizon", "0.1"]) == 6
+    out = capsys.readouterr().out
+    assert re.search(r"compared for 1\.\d\d s, and not from 1\.\d\d s to 3\.\d\d s\n", out)
+    assert out.endswith(
+        "verdict: in part; the machine did what its twin did while it could be compared\n"
+    )
 
 
 @pytest.mark.usefixtures("silent_bus")

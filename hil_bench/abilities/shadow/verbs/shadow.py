@@ -41,7 +41,8 @@ examples:
   hil-bench shadow bench.toml --log run.blf          the frames of a recording, as fast as it goes
 
 exit code {ExitCode.DONE:d} where the machine follows its twin, {ExitCode.CHECK_FAILED:d} where it \
-differs, {ExitCode.INCONCLUSIVE:d} where nothing could be compared
+differs, {ExitCode.INCONCLUSIVE:d} where nothing could be compared, or something \
+only for a part of the time
 """
 
 

@@ -58,6 +58,7 @@ class ShadowReport:
         self._waiting_since = dict.fromkeys(shadow.axes, 0.0)
         self._said: dict[str, frozenset[str]] = {}
         self._is_seen = False
+        self._frames, self._heard_at, self._now = 0, 0.0, 0.0
 
     def take(self, now: float) -> None:
         """Take out what the shadow found since the last call, and say it.
@@ -66,6 +67,9 @@ class ShadowReport:
             now: time since the start [s].
         """
         shadow = self._shadow
+        if shadow.frames != self._frames:
+            self._frames, self._heard_at = shadow.frames, now
+        self._now = now
         if self._keeps:
             self._rows.extend(shadow.samples)
         if self.view.is_watched:
@@ -89,7 +93,29 @@ class ShadowReport:
             return "differs", ExitCode.CHECK_FAILED
         if self._unjudged:
             return "not compared", ExitCode.INCONCLUSIVE
+        if self._gaps():
+            return "in part", ExitCode.INCONCLUSIVE
         return "follows", ExitCode.DONE
+
+    def _gaps(self) -> dict[str, dict[str, tuple[float, float, float]]]:
+        """Return what was not compared for longer than a twin's patience since its first window.
+
+        Returns:
+            By axis and quantity: its first gap, from and to, and for how long it was compared [s].
+        """
+        end = self._shadow.now + self._now - self._heard_at
+        found: dict[str, dict[str, tuple[float, float, float]]] = {}
+        for axis, twin in self._shadow.axes.items():
+            windows = [window for window in self._windows if window.axis == axis]
+            for quantity in twin.compared if windows else ():
+                seen = [each for each in windows if each.residuals[quantity].count]
+                starts = [windows[0].begin, *(each.end for each in seen)]
+                gaps = zip(starts, [*(each.begin for each in seen), end], strict=True)
+                long = [gap for gap in gaps if gap[1] - gap[0] > twin.patience]
+                if long:
+                    time = sum(each.end - each.begin for each in seen)
+                    found.setdefault(axis, {})[quantity] = *long[0], time
+        return found
 
     @property
     def _unjudged(self) -> list[str]:
@@ -259,8 +285,20 @@ class ShadowReport:
                     f"  {axis} {quantity:15} {self._worst_text(quantity, window, residual)}: "
                     f"{judged}{_late_text(window)}"
                 )
+        for axis, gaps in self._gaps().items():
+            together: dict[tuple[float, float, float], list[str]] = {}
+            for quantity, gap in gaps.items():
+                together.setdefault(gap, []).append(quantity)
+            for (begin, end, time), quantities in together.items():
+                lines.append(
+                    f"  {axis} {', '.join(quantities)}: compared for {time:.2f} s, "
+                    f"and not from {begin:.2f} s to {end:.2f} s"
+                )
+            if missing := self._missing(axis):
+                lines.append(f"  {axis} misses at the end {_joined(missing)}")
         texts = {
             "follows": "the machine does what its twin does",
+            "in part": "the machine did what its twin did while it could be compared",
             "differs": "the machine does something else than its twin",
             "not compared": "not every axis could be compared",
         }
@@ -274,6 +312,13 @@ class ShadowReport:
             "windows": len(self._windows),
             "exceeded": exceeded,
             "missing": {axis: self._missing(axis) for axis in self._shadow.axes},
+            "gaps": {
+                axis: {
+                    quantity: {"begin": begin, "end": end, "compared": time}
+                    for quantity, (begin, end, time) in gaps.items()
+                }
+                for axis, gaps in self._gaps().items()
+            },
             "corrections": [correction._asdict() for correction in self._corrections],
             "worst": {
                 axis: {

@@ -109,8 +109,12 @@ class Parser(argparse.ArgumentParser):
             near = close_names(name, self._option_string_actions)
             if name.startswith("-") and near:
                 self.error(f"{name} is unknown; did you mean {near[0]}?")
-        if rest:
+        if rest and rest[0].startswith("-"):
             self.error(f"{' '.join(rest)}: unknown")
+        if rest:
+            taken = [str(each.metavar or each.dest) for each in self._get_positional_actions()]
+            right = f"{' '.join(taken)}, and options" if taken else "options alone"
+            self.error(f"{' '.join(rest)}: too many; {self.prog} takes {right}")
         return parsed, rest
 
     def _check_value(self, action: argparse.Action, value: object) -> None:

@@ -168,6 +168,17 @@ def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
         ),
         (["check", "--qqq"], "--qqq: unknown; see: hil-bench check --help"),
         (
+            ["shadow", "x.log", "bench.toml"],
+            (
+                "bench.toml: too many; hil-bench shadow takes bench.toml, and options; "
+                "see: hil-bench shadow --help"
+            ),
+        ),
+        (
+            ["doctor", "x", "y"],
+            "x y: too many; hil-bench doctor takes options alone; see: hil-bench doctor --help",
+        ),
+        (
             ["run", "-i", "sockecan"],
             (
                 "argument -i/--interface: 'sockecan' is unknown; did you mean socketcan?; "

@@ -98,7 +98,7 @@ class ShadowReport:
         return "follows", ExitCode.DONE
 
     def _gaps(self) -> dict[str, dict[str, tuple[float, float, float]]]:
-        """Return what was not compared for longer than a twin's patience since its first window.
+        """Return the gaps longer than a twin's patience since the first window of its axis.
 
         Returns:
             By axis and quantity: its first gap, from and to, and for how long it was compared [s].

@@ -5,6 +5,7 @@ set-points of a recording drive the plant of a configuration from the recording'
 what the plant then does is compared with what was recorded.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,6 +31,8 @@ _LONGEST_WAIT = 3600.0
 """Longest time from row to row [s]: the plant holds a command meanwhile, and computes each step."""
 _LOOK = 100_000_000
 """Longest sleep before a look for an interruption [ns]."""
+_LEAP = 10.0
+"""Times the usual from row to row from which on what was between two rows counts as not seen."""
 _AT_ONCE = 10_000
 """Most steps of the plant in one call: an interruption waits for its end."""
 
@@ -104,6 +107,15 @@ def play_frames(
     return PlaybackReport(count, (clock.now() - start) * 1e-9, latest * 1e-9)
 
 
+class Verdict(StrEnum):
+    """The verdict on a simulated signal."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    INCONCLUSIVE = "inconclusive"
+    NOT_JUDGED = "not judged"
+
+
 @dataclass(frozen=True, slots=True)
 class SignalDeviation:
     """The deviation of a simulated signal from the recorded one.
@@ -111,10 +123,12 @@ class SignalDeviation:
     Attributes:
         channel: its name.
         unit: its SI unit.
-        rms: root mean square.
-        maximum: largest absolute value.
+        rms: root mean square; NaN where it was never seen.
+        maximum: largest absolute value; likewise.
         time: when that was [s].
         tolerance: the largest that is right; None where it is not judged.
+        seen: for how long the recording has it [s].
+        duration: of the recording [s].
     """
 
     channel: str
@@ -123,11 +137,17 @@ class SignalDeviation:
     maximum: float
     time: float
     tolerance: float | None
+    seen: float
+    duration: float
 
     @property
-    def is_within(self) -> bool:
-        """Return True if it is right, or not judged."""
-        return self.tolerance is None or self.maximum <= self.tolerance
+    def verdict(self) -> Verdict:
+        """The verdict: what was not seen throughout has not passed."""
+        if self.tolerance is None:
+            return Verdict.NOT_JUDGED
+        if self.maximum > self.tolerance:
+            return Verdict.FAILED
+        return Verdict.PASSED if self.seen == self.duration else Verdict.INCONCLUSIVE
 
 
 def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
@@ -193,16 +213,24 @@ def compare_recordings(
     for name in tolerances.keys() - {usual_name.rpartition(".")[2] for usual_name in usual} - known:
         raise ConfigError(f"tolerance for {name}: not compared; {', '.join(sorted(known))} are")
     deviations = []
+    times = recorded[TIME.name]
+    waits = np.diff(times, prepend=times[0])
+    is_leap = waits > _LEAP * np.median(waits[waits > 0.0]) if waits.any() else waits > 0.0
+    duration = float(np.sum(waits))
     for channel in channels:
         error = np.abs(simulated[channel.name] - recorded[channel.name])
-        worst = int(np.argmax(error))
+        is_known = np.isfinite(error)
+        known = error[is_known]
+        worst = int(np.argmax(np.where(is_known, error, -1.0)))
         deviations.append(
             SignalDeviation(
                 channel.name,
                 channel.unit,
-                rms=float(np.sqrt(np.mean(error**2))),
+                rms=float(np.sqrt(np.mean(known**2))) if known.size else math.nan,
                 maximum=float(error[worst]),
-                time=float(recorded[TIME.name][worst]),
+                time=float(times[worst]),
+                seen=duration - float(np.sum(waits, where=is_leap | ~is_known)),
+                duration=duration,
                 tolerance=tolerances.get(
                     channel.name, tolerances.get(_quantity(channel), usual.get(channel.name))
                 ),
@@ -260,6 +288,7 @@ def _drive(
     for axis in axes:
         share = config.full_scale(axis) if axis.kind.command.is_share else 1.0
         commands.append((recording[_command_of(axis)] * share).tolist())
+        _check_command(recording, _command_of(axis))
     places = [[quantity.output or 0 for quantity in compared(axis)] for axis in axes]
     tables = [np.empty((len(recording), len(each))) for each in places]
     for number, count in enumerate(steps):
@@ -274,6 +303,20 @@ def _drive(
             if quantity.is_share:
                 table[:, column] /= config.full_scale(axis)
     return tables
+
+
+def _check_command(recording: Recording, name: str) -> None:
+    """Refuse a command that is not known throughout.
+
+    Raises:
+        ConfigError: it says in which row it is unknown first.
+    """
+    (unknown,) = np.nonzero(~np.isfinite(recording[name]))
+    if len(unknown):
+        row = int(unknown[0])
+        what = f"{name} is unknown in {len(unknown)} rows, first in row {row + 1}"
+        at = f"at {recording[TIME.name][row]:g} s"
+        raise ConfigError(f"{what}, {at}; give a recording that has it in each row")
 
 
 def _steps_between(times: npt.NDArray[np.float64], dt: float) -> list[int]:
@@ -302,12 +345,14 @@ def _state_at_start(axis: AxisConfig, recording: Recording, full: float) -> dict
         ConfigError: the recording does not have it.
     """
     names = recording.dtype.names or ()
+    first = recording[0]
     start = {
-        quantity.name: float(recording[name][0]) * (full if quantity.is_share else 1.0)
+        quantity.name: float(first[name]) * (full if quantity.is_share else 1.0)
         for quantity in compared(axis)
-        if (name := f"{axis.name}.{quantity.name}") in names
+        if (name := f"{axis.name}.{quantity.name}") in names and math.isfinite(first[name])
     }
     if axis.kind.start_with not in start:
         needed = f"{axis.name}.{axis.kind.start_with}"
-        raise ConfigError(f"the recording has no {needed}; it must have one to begin with")
+        where = " in its first row" if needed in names else ""
+        raise ConfigError(f"the recording has no {needed}{where}; it must have one to begin with")
     return start

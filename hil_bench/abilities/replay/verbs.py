@@ -14,6 +14,7 @@ import can
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     SignalDeviation,
+    Verdict,
     compare_recordings,
     compared,
     drive_plant,
@@ -84,7 +85,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--virtual",
         action="store_true",
         help="use no bus: drive the plant of the bench with the recorded set-points, in virtual "
-        "time, and compare; exit code 1 where a deviation is out of tolerance",
+        "time, and compare; exit code 1 where a deviation is out of tolerance, 6 where none is and "
+        "one was not seen throughout",
     )
     virtual.add_argument(
         "--tolerance",
@@ -184,11 +186,24 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         raise ConfigError(f"{args.recording}: {error}") from None
     deviations = compare_recordings(config, recorded, driven, tolerances)
     if args.json:
-        print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
+        print(json.dumps([_content(each) for each in deviations], indent=2))
     elif not args.quiet:
         print("\n".join((_HEAD, *map(_line, deviations))))
-    is_right = all(deviation.is_within for deviation in deviations)
-    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+    verdicts = {deviation.verdict for deviation in deviations}
+    if Verdict.FAILED in verdicts:
+        return ExitCode.CHECK_FAILED
+    is_decided = Verdict.PASSED in verdicts and Verdict.INCONCLUSIVE not in verdicts
+    return ExitCode.DONE if is_decided else ExitCode.INCONCLUSIVE
+
+
+def _content(deviation: SignalDeviation) -> dict[str, object]:
+    """Return a deviation for a program to read; NaN is no JSON."""
+    found = {
+        key: None if isinstance(value, float) and math.isnan(value) else value
+        for key, value in asdict(deviation).items()
+    }
+    is_within = deviation.verdict in {Verdict.PASSED, Verdict.NOT_JUDGED}
+    return {**found, "is_within": is_within, "verdict": deviation.verdict}
 
 
 def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:
@@ -236,10 +251,12 @@ def _line(deviation: SignalDeviation) -> str:
     numbers = [
         f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)
     ]
-    verdict = "not judged"
+    verdict: str = deviation.verdict
     if deviation.tolerance is not None:
-        verdict = "passed" if deviation.is_within else "FAILED"
-        verdict = f"{unit.from_si(deviation.tolerance):g} {unit.symbol}: {verdict}"
+        shown = verdict.upper() if verdict == Verdict.FAILED else verdict
+        verdict = f"{unit.from_si(deviation.tolerance):g} {unit.symbol}: {shown}"
+    if deviation.seen < deviation.duration:
+        verdict += f"; seen {deviation.seen:.6g} of {deviation.duration:.6g} s"
     time = f"{deviation.time:.3f} s"
     return f"{deviation.channel:24} {numbers[0]:>12} {numbers[1]:>12} {time:>10}   {verdict}"
 

@@ -32,6 +32,7 @@ def check(*items, **keys):
     ("wrong", "words"),
     [
         (item("plot", channels=[]), "item 1: channels: give a list of 1 to 16 names"),
+        (item("plot", channels=["a", ""]), "channels: give a list of 1 to 16"),
         (item("plot", channels=["a"] * 17), "channels: give a list of 1 to 16"),
         (item("plot", channels=["a"], seconds=math.nan), "seconds: give 0.1 to 120"),
         (item("plto"), "kind 'plto': give one of bus, button"),
@@ -52,6 +53,53 @@ def test_a_wrong_item_is_a_line(wrong, words):
         check(wrong)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+# docs/watching.md: the kinds of items with their keys; those of OPTIONAL may be left out.
+KINDS = {
+    "bus": {},
+    "button": {"text": "t", "fault": "f", "target": "t", "keys": {"a": 1.5, "b": "c"}},
+    "gauge": {"channel": "c", "low_si": -1, "high_si": 1.5},
+    "machine": {"axis": "a"},
+    "plot": {"channels": ["c"] * 16, "seconds": 0.1},
+    "slider": {"axis": "a", "quantity": "q", "low_si": 0.0, "high_si": 1e299},
+    "text": {"text": "x" * 400},
+    "value": {"channel": "c"},
+    "verdicts": {},
+}
+OPTIONAL = {"keys", "seconds"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_has_its_keys_and_needs_all_but_the_optional_ones(kind):
+    whole = item(kind, **KINDS[kind])
+    assert check(whole)["items"] == [whole]
+    for key in (*PLACE, *KINDS[kind]):
+        part = {each: value for each, value in whole.items() if each != key}
+        if key in OPTIONAL:
+            assert check(part)["items"] == [part]
+        else:
+            with pytest.raises(ConfigError, match=rf"item 1: {key}: give "):
+                check(part)
+
+
+def test_a_layout_at_each_limit_is_taken():
+    last = {"kind": "bus", "column": 12, "row": 200, "width": 1, "height": 40}
+    wide = {"kind": "bus", "column": 1, "row": 1, "width": 12, "height": 1}
+    items = [last, wide, item("plot", channels=["c"], seconds=120), *[item("bus")] * 61]
+    found = check(*items, title="x" * 400, bench="")
+    assert found == {"title": "x" * 400, "bench": "", "items": items}
+    assert check() == {"title": "", "bench": "", "items": []}
+    for key in PLACE:
+        for value in (0, last[key] + 1 if key != "width" else 13):
+            with pytest.raises(ConfigError, match=rf"{key}: give 1 to "):
+                check({**last, key: value})
+    for seconds in (0.09, 121):
+        with pytest.raises(ConfigError, match=r"give 0\.1 to 120$"):
+            check(item("plot", channels=["c"], seconds=seconds))
+    for number in (True, 1e300, "1"):
+        with pytest.raises(ConfigError, match="high_si: give a finite number"):
+            check(item("gauge", channel="c", low_si=0, high_si=number))
 
 
 def test_too_much_is_refused():
@@ -87,6 +135,12 @@ def test_what_is_written_is_read_back(tmp_path):
         write_layout(layout, path, replaces=False)
     write_layout({**layout, "title": ""}, path, replaces=True)
     assert read_layout(path)["title"] == ""
+    with pytest.raises(ConfigError, match=r"day\.layout\.toml: cannot be written: No such file"):
+        write_layout(layout, tmp_path / "x" / path.name, replaces=False)
+    for number in range(150):
+        (tmp_path / f"{number:03}.layout.toml").touch()
+    (tmp_path / "other.toml").touch()
+    assert list_layouts(tmp_path) == [f"{number:03}" for number in range(100)]
 
 
 @pytest.mark.parametrize(

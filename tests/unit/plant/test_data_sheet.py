@@ -8,6 +8,12 @@ import pytest
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.errors import ConfigError
+from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import (
+    CYLINDERS,
+    VALVES,
+    catalogue_lines,
+    describe_cylinder,
+)
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import natural_frequency, step_response
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
@@ -56,6 +62,28 @@ def test_bore_and_rod_give_areas_and_volumes():
     assert pytest.approx(20.994e-4, rel=1e-4) == p.A_B
     assert p.V_A0 == pytest.approx(0.55 * 31.172e-4 * 0.5, rel=1e-4)
     assert p.h == 0.25
+
+
+def test_the_catalogue_has_the_sizes_of_the_standards():
+    """Bores and rods of ISO 3320; drops of an edge as ISO 10770-1 rates valves: 5 and 35 bar."""
+    rods = {12, 14, 18, 22, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100, 110, 125}
+    rods |= {140, 160, 180, 200, 220}
+    small, large = CYLINDERS["ISO 6020-2, 160 bar"], CYLINDERS["ISO 6022, 250 bar"]
+    assert list(small) == [25, 32, 40, 50, 63, 80, 100, 125, 160, 200]
+    assert list(large) == [50, 63, 80, 100, 125, 160, 200, 250, 320]
+    for bores in (small, large):
+        for bore, each in bores.items():
+            assert rods.issuperset(each)
+            # ISO 7181: the areas are as 1.25 to 2.5 is to 1, roughly.
+            assert all(1.2 < bore**2 / (bore**2 - rod**2) < 2.6 for rod in each)
+    lines = {each[:14].strip(): each for each in catalogue_lines()}
+    for name, valve in VALVES.items():
+        is_servo = name.startswith("servo")
+        assert (valve.rated_drop, valve.overlap > 0.0) == ((35.0, False), (5.0, True))[not is_servo]
+        assert f"{valve.rated_flow:g} l/min @ {valve.rated_drop:g} bar, " in lines[name]
+    assert describe_cylinder(63, 36) == "ISO 6020-2, 160 bar"
+    assert describe_cylinder(63, 45) == "ISO 6020-2, 160 bar and ISO 6022, 250 bar"
+    assert describe_cylinder(63.5, 36) == describe_cylinder(63, 37) == ""
 
 
 def test_a_second_rod_dead_volumes_and_lines_count():

@@ -1,59 +1,28 @@
 """Parts of a chip by themselves: filters, FIFOs, arbitration, priorities, files.
 
-Expected values follow from the reference manuals: RM0090 (bxCAN), RM0440 (FDCAN), and the Armv7-M
-Architecture Reference Manual (priorities).
+Expected values follow from the reference manual RM0090 (bxCAN) and the Armv7-M Architecture
+Reference Manual (priorities).
 """
 
 import itertools
 import os
 import struct
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.chip_core import Core
 
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.nvic import PENDSV, SYSTICK, THREAD_PRIORITY, Exceptions
-from hil_bench.abilities.controllers.elf.peripherals import clocks as trees
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
-from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
-from hil_bench.abilities.controllers.elf.peripherals.fdcan import Fdcan
 from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
-from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
 from hil_bench.abilities.controllers.elf.wire import Wire
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 
 OWN = range(14)
-
-
-class Core:
-    """A core without instructions: time passes by `run`."""
-
-    def __init__(self) -> None:
-        self.time = 0
-        self.lines: dict[int, bool] = {}
-        self._timeline = Timeline()
-
-    def now(self) -> int:
-        return self.time
-
-    def alarm(self, time: int, action: Callable[[], None]) -> Alarm:
-        return self._timeline.add(time, action)
-
-    def pend(self, exception: int) -> None:
-        self.lines[exception] = True
-
-    def hold_line(self, interrupt: int, *, is_active: bool) -> None:
-        self.lines[interrupt] = is_active
-
-    def run(self, until: int) -> None:
-        while (time := self._timeline.next_time(until + 1)) <= until:
-            self.time = max(time, self.time)
-            self._timeline.fire(self.time)
-        self.time = until
 
 
 def test_a_wide_mask_and_a_list_of_narrow_ones() -> None:
@@ -71,6 +40,76 @@ def test_a_wide_mask_and_a_list_of_narrow_ones() -> None:
     assert filters.match(Frame(0x703), OWN) == (1, 2)
     assert filters.match(Frame(0x705), OWN) is None
     assert filters.match(Frame(0x701, is_remote=True), OWN) is None
+
+
+LONG = Frame(0x12365678, is_extended=True)  # its first 11 bits are 0x48D, the next three 4
+
+
+@pytest.mark.parametrize(
+    ("is_wide", "is_list", "first", "second", "wanted", "unwanted"),
+    [
+        # RM0090, filter bank scale: STID from bit 21, EXID from bit 3, IDE 4, RTR 2; in half a
+        # word STID from bit 5, RTR 16, IDE 8, and the next three bits of an extended identifier.
+        (
+            True,
+            True,
+            0x123 << 21,
+            0x12365678 << 3 | 4,
+            {Frame(0x123): 0, LONG: 1},
+            (Frame(0x123, is_remote=True), Frame(0x124), LONG._replace(is_remote=True)),
+        ),
+        (
+            True,
+            False,
+            0x12365678 << 3 | 4,
+            0x1FFFFF00 << 3 | 4,
+            {LONG: 0, LONG._replace(can_id=0x123656FF, is_remote=True): 0},
+            (LONG._replace(can_id=0x12365778), Frame(0x48D)),
+        ),
+        (
+            False,
+            True,
+            0x123 << 5 | (0x123 << 5 | 16) << 16,
+            0x48D << 5 | 8 | 4 | (0x48D << 5) << 16,
+            {Frame(0x123): 0, Frame(0x123, is_remote=True): 1, LONG: 2, Frame(0x48D): 3},
+            (LONG._replace(can_id=0x1236D678), LONG._replace(is_remote=True), Frame(0x124)),
+        ),
+        (
+            False,
+            False,
+            0x120 << 5 | (0x7F0 << 5 | 16) << 16,
+            0x48D << 5 | 8 | (0x7FF << 5 | 8) << 16,
+            {Frame(0x12F): 0, LONG: 1, LONG._replace(can_id=0x1236D678, is_remote=True): 1},
+            (Frame(0x130), Frame(0x12F, is_remote=True), Frame(0x48D)),
+        ),
+    ],
+)
+def test_a_bank_of_each_width_and_kind(
+    *,
+    is_wide: bool,
+    is_list: bool,
+    first: int,
+    second: int,
+    wanted: dict[Frame, int],
+    unwanted: tuple[Frame, ...],
+) -> None:
+    filters = Filters()
+    for offset, value in (
+        (0x204, is_list << 9),
+        (0x20C, is_wide << 9),
+        (0x21C, 1 << 9),
+        (0x240 + 8 * 9, first),
+        (0x244 + 8 * 9, second),
+    ):
+        filters.store(offset, value)
+        assert filters.load(offset) == value
+    assert not any(filters.match(frame, range(14)) for frame in wanted)  # FINIT, as behind reset
+    filters.store(0x200, 0xE00)
+    # The nine banks before it are narrow masks, of two filters each.
+    assert {frame: filters.match(frame, OWN) for frame in wanted} == {
+        frame: (0, 18 + place) for frame, place in wanted.items()
+    }
+    assert not any(filters.match(frame, OWN) for frame in unwanted)
 
 
 def test_of_two_filters_the_wider_and_then_the_list_wins() -> None:
@@ -96,6 +135,51 @@ def bxcan(bit_ns: int) -> tuple[Core, Wire, BxCan]:
     return core, wire, can
 
 
+def test_bxcan_behind_power_on_and_in_initialisation() -> None:
+    """The reset values of RM0090; MSR answers INRQ and SLEEP, BTR needs INAK."""
+    core = Core()
+    can = BxCan(core, Wire(core, 0, 1000), (19, 20, 21, 22), Filters())
+    reset = {0x00: 0x10002, 0x04: 0xC02, 0x08: 0x1C000000, 0x14: 0, 0x18: 0, 0x1C: 0x01230000}
+    reset |= {0x0C: 0, 0x10: 0, 0x200: 0x2A1C0E01}
+    assert {offset: can.load(offset) for offset in reset} == reset
+    for control, state in ((1, 0xC01), (0, 0xC00), (2, 0xC02)):
+        can.store(0x00, control)
+        can.store(0x1C, 0x230000 | control)
+        assert (can.load(0x00), can.load(0x04), can.load(0x1C)) == (control, state, 0x230001)
+        can.store(0x14, control)
+        assert can.load(0x14) == control
+    can.store(0x00, 0x8000)  # RESET
+    assert {offset: can.load(offset) for offset in reset} == reset
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Frame(0x7FF, b"\x81\x02\x03\x04\x05\x06\x07\x88"),
+        LONG._replace(data=b"\x01"),
+        Frame(5, is_remote=True),
+    ],
+)
+def test_a_frame_looped_back_comes_as_it_was_sent(frame: Frame) -> None:
+    """LBKM: no bus, but the registers of mailbox 2 and of FIFO 0, as RM0090 has them."""
+    core, wire, can = bxcan(1000)
+    for offset, value in ((0x00, 1), (0x1C, 1 << 30), (0x00, 0)):
+        can.store(offset, value)
+    identifier = frame.can_id << 3 | 4 if frame.is_extended else frame.can_id << 21
+    identifier |= 2 * frame.is_remote
+    words = [int.from_bytes(frame.data[at : at + 4], "little") for at in (0, 4)]
+    for offset, value in ((0x1A4, len(frame.data)), (0x1A8, words[0]), (0x1AC, words[1])):
+        can.store(offset, value)
+    can.store(0x1A0, identifier | 1)
+    core.run(46_000)
+    assert can.load(0x1A0) == identifier | 1  # TXRQ, until it is sent
+    core.run(1_000_000)
+    assert can.load(0x1A0) == identifier
+    received = [can.load(at) for at in range(0x1B0, 0x1C0, 4)]
+    assert received == [identifier, len(frame.data), *words]
+    assert wire.sent == []
+
+
 @pytest.mark.parametrize(("control", "kept"), [(0, [1, 2, 4]), (8, [1, 2, 3])])
 def test_a_full_fifo_loses_a_frame_on_copper(control: int, kept: list[int]) -> None:
     core, wire, can = bxcan(1000)
@@ -110,6 +194,24 @@ def test_a_full_fifo_loses_a_frame_on_copper(control: int, kept: list[int]) -> N
     assert got == kept
 
 
+@pytest.mark.parametrize(("enable", "frames"), [(2, 1), (4, 3), (8, 4)])
+@pytest.mark.parametrize("fifo", [0, 1])
+def test_a_fifo_interrupts_for_a_frame_a_full_fifo_and_an_overrun(
+    enable: int, frames: int, fifo: int
+) -> None:
+    """FMPIE, FFIE and FOVIE of each FIFO by itself (RM0090, CAN_IER)."""
+    core, wire, can = bxcan(1000)
+    can.store(0x214, fifo)
+    can.store(0x14, enable << 3 * fifo)
+    for number in range(1, 5):
+        wire.bring([Frame(number)])
+        core.run(number * 1_000_000)
+        assert core.lines[20 + fifo] is (number >= frames)
+    can.store(0x0C + 4 * fifo, 16 | 32)  # FOVR and RFOM: two are left
+    assert core.lines[20 + fifo] is (enable == 2)
+    assert not core.lines[21 - fifo]
+
+
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_waiting_frame_can_be_taken_back(number: int) -> None:
     """ABRQ of its mailbox: RQCP without TXOK, and the mailbox is empty (RM0090, CAN_TSR)."""
@@ -118,6 +220,8 @@ def test_a_waiting_frame_can_be_taken_back(number: int) -> None:
         at = 0x180 + 16 * mailbox
         can.store(at + 4, 0)
         can.store(at, 0x100 + mailbox << 21 | 1)
+    can.store(0x08, 1 << 8 * number)  # RQCP alone takes nothing back
+    assert can.load(0x08) == 0
     can.store(0x08, 0x80 << 8 * number)
     assert can.load(0x08) >> 8 * number & 3 == 1
     assert can.load(0x08) >> 26 == 1 << number
@@ -223,59 +327,6 @@ def test_the_lesser_identifier_wins_the_bus() -> None:
     assert [time for time, _ in wire.sent] == [141_000]
 
 
-def fdcan() -> tuple[Core, Wire, Fdcan, list[int]]:
-    core = Core()
-    wire = Wire(core, 0, 1000)
-    ram = [0] * (0x350 // 4)
-    can = Fdcan(core, wire, (21, 22), ram)
-    return core, wire, can, ram
-
-
-def test_fdcan_sorts_into_its_fifos_by_its_list() -> None:
-    core, wire, can, ram = fdcan()
-    ram[0] = 1 << 27 | 0x180 << 16 | 0x1FF  # a range into FIFO 0
-    ram[1] = 2 << 30 | 2 << 27 | 0x700 << 16 | 0x780  # a mask into FIFO 1
-    ram[2] = 1 << 30 | 3 << 27 | 0x001 << 16 | 0x002  # two that are not wanted
-    can.store(0x80, 3 << 16 | 2 << 4)  # three filters; what fits none is not wanted
-    can.store(0x54, 1 | 8)
-    can.store(0x58, 2)  # FIFO 1 tells on the second line
-    can.store(0x5C, 3)
-    can.store(0x18, 0)
-    wire.bring([Frame(0x181, b"\x01\x02\x03\x04\x05"), Frame(0x705), Frame(0x001), Frame(0x300)])
-    core.run(1_000_000)
-    assert can.load(0x90) == 1 | 1 << 16
-    assert can.load(0x98) == 1 | 1 << 16
-    assert ram[0xB0 // 4] == 0x181 << 18
-    assert ram[0xB0 // 4 + 1] >> 16 == 5
-    assert ram[0xB0 // 4 + 2 : 0xB0 // 4 + 4] == [0x04030201, 0x05]
-    assert ram[0x188 // 4 + 1] >> 24 == 1  # the filter
-    assert core.lines == {21: True, 22: True}
-    can.store(0x94, 0)
-    can.store(0x50, 0xFFFFFF)
-    assert can.load(0x90) == 0 | 1 << 8 | 1 << 16
-    assert core.lines == {21: False, 22: False}
-
-
-def test_fdcan_sends_in_order_and_says_so() -> None:
-    core, wire, can, ram = fdcan()
-    can.store(0x54, 1 << 9)
-    can.store(0x5C, 1)
-    can.store(0x18, 0)
-    for number, can_id in enumerate((0x300, 0x100)):
-        at = 0x278 // 4 + 18 * number
-        assert can.load(0xC4) >> 16 & 3 == number
-        ram[at : at + 4] = [can_id << 18, 2 << 16, 0xBEEF, 0]
-        can.store(0xCC, 1 << number)
-    assert can.load(0xC4) & 7 == 1
-    core.run(1_000_000)
-    assert [frame for _, frame in wire.sent] == [
-        Frame(0x300, b"\xef\xbe"),
-        Frame(0x100, b"\xef\xbe"),
-    ]
-    assert can.load(0xD4) == 3
-    assert core.lines[21]
-
-
 def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:
     exceptions = Exceptions(4, 8)
     exceptions.set_priority(16, 0x5F)
@@ -308,49 +359,6 @@ def test_an_active_line_comes_again_when_its_exception_is_over() -> None:
     assert exceptions.find_due(THREAD_PRIORITY) == 0
 
 
-@pytest.mark.parametrize(
-    ("family", "writes", "core", "timers"),
-    [
-        ("F4", {}, 16_000_000, (16_000_000, 16_000_000)),
-        # 8 MHz / 8 * 336 / 2, APB1 by 4 and APB2 by 2: their timers at twice that.
-        (
-            "F4",
-            {0x04: 8 | 336 << 6 | 1 << 22, 0x08: 2 | 5 << 10 | 4 << 13},
-            168_000_000,
-            (84_000_000, 168_000_000),
-        ),
-        # 8 MHz * 9, APB1 by 2.
-        ("F1", {0x04: 2 | 4 << 8 | 1 << 16 | 7 << 18}, 72_000_000, (72_000_000, 72_000_000)),
-        # 8 MHz * 6.
-        ("F0", {0x04: 2 | 2 << 15 | 4 << 18}, 48_000_000, (48_000_000, 48_000_000)),
-        # 16 MHz / 4 * 85 / 2.
-        ("G4", {0x0C: 2 | 3 << 4 | 85 << 8, 0x08: 3}, 170_000_000, (170_000_000, 170_000_000)),
-        # 16 MHz / 1 * 8 / 2.
-        ("G0", {0x0C: 2 | 8 << 8 | 1 << 29, 0x08: 2}, 64_000_000, (64_000_000, 64_000_000)),
-        # MSI at 4 MHz, as behind reset; and 4 MHz / 1 * 40 / 2.
-        ("L4", {}, 4_000_000, (4_000_000, 4_000_000)),
-        ("L4", {0x0C: 1 | 40 << 8, 0x08: 3}, 80_000_000, (80_000_000, 80_000_000)),
-    ],
-)
-def test_the_clock_tree(
-    family: str, writes: dict[int, int], core: int, timers: tuple[int, int]
-) -> None:
-    clocks = Clocks(getattr(trees, family), 8_000_000)
-    for offset, value in writes.items():
-        clocks.store(offset, value)
-    assert (clocks.core(), (clocks.timer(1), clocks.timer(2))) == (core, timers)
-
-
-def test_ready_bits_follow_their_enables() -> None:
-    clocks = Clocks(trees.F4, 8_000_000)
-    clocks.store(0x00, clocks.load(0x00) | 1 << 16 | 1 << 24)
-    assert clocks.load(0x00) >> 16 & 0x303 == 0x303
-    clocks.store(0x00, clocks.load(0x00) & ~(1 << 24))
-    assert not clocks.load(0x00) >> 25 & 1
-    clocks.store(0x08, 1)
-    assert clocks.load(0x08) == 1 | 1 << 2
-
-
 def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
     assert find_chip("stm32f407vgt6") is CHIPS["STM32F407"]
     assert find_chip("LPC1768") is None
@@ -363,6 +371,8 @@ def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
         places.sort()
         for (first, size), (second, _) in itertools.pairwise(places):
             assert first + size <= second, f"0x{first:08X} and 0x{second:08X}"
+        # Each has a range of 1 KiB of its own (the memory maps of the reference manuals).
+        assert not any(place % 0x400 for place in (*dict(places), *family.names))
 
 
 def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4, count: int = 1) -> bytes:

@@ -59,7 +59,7 @@ class DbcMessages:
         words = ", ".join(
             f"{name} {value} {units.get(name, '')}".rstrip() for name, value in values.items()
         )
-        return sight._replace(name=message.name, node=sender, words=words)
+        return sight._replace(name=message.name, node=sender, said=words)
 
     def signals(self) -> Iterator[tuple[str, str, str]]:
         """Yield message, signal and unit of each signal."""

@@ -27,7 +27,7 @@ def extended_sight(logged: LoggedFrame) -> Sight:
     words = f"not CANopen, 29-bit identifier 0x{frame.can_id:08X}"
     if not frame.is_remote:
         words = f"{words}; J1939: {describe(frame.can_id, frame.data)}"
-    return Sight(logged.now, logged.frame, Service.OTHER, "29-bit", words=words)
+    return Sight(logged.now, logged.frame, Service.OTHER, "29-bit", said=words)
 
 
 def fd_sight(logged: LoggedFrame) -> Sight:
@@ -35,7 +35,7 @@ def fd_sight(logged: LoggedFrame) -> Sight:
     frame = logged.frame
     flags = [name for flag, name in ((BRS, "BRS"), (ESI, "ESI")) if frame.fd & flag]
     words = " ".join((*flags, f"{len(frame.data)} bytes", _digits(frame)))
-    return Sight(logged.now, frame, Service.OTHER, "CAN FD", words=words)
+    return Sight(logged.now, frame, Service.OTHER, "CAN FD", said=words)
 
 
 def error_sight(logged: LoggedFrame) -> Sight:
@@ -48,7 +48,7 @@ def plain_sight(service: Service, logged: LoggedFrame) -> Sight:
     frame = logged.frame
     name = function_of(frame.can_id).name
     words = _remote_or(frame, meaning_of(frame.can_id, frame.data) or _digits(frame))
-    return Sight(logged.now, frame, service, name, words=words)
+    return Sight(logged.now, frame, service, name, said=words)
 
 
 def nmt_sight(node: KnownNode | None, logged: LoggedFrame) -> Sight:

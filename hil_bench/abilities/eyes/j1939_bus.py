@@ -1,6 +1,7 @@
 """Reads the frames of buses on which J1939 is spoken: who sends what, long messages as one."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from hil_bench.abilities.eyes.j1939 import content_of, group_name
@@ -130,10 +131,10 @@ class J1939Reader:
     def _of_frame(self, logged: LoggedFrame, group: int, way: tuple[int, int]) -> Sight:
         frame, (source, destination) = logged.frame, way
         receiver = self._receiver(frame.bus, destination)
-        shown = self._shown(frame.bus, source, group, frame.data)
+        signals = self._signals(frame.bus, source, group)
+        shown = tuple((each.name, each.shown(frame.data)) for each in signals)
         message = J1939Message(group, source, destination, frame.data, logged.now, receiver, shown)
-        words = _joined(_head(message), self._content(frame.bus, message))
-        return self._sight(logged.now, frame, message, words)
+        return self._sight(logged.now, frame, message, _Words(message, signals))
 
     def _of_long(self, found: LongMessage, now: int) -> Sight:
         bus, source, destination = found.key
@@ -146,12 +147,18 @@ class J1939Reader:
         lasted = (found.last - found.begin) * _MS
         words = ", ".join(filter(None, (_head(message), f"{found.size} bytes by {by}")))
         if data is not None:
-            words = _joined(f"{words} in {lasted:.4g} ms", self._content(bus, message))
+            signals = self._signals(bus, source, found.group)
+            words = _joined(f"{words} in {lasted:.4g} ms", _content(message, signals))
         frame = self._last.pop(found.key)
         return self._sight(now, frame, message, words, found.problem or found.pace)
 
     def _sight(
-        self, now: int, frame: Frame, message: J1939Message, words: str, problem: str = ""
+        self,
+        now: int,
+        frame: Frame,
+        message: J1939Message,
+        said: str | Callable[[], str],
+        problem: str = "",
     ) -> Sight:
         if message.group == ADDRESS_CLAIMED:
             message = message._replace(is_answer=self._is_asked(frame.bus, message.source, now))
@@ -165,7 +172,7 @@ class J1939Reader:
             Service.J1939,
             f"PGN {message.group}",
             self._sender(frame.bus, message),
-            words=words,
+            said=said,
             problem=problem,
             message=message,
         )
@@ -186,30 +193,43 @@ class J1939Reader:
     def _receiver(self, bus: int, destination: int) -> str:
         return "" if destination == GLOBAL else self.label(bus, destination)
 
-    def _content(self, bus: int, message: J1939Message) -> str:
-        data = message.data or b""
-        text = ", ".join(self._values(bus, message)) or content_of(message.group, data)
-        return text or _digits(data)
-
     def _signals(self, bus: int, source: int, group: int) -> tuple[KnownSignal, ...]:
         """Return the signals of a message: those of the bench, or else those of the standard."""
         ecu = self._at.get((bus, source))
         found = ecu.signals.get(group, ()) if ecu is not None else ()
         return found or SPNS.get(group, ())
 
-    def _shown(self, bus: int, source: int, group: int, data: bytes) -> tuple[tuple[str, str], ...]:
-        signals = self._signals(bus, source, group)
-        return tuple((each.name, each.shown(data)) for each in signals) if signals else ()
 
-    def _values(self, bus: int, message: J1939Message) -> Iterator[str]:
-        """Yield the values of a message; of the standard's signals those that the sender has."""
-        data, group = message.data or b"", message.group
-        signals = self._signals(bus, message.source, group)
-        shown = message.shown or self._shown(bus, message.source, group, data)
-        is_standard = signals is SPNS.get(group)
-        for signal, (_, indicator) in zip(signals, shown, strict=True):
-            if not (is_standard and indicator == NOT_AVAILABLE):
-                yield signal.words(data, indicator)
+@dataclass(frozen=True, slots=True)
+class _Words:
+    """Puts the words for a message of one frame together, once somebody reads them.
+
+    Attributes:
+        message: the message.
+        signals: those known of it.
+    """
+
+    message: J1939Message
+    signals: Sequence[KnownSignal]
+
+    def __call__(self) -> str:
+        """Return the words."""
+        return _joined(_head(self.message), _content(self.message, self.signals))
+
+
+def _content(message: J1939Message, signals: Sequence[KnownSignal]) -> str:
+    data = message.data or b""
+    text = ", ".join(_values(message.group, data, signals)) or content_of(message.group, data)
+    return text or _digits(data)
+
+
+def _values(group: int, data: bytes, signals: Sequence[KnownSignal]) -> Iterator[str]:
+    """Yield the values of a message; of the standard's signals those that the sender has."""
+    is_standard = signals is SPNS.get(group)
+    for signal in signals:
+        indicator = signal.shown(data)
+        if not (is_standard and indicator == NOT_AVAILABLE):
+            yield signal.words(data, indicator)
 
 
 def _joined(head: str, content: str) -> str:

@@ -1,5 +1,6 @@
 """The description of one frame, or of the last frame of a transfer, in words."""
 
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -63,7 +64,7 @@ class Sight(NamedTuple):
         name: of the service, as in ``TPDO1``.
         node: whom it comes from or goes to; empty for all.
         node_id: of that node; None for all.
-        words: what it says, where that is no values.
+        said: the same as `words`, or what puts them together.
         readings: the values that it carries.
         problem: what is wrong with it; empty for nothing.
         transfer: the SDO transfer that it ends.
@@ -76,11 +77,16 @@ class Sight(NamedTuple):
     name: str
     node: str = ""
     node_id: int | None = None
-    words: str = ""
+    said: str | Callable[[], str] = ""
     readings: tuple[Reading, ...] = ()
     problem: str = ""
     transfer: Transfer | None = None
     message: J1939Message | None = None
+
+    @property
+    def words(self) -> str:
+        """The words for it, beside the values that it carries."""
+        return self.said if isinstance(self.said, str) else self.said()
 
     @property
     def emcy_code(self) -> int | None:
@@ -93,9 +99,7 @@ class Sight(NamedTuple):
     @property
     def text(self) -> str:
         """The description, in one line."""
-        parts = [self.words] if self.words else []
-        parts += map(str, self.readings)
-        text = ", ".join(parts)
+        text = ", ".join(filter(None, (self.words, *map(str, self.readings))))
         if self.problem:
             text = f"{text}  ! {self.problem}" if text else f"! {self.problem}"
         return text

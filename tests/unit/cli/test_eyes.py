@@ -295,6 +295,15 @@ def test_record_begins_at_its_trigger(capsys):
     assert "2 rows, 7 frames: r.mf4" in lines(capsys)[1]  # from the RPDO on, the fourth of ten
 
 
+@pytest.mark.parametrize(("file", "code"), [("r.csv", 6), ("r.mf4", 0)])
+@pytest.mark.usefixtures("folder")
+def test_record_says_that_no_node_has_sent_a_value(capsys, monkeypatch, file, code):
+    messages = [message_of(logged) for logged in FRAMES[:2]]  # heartbeats
+    monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus(messages), "can0"))
+    assert main(["record", file, "bench.toml", "-i", "socketcan", "-c", "can0"]) == code
+    assert lines(capsys)[-1].startswith("no value came with 2 frames; nodes send PDOs once an NMT ")
+
+
 @pytest.mark.usefixtures("folder", "bus")
 def test_record_refuses_values_that_nobody_knows(capsys):
     assert main(["record", "r.csv", "-i", "socketcan", "-c", "can0"]) == 2

@@ -35,6 +35,8 @@ from hil_bench.outside.transports.listener import loss_words
 
 _UNMAPPED = "values of objects that were mapped only later, without a channel"
 
+_UNSTARTED = "nodes send PDOs once an NMT master has started them, as 'hil-bench boot' does"
+
 _EXAMPLES = """\
 examples:
   hil-bench record -i socketcan -c can0 bus.log                      frames, until Ctrl-C
@@ -86,7 +88,8 @@ def run(args: argparse.Namespace) -> int:
     decoder = Decoder(known_nodes(args, config), ecus)
     owners = (owner for owners in decoder.pdos.values() for owner in owners)
     channels = BusChannels(owners, ecus, DbcMessages(args.dbc), hold_of(args))
-    if args.file.suffix.lower() == ".csv" and not channels.channels:
+    is_values_alone = args.file.suffix.lower() == ".csv"
+    if is_values_alone and not channels.channels:
         right = "give bench.toml, --eds N=FILE or --dbc FILE.dbc, or record .mf4 or .log"
         raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")
     plan = RecordingPlan(
@@ -98,12 +101,14 @@ def run(args: argparse.Namespace) -> int:
             names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
             what = listener.description
             print(f"{what}: recording {names} to {args.file}; Ctrl-C ends it", flush=True)
-        recorder = RecorderProcess(plan)
+        recorder, values = RecorderProcess(plan), 0
         recorder.start()
         try:
             for logged in heard(listener, args.duration):
                 recorder.append_frames([logged.frame], logged.now, is_received=True)
-                if sum(len(channels.take(each, logged.now)) for each in decoder.take(logged)):
+                found = sum(len(channels.take(each, logged.now)) for each in decoder.take(logged))
+                values += found
+                if found:
                     recorder.append_row(channels.row(logged.now))
         finally:
             recorder.stop()
@@ -115,8 +120,10 @@ def run(args: argparse.Namespace) -> int:
     ending.take(recording_code(report))
     if dropped:
         ending.take(ExitCode.LOST)
-    if not listener.frames:
+    if not listener.frames or (is_values_alone and not values):
         ending.take(ExitCode.INCONCLUSIVE)
+    if listener.frames and channels.channels and not values:
+        lines.append(f"no value came with {listener.frames} frames; {_UNSTARTED}")
     with ending.going_on():
         print_results(args, lines, {"report": report, **losses})
     return ending.code

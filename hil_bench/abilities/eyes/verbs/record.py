@@ -1,6 +1,7 @@
 """`hil-bench record`: the frames and decoded values of any bus in a file, without a bench."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 
 from hil_bench.abilities.eyes.channels import BusChannels
@@ -31,6 +32,7 @@ from hil_bench.cli.arguments import load_bench_config, seen_from_bus
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.transports.listener import loss_words
 
 _UNMAPPED = "values of objects that were mapped only later, without a channel"
@@ -99,17 +101,14 @@ def run(args: argparse.Namespace) -> int:
     with open_listener(config.bus) as listener:
         if not is_silent(args):
             names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
-            what = listener.description
-            print(f"{what}: recording {names} to {args.file}; Ctrl-C ends it", flush=True)
-        recorder, values = RecorderProcess(plan), 0
+            print(
+                f"{listener.description}: recording {names} to {args.file}; Ctrl-C ends it",
+                flush=True,
+            )
+        recorder = RecorderProcess(plan)
         recorder.start()
         try:
-            for logged in heard(listener, args.duration):
-                recorder.append_frames([logged.frame], logged.now, is_received=True)
-                found = sum(len(channels.take(each, logged.now)) for each in decoder.take(logged))
-                values += found
-                if found:
-                    recorder.append_row(channels.row(logged.now))
+            values = _take(recorder, heard(listener, args.duration), decoder, channels)
         finally:
             recorder.stop()
         losses, dropped = listener.losses, listener.dropped
@@ -127,6 +126,23 @@ def run(args: argparse.Namespace) -> int:
     with ending.going_on():
         print_results(args, lines, {"report": report, **losses})
     return ending.code
+
+
+def _take(
+    recorder: RecorderProcess,
+    frames: Iterable[LoggedFrame],
+    decoder: Decoder,
+    channels: BusChannels,
+) -> int:
+    """Record frames, and a row for each that has values; return the number of values."""
+    values = 0
+    for logged in frames:
+        recorder.append_frames([logged.frame], logged.now, is_received=True)
+        found = sum(len(channels.take(each, logged.now)) for each in decoder.take(logged))
+        if found:
+            recorder.append_row(channels.row(logged.now))
+        values += found
+    return values
 
 
 def _settle_file(args: argparse.Namespace) -> None:

@@ -40,6 +40,11 @@ PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0
             "campaign.toml: parameters.limit_bar: 0 to 2 leaves the range 1 to 301 of ",
         ),
         (
+            f"{ONE}[parameters]\nlimit_bar = {{ range = [1, 302] }}",
+            REST,
+            "campaign.toml: parameters.limit_bar: 1 to 302 leaves the range 1 to 301 of ",
+        ),
+        (
             'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit_bar = 3',
             REST,
             "campaign.toml:3:13: parameters.limit_bar: 3 is not a distribution",

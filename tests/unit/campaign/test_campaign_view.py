@@ -1,7 +1,8 @@
 """A campaign for those who watch: remaining time, histograms, failures, and the best so far."""
 
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
+from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView, count_runs
+from hil_bench.cli.status_line import Work
 from hil_bench.cli.views import WorkView
 
 
@@ -67,6 +68,14 @@ def test_every_margin_is_in_the_histogram():
     (histogram,) = watched([0.5, -0.2, -7.0, 0.1], 4).histograms
     assert histogram.name == "s R1"
     assert (sum(histogram.counts), histogram.below, histogram.above) == (3, 1, 0)
+
+
+def test_runs_are_counted_with_those_that_fail():
+    work = Work("campaign", 4, "runs")
+    note = count_runs(work)
+    for result in (None, run(1, 0.5), run(2, -0.5), run(3, -0.1)):
+        note(result)
+    assert (work.done, work.remark) == (4, "2 failed")
 
 
 def test_a_search_shows_its_best_so_far():

@@ -3,12 +3,13 @@
 import base64
 import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
-from support.campaigns import REST, write_rest
+from support.campaigns import REST, margin_of, write_rest
 
 from hil_bench import cli
 from hil_bench.abilities.campaign.plan import Plan
@@ -63,9 +64,10 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
 
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_a_report_that_cannot_be_is_refused_before_the_runs(verb, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "hil_bench.abilities.campaign.snapshot.perform", lambda _spec: pytest.fail("was run")
-    )
+    for module in ("verbs.campaign", "snapshot"):
+        monkeypatch.setattr(
+            f"hil_bench.abilities.campaign.{module}.perform", lambda _spec: pytest.fail("was run")
+        )
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)
     assert cli.main([verb, str(path), "--jobs=0", "--report=nowhere/report.html"]) == 2
@@ -129,6 +131,35 @@ def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):
     cut_off = result._replace(outcome=RunOutcome.TIMED_OUT)
     assert replay(spec, cut_off) == (b"", "it did not come to its end, so it is not drawn")
     assert replay(spec, result).picture.startswith(b"<?xml")
+
+
+def test_a_run_is_repeated_by_its_key_and_drawn_where_that_is_asked(tmp_path, capsys):
+    path = write_rest(tmp_path, CLOSE)
+    specs = Plan(replace(read_campaign(path), runs=4))
+    key = next(spec.key for spec in specs if margin_of(spec.values["limit_bar"]) > 0.0)
+    words = ["campaign", str(path), "--runs=4", f"--run={key[:8]}"]
+    assert cli.main(words) == 0
+    plain = capsys.readouterr().out.splitlines()
+    assert plain[0].startswith("rest: limit_bar=")
+    assert plain[0].endswith(": passed")
+    assert [line.split()[:2] for line in plain[1:]] == [["R-1", "passed"], ["R-2", "passed"]]
+    picture = tmp_path / "run.svg"
+    assert cli.main([*words, f"--picture={picture}", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["picture"], found["run"]["key"]) == (str(picture), key)
+    assert b"axis1.P_A" in picture.read_bytes()
+
+
+def test_the_table_of_a_report_has_smallest_and_median_of_the_margins(tmp_path, monkeypatch):
+    monkeypatch.setattr("hil_bench.abilities.campaign.reports.worst_runs", lambda _: [])
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path, CLOSE)
+    cli.main(["campaign", str(path), "--runs=3", "--jobs=0", "--report=report.html"])
+    words = " ".join(Page((tmp_path / "report.html").read_text()).words.split())
+    margins = sorted(
+        margin_of(spec.values["limit_bar"]) for spec in Plan(replace(read_campaign(path), runs=3))
+    )
+    assert f" {margins[0]:+.3g} {margins[1]:+.3g} " in words
 
 
 @pytest.mark.long

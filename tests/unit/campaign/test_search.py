@@ -1,5 +1,6 @@
 """The search, on scenarios whose margins have a closed form."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -7,7 +8,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from support.campaigns import REST, rest_pressures, write_rest
+from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
 from hil_bench import cli
 from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
@@ -117,6 +118,43 @@ def test_what_the_author_fixed_stays_when_a_failure_is_made_small(tmp_path, that
         assert {*each.steps} <= {*scenario.steps}
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "short"),
+    [
+        # Of 165.6 the two digits 170 do not fail, and their neighbour 160 does.
+        (156.4, 165.65, 160.0),
+        (0.5, 40.9, 40.0),
+    ],
+)
+def test_a_number_of_a_small_failure_has_few_digits(tmp_path, low, high, short):
+    """Brought near to the file's 250 it ends at the upper limit; then digits are left out."""
+    scenario = load_scenario(write_rest(tmp_path, FIXED))
+
+    def fails(candidate):
+        limit = next(each.value for each in candidate.parameters if each.name == "limit_bar")
+        outcome = "failed" if low <= limit < high else "passed"
+        verdict = Verdict("R-1", outcome, None, "")
+        return RunResult("k", "s", "", "", None, {}, RunOutcome(outcome), verdicts=(verdict,))
+
+    trial = Trial(Method.RANDOM, 1, {"limit_bar": 0.5 * (low + high)}, fails(scenario))
+    small = shrink(scenario, trial, Target("R-1"), fails)
+    assert next(e.value for e in small.scenario.parameters if e.name == "limit_bar") == short
+
+
+def test_a_failure_that_fails_otherwise_when_played_again_is_said(tmp_path):
+    seen = set()
+
+    def drifting(specs):
+        for result in perform_here(specs):
+            twice = result.key in seen
+            seen.add(result.key)
+            moved = tuple(each._replace(margin=-0.5) for each in result.verdicts)
+            yield result._replace(verdicts=moved) if twice else result
+
+    with pytest.raises(ConfigError, match=r"does not fail as it did; is the controller random\?$"):
+        falsify_here(write_rest(tmp_path, WIDE), tmp_path / "out", drifting)
+
+
 @pytest.mark.long  # tens of runs of a scenario
 def test_the_points_of_a_course_are_searched(tmp_path):
     (tmp_path / "load.csv").write_text("0,0\n0.004,peak_n\n0.008,0\n")
@@ -218,6 +256,32 @@ def test_no_requirement_starves():
     assert found
 
 
+def test_evolution_starts_at_the_best_point_that_is_known():
+    search = Evolution(["R-0"], 2, seed=3)
+    first = search.ask()
+    far = np.linalg.norm(first - 1.0, axis=1)
+    search.tell(first, [made_up(each) for each in far])
+    # Points spread by 0.3 a side about the best of 16, which is the nearest to the corner.
+    second = search.ask()
+    best, worst = first[np.argmin(far)], first[np.argmax(far)]
+    middle = second.mean(axis=0)
+    assert np.linalg.norm(middle - best) < 0.3 < np.linalg.norm(middle - worst)
+
+
+@pytest.mark.parametrize(("spread", "generations"), [(0.1, 13), (0.0, 4)])
+def test_evolution_starts_anew_where_nothing_becomes_smaller(spread, generations):
+    """12 generations behind the first, which is the best; without a difference each counts four."""
+    search = Evolution(["R-0"], 2, seed=3)
+    search.tell(search.ask(), [made_up(0.5)] * 16)
+    done = 0
+    while not search._starts:
+        points = search.ask()
+        margins = [0.5 + spread * (number % 2) for number in range(len(points))]
+        search.tell(points, [made_up(each) for each in margins])
+        done += 1
+    assert done == generations
+
+
 def test_turns_are_about_all_and_then_about_each():
     assert turns(["a", "b", "c"], ["b"]) == [["a", "c"], ["a"], ["c"]]
     assert turns(["a"], []) == [["a"]]
@@ -269,6 +333,15 @@ def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, cap
     assert f"R-2: was never decided: 0 decided runs of 2 (2 {outcome}); nothing is known" in out
     # 1 - 0.05^(1/2) = 0.776
     assert "under the sampled distribution 0.78 (2 random runs)" in out
+    words = ["falsify", str(path), "--jobs=0", "--runs=2", "--method=random", "--json"]
+    assert cli.main(words) == 6
+    found = json.loads(capsys.readouterr().out)
+    assert (found["runs"], found["failures"], found["is_interrupted"]) == ({"random": 2}, [], False)
+    one, two = found["requirements"]
+    keys = ("id", "is_failed", "is_exercised", "undecided_runs")
+    assert [one[key] for key in keys] == ["R-1", False, True, {}]
+    assert [two[key] for key in keys] == ["R-2", False, False, {outcome: 2}]
+    assert one["smallest_margin"] == pytest.approx(margin_of(one["at"]["limit_bar"]))
 
 
 def test_a_run_that_crashed_is_no_run_without_failure():
@@ -342,9 +415,10 @@ def test_a_failure_that_cannot_be_written_is_said_all_the_same(tmp_path, capsys)
     (tmp_path / "out").write_text("a file, where a folder should be")
     words = ["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]
     assert cli.main([*words, f"--output={tmp_path / 'out'}"]) == 1
-    out = capsys.readouterr().out
-    assert "R-1: fails at" in out
-    assert f"not written: {tmp_path / 'out'}" in out
+    said = capsys.readouterr()
+    assert "R-1: fails at" in said.out
+    assert f"not written: {tmp_path / 'out'}" in said.out
+    assert "interrupted" not in said.err
 
 
 def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """Sobol indices, held against the closed form of Ishigami's function and against SciPy."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -79,6 +80,30 @@ def test_the_estimates_are_those_of_scipy(plan):
     for place, name in enumerate(("first_bar", "second_bar", "third_bar")):
         assert found[name].first.value == pytest.approx(oracle.first_order[place], abs=1e-12)
         assert found[name].total.value == pytest.approx(oracle.total_order[place], abs=1e-12)
+    # Both resample 999 times, so an end of an interval is off by some hundredths of its width.
+    bootstrap = oracle.bootstrap(confidence_level=0.95, n_resamples=999)
+    widths = [
+        (found[name].total.high - found[name].total.low) / (high - low)
+        for name, low, high in zip(
+            ("first_bar", "second_bar", "third_bar"),
+            bootstrap.total_order.confidence_interval.low,
+            bootstrap.total_order.confidence_interval.high,
+            strict=True,
+        )
+    ]
+    assert np.mean(widths) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_line_names_the_parameters_that_matter_the_first_one_first(plan):
+    def margin(values):
+        return 3.0 * values["second_bar"] + 4.0 * values["first_bar"] + 0.2 * values["third_bar"]
+
+    # Of a sum the shares are as the squares: 16, 9 and 0.04 of 25.04; 0.2 % do not matter.
+    (line,) = sobol_indices(plan, results_of(plan, margin)).lines()
+    begin, first, second = re.split(r" (?=first_bar|second_bar)", line)
+    assert begin == "rest  R-1: shares of the margin's variance:"
+    assert first.startswith("first_bar 0.64 (0.")
+    assert second.startswith("second_bar 0.36 (0.")
 
 
 def test_what_cannot_be_computed_is_said(plan):

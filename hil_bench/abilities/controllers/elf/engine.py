@@ -21,6 +21,7 @@ _PERIPHERALS = 0x4000_0000  # from here on nothing can be executed (Armv7-M ARM,
 
 READ_EXECUTE: Final = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC
 ALL: Final = unicorn.UC_PROT_ALL
+_TRANSLATED = 1 << 25  # bytes for code of the host, which unicorn makes anew where they are full
 INVALID_INSTRUCTION: Final = unicorn.UC_ERR_INSN_INVALID
 
 
@@ -51,6 +52,7 @@ class Engine:
             unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
         )
         self._wrapper.ctl_set_cpu_model(model)
+        self._wrapper.ctl_set_tcg_buffer_size(_TRANSLATED)
         self.handle = _address(self._wrapper)
         self._kept: list[object] = []  # functions that unicorn calls
         self._calls = calls = find_calls()

@@ -30,6 +30,7 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import occasion
+from hil_bench.abilities.doctor.machine import SilentTransport
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.abilities.recording.report import RecordingWish
@@ -46,7 +47,6 @@ from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import Session, open_session
 

@@ -25,12 +25,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import occasion
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.lockstep.lockstep import LockStep, run_lockstep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.compiled import look_at_core
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.session.session import open_session
 
 ROOT = Path(__file__).parents[1]

@@ -27,6 +27,7 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 import occasion
+from hil_bench.abilities.doctor.machine import SilentTransport
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.protocol.register_map import Table
@@ -36,7 +37,6 @@ from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimeP
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import open_session
 

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import occasion
+from hil_bench.abilities.doctor.machine import SilentTransport
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.bench.assembly import build_bench
@@ -35,7 +36,6 @@ from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimeP
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import open_session
 

@@ -27,9 +27,9 @@ from pathlib import Path
 import can
 
 import occasion
+from hil_bench.abilities.doctor.machine import SilentTransport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
-from hil_bench.outside.transports.transport import SilentTransport
 from hil_bench.session.virtual_bench import VirtualBench
 
 SYNC = Frame(0x080)

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import occasion
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.configuration import load_config
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.session.session import open_session
 
 NODE_IDS = (1, 2, 3, 4)

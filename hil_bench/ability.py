@@ -31,6 +31,7 @@ OWN = (
     "live",
     "lockstep",
     "modbus",
+    "new",
     "panel",
     "recording",
     "replay",

@@ -24,13 +24,13 @@ from hil_bench.abilities.fmu.export import export_axis
 from hil_bench.abilities.live import attached
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.panel.layouts import read_layout
+from hil_bench.abilities.recording.column_map import read_column_map
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.outside.recording.column_map import read_column_map
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network

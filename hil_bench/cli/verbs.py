@@ -10,12 +10,6 @@ from hil_bench.ability import GROUPS, Verb, other_abilities, own_abilities
 # The verbs of the command line: the core's own, and those of the abilities.
 
 CORE = {
-    "new": Verb(
-        "start",
-        20,
-        "write a bench.toml from data sheets, and print what the axis can do",
-        "hil_bench.cli.new",
-    ),
     "check": Verb(
         "start",
         30,

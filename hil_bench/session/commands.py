@@ -140,23 +140,6 @@ class SetObject:
 
 
 @dataclass(frozen=True, slots=True)
-class GetObject:
-    """Read an object of a node, or a signal of a J1939 device; see `SetObject`.
-
-    Attributes:
-        node: the name of the node, or of the device.
-        name: of the object: "0x6401.01"; or of the signal.
-    """
-
-    node: str
-    name: str
-
-    def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
-        """Return the object's value, None where it has no data; `ConfigError` if unknown."""
-        return controls.device(self.node)[self.name]
-
-
-@dataclass(frozen=True, slots=True)
 class SetPlant:
     """Set what acts on a plant from outside, of a cylinder its load or its supply pressure.
 
@@ -216,15 +199,6 @@ class Mark:
 
     def act(self, controls: Controls, now: int) -> None:
         """Do nothing: the journal has it."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReadJournal:
-    """Read which commands have acted."""
-
-    def act(self, controls: Controls, now: int) -> dict[str, object]:  # noqa: ARG002 - Command's
-        """Return the entries, and how many older ones are forgotten."""
-        return controls.journal.content()
 
 
 @dataclass(frozen=True, slots=True)

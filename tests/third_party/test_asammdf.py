@@ -7,10 +7,10 @@ import can
 import numpy as np
 import pytest
 
+from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording.channels import TIME, Channel, LoggedFrame, recording_dtype
-from hil_bench.outside.recording.mdf_writer import MdfFile
 
 asammdf = pytest.importorskip("asammdf")  # after can, or python-can would not find it
 

@@ -9,8 +9,8 @@ from typing import Any, Self
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
 from hil_bench.abilities.campaign.snapshot import run_pool
 from hil_bench.abilities.campaign.store import program_identity
+from hil_bench.abilities.scenario.pool import Pool
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.session.pool import Pool
 
 TASK_RUNS = 100
 """Runs in a task: what a worker that dies costs."""

@@ -16,6 +16,7 @@ from hil_bench.abilities.campaign.store import case_digest, controller_digest
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.section import ControllersConfig
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
+from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.resolve import PreparedScenario, TimedAction, parameter_values
@@ -33,7 +34,6 @@ from hil_bench.abilities.scenario.run import (
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.session.pool import Pool, TaskEnd
 from hil_bench.session.virtual_bench import VirtualBench
 
 # One run: a pure function of what its key is made of.

@@ -6,7 +6,7 @@ import platform
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import NamedTuple
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime import linux
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -29,7 +30,7 @@ from hil_bench.outside.realtime.scheduling import (
     may_lock_memory,
 )
 from hil_bench.outside.realtime.statistics import TickSummary
-from hil_bench.outside.transports.transport import SilentTransport
+from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import Session
 
@@ -292,6 +293,39 @@ def measure_lateness(
         )
         for policy in policies
     ]
+
+
+class SilentTransport:
+    """A transport that brings nothing and drops what it is given.
+
+    Attributes:
+        description: the bus in words.
+        has_exact_wait: never.
+    """
+
+    description = "silent"
+    has_exact_wait = False
+
+    def receive(self, limit: int) -> list[Frame]:  # noqa: ARG002 - the protocol's
+        """Return nothing."""
+        return []
+
+    def wait(self, timeout: float) -> bool:  # noqa: ARG002 - the protocol's
+        """Return False at once."""
+        return False
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Drop the frames."""
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Do nothing."""
+
+    def counters(self) -> TransportCounters:
+        """Return zeros."""
+        return TransportCounters()
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def _run(bench: Bench, pacer: Pacer, policy: RealtimePolicy, ticks: int) -> TickSummary:

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "identification",
-    needs=("commissioning", "scenario"),
+    needs=("commissioning", "recording", "scenario"),
     verbs={
         "identify": Verb(
             "machine",

@@ -6,9 +6,10 @@ come and go with its clients.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from time import monotonic_ns
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
 from hil_bench.abilities.live.messages import (
     ACTED,
@@ -34,16 +35,15 @@ from hil_bench.ability import load
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
-from hil_bench.bench.shown import Shown
+from hil_bench.canopen_device.datatypes import Value
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.views import Health, WorkState
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
     Command,
-    GetObject,
+    Controls,
     Mark,
-    ReadJournal,
     SetObject,
     SetPlant,
     Stop,
@@ -58,6 +58,43 @@ LOOK = 100_000_000
 
 MOST_AT_ONCE = 4
 """Most commands taken in a tick, so that nobody can hold up the loop by their number."""
+
+
+@runtime_checkable
+class Shown(Protocol):
+    """An extension that those who watch the bench see, in keys of its own."""
+
+    def greeting(self) -> Mapping[str, Any]:
+        """Return the facts that stay, for those who begin to watch."""
+
+    def state(self, now: int) -> Mapping[str, Any]:
+        """Return its present state, at `now` [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class GetObject:
+    """Read an object of a node, or a signal of a J1939 device; see `SetObject`.
+
+    Attributes:
+        node: the name of the node, or of the device.
+        name: of the object: "0x6401.01"; or of the signal.
+    """
+
+    node: str
+    name: str
+
+    def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
+        """Return the object's value, None where it has no data; `ConfigError` if unknown."""
+        return controls.device(self.node)[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class ReadJournal:
+    """Read which commands have acted."""
+
+    def act(self, controls: Controls, now: int) -> dict[str, object]:  # noqa: ARG002 - Command's
+        """Return the entries, and how many older ones are forgotten."""
+        return controls.journal.content()
 
 
 class FeedPart(Protocol):

@@ -31,11 +31,10 @@ from hil_bench.abilities.live.options import NAME, check_panel_argument
 from hil_bench.abilities.live.places import HAS_SOCKETS, Place
 from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.abilities.live.server import FeedPlan
-from hil_bench.abilities.live.session_feed import Feed, feed_parts
+from hil_bench.abilities.live.session_feed import Feed, Shown, feed_parts
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
-from hil_bench.bench.shown import Shown
 from hil_bench.cli.views import Health, ShownWork, WorkState, WorkView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE

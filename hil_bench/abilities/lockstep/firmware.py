@@ -7,17 +7,23 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Protocol
 
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
+from hil_bench.abilities.controllers.process.program import (
+    USUAL_PATIENCE,
+    Patience,
+    Program,
+    Silence,
+    environment,
+)
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepBus
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.transport import PATIENCE, Transport
 from hil_bench.session.paced import frames_per_tick
-from hil_bench.session.program import USUAL_PATIENCE, Patience, Program, Silence, environment
 from hil_bench.session.session import Session
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -78,9 +78,9 @@ def firmware(
     """
     if option(request.config, "interface"):
         pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
+    from hil_bench.abilities.controllers.process.program import USUAL_PATIENCE, Patience
     from hil_bench.abilities.lockstep.firmware import HUB, FirmwareBus
     from hil_bench.errors import HilBenchError
-    from hil_bench.session.program import USUAL_PATIENCE, Patience
 
     longest = positive_option(request.config, "firmware-patience") or USUAL_PATIENCE.longest
     patience = Patience(longest, _REMEDY)

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Iterator
 
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
@@ -39,7 +40,6 @@ from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.transport import Transport
 
 # The status lines of a bench in lock-step.

@@ -6,7 +6,7 @@ DEFAULT_PORT = 8408
 
 ABILITY = Ability(
     "panel",
-    needs=("controllers", "eyes", "faults", "live", "scenario"),
+    needs=("controllers", "eyes", "faults", "live", "recording", "scenario"),
     verbs={
         "panel": Verb(
             "run",

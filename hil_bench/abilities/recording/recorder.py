@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from hil_bench.abilities.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.abilities.recording.report import Counted, Progress, RecordingReport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
@@ -20,7 +21,6 @@ from hil_bench.outside.recording.channels import (
     RowSink,
     recording_dtype,
 )
-from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.units import quantity
 
 if TYPE_CHECKING:

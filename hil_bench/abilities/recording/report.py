@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
+from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
 
 _ROWS, _ROWS_END, _FRAMES, _FRAMES_END = range(4)
 _FIELDS = 4

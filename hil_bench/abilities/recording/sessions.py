@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hil_bench
+from hil_bench.abilities.recording.formats import Heading
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan, RecordingSink
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.abilities.recording.report import RecordingReport, RecordingWish
@@ -19,7 +20,6 @@ from hil_bench.bench.events import event_spans
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.channels import Span
-from hil_bench.outside.recording.formats import Heading
 from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)

@@ -4,6 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "replay",
+    needs=("recording",),
     verbs={
         "replay": Verb(
             "run",

@@ -85,7 +85,7 @@ def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatc
     def write_rows(_file, _rows):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    monkeypatch.setattr("hil_bench.abilities.recording.mdf_writer.MdfFile.write_rows", write_rows)
     assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 5
     out = capsys.readouterr().out
     assert "verdict   passed" in out

@@ -259,7 +259,7 @@ def test_a_lost_recording_is_lost_output(machine, tmp_path, monkeypatch, capsys)
     def write_rows(_file, _rows):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    monkeypatch.setattr("hil_bench.abilities.recording.mdf_writer.MdfFile.write_rows", write_rows)
     for that, code in (
         ("always axis1.P_A < 250 bar", ExitCode.LOST),
         ("always axis1.P_A < 0 bar", ExitCode.CHECK_FAILED),

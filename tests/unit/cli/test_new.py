@@ -5,9 +5,9 @@ import tomllib
 
 import pytest
 
+from hil_bench.abilities.new.catalogue import CYLINDERS, VALVES
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import CYLINDERS, VALVES
 
 PRESS = ["--cylinder", "63/36x500", "--valve", "60 l/min @ 5 bar", "--supply", "210"]
 PRESS += ["--load", "500"]

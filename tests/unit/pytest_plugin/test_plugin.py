@@ -477,7 +477,7 @@ def test_a_recording_that_is_lost_is_an_error_of_its_test(pytester, monkeypatch)
     def write_rows(_file, _rows):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    monkeypatch.setattr("hil_bench.abilities.recording.mdf_writer.MdfFile.write_rows", write_rows)
     pytester.makepyfile("def test_it(bench):\n    bench.run(0.3)\n")
     result = pytester.runpytest_inprocess("--hil-record=out")
     result.assert_outcomes(passed=1, errors=1)

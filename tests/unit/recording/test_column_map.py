@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import Channel, recording_dtype
-from hil_bench.outside.recording.column_map import (
+from hil_bench.abilities.recording.column_map import (
     check_units,
     map_columns,
     read_column_map,
     take_sensors,
 )
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import Channel, recording_dtype
 
 RIG = """
 [time]

@@ -7,6 +7,7 @@ import struct
 import numpy as np
 import pytest
 
+from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
 from hil_bench.abilities.recording.recorder import (
     BLOCK_PERIOD,
     InlineRecorder,
@@ -18,7 +19,6 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
 from hil_bench.outside.recording.channels import Channel, LoggedFrame
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
 from hil_bench.outside.recording.frames import read_frames
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)

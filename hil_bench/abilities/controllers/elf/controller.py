@@ -18,9 +18,9 @@ from hil_bench.abilities.controllers.elf.exchange import (
     unpack_answer,
 )
 from hil_bench.abilities.controllers.elf.job import Job, write_job
+from hil_bench.abilities.controllers.process.program import SHOWN_LINES
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.errors import ControllerError
-from hil_bench.session.program import SHOWN_LINES
 
 logger = logging.getLogger(__name__)
 

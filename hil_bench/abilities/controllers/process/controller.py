@@ -9,13 +9,13 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
+from hil_bench.abilities.controllers.process.program import Program, Silence, environment
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ControllerError
-from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.outside.transports.transport import FRAMES_AT_ONCE, PATIENCE
-from hil_bench.session.program import Program, Silence, environment
 
 GRACE = 10.0
 """Time that a program has to end after SIGTERM, before it is killed [s]."""

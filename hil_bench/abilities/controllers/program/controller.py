@@ -11,11 +11,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.controllers.process.program import Program, environment
 from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.errors import ControllerError
-from hil_bench.session.program import Program, environment
 
 LEAVE_NS = 1_000_000_000
 """Bench time that a program has to end after SIGTERM, before it is killed."""

@@ -21,6 +21,7 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     say_assumed,
 )
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
+from hil_bench.abilities.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.abilities.recording.options import recording_code
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
@@ -30,7 +31,6 @@ from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame, from_first
-from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
 
 if TYPE_CHECKING:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from hil_bench.abilities.eyes.listener import Listener
 from hil_bench.bench.configuration.records import BusConfig
 from hil_bench.cli.exit_codes import interruption
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.transports.can_interfaces import has_fd
-from hil_bench.outside.transports.listener import Listener
 from hil_bench.outside.transports.opening import open_can_bus
 
 _POLL = 0.1

@@ -8,6 +8,7 @@ import time
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import Change, Explainer, LiveFindings
+from hil_bench.abilities.eyes.listener import loss_words
 from hil_bench.abilities.eyes.verbs.explain import (
     explanation_content,
     explanation_lines,
@@ -34,7 +35,6 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, plain, print_lines
 from hil_bench.frame import bits_of
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
-from hil_bench.outside.transports.listener import loss_words
 
 # `hil-bench monitor --explain`: what is wrong on a bus, as it comes.
 

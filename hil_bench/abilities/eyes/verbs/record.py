@@ -7,6 +7,7 @@ from pathlib import Path
 from hil_bench.abilities.eyes.channels import BusChannels
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.listener import loss_words
 from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     add_hold_argument,
     add_listening_arguments,
@@ -33,7 +34,6 @@ from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.transports.listener import loss_words
 
 _UNMAPPED = "values of objects that were mapped only later, without a channel"
 

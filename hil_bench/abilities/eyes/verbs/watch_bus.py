@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hil_bench.abilities.eyes.bus_state import EXTENDED, BusState, HeldValue, Stream
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.abilities.eyes.listener import Listener, loss_words
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs.eyes_arguments import known_ecus, known_nodes
 from hil_bench.abilities.eyes.verbs.listening import open_listener
@@ -17,7 +18,6 @@ from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.terminal import ONCE, REFRESH, STATE_STYLES, bar, make_table
 from hil_bench.errors import printable
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
-from hil_bench.outside.transports.listener import Listener, loss_words
 
 if TYPE_CHECKING:
     from rich.console import Console, Group, RenderableType

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.verbs.scenario_report import (
@@ -22,7 +23,6 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.abilities.eyes.frame_text import FrameText
+from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
@@ -38,7 +39,6 @@ from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
-from hil_bench.session.pool import Pool, TaskEnd
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders
 

@@ -99,7 +99,7 @@ def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFil
         case ".csv":
             return SignalCsvFile(path, (TIME, *channels))
         case ".mf4":
-            from hil_bench.outside.recording.mdf_writer import MdfFile  # noqa: PLC0415 - wants NumPy
+            from hil_bench.abilities.recording.mdf_writer import MdfFile  # noqa: PLC0415 - wants NumPy
 
             return MdfFile(
                 path, (TIME, *channels), comment=heading.comment, started=heading.started

@@ -3,9 +3,9 @@
 import can
 import pytest
 
+from hil_bench.abilities.eyes.listener import Listener
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.hub_process import HubProcess
-from hil_bench.outside.transports.listener import Listener
 
 
 def listen_for_ever(listener):

@@ -3,12 +3,12 @@
 import re
 from typing import Final, NamedTuple
 
-from hil_bench.errors import ConfigError
-from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import (
+from hil_bench.abilities.new.catalogue import (
     VALVES,
     ValveSize,
     describe_cylinder,
 )
+from hil_bench.errors import ConfigError
 
 _NUMBER = r"(\d+(?:\.\d+)?)"
 _CYLINDER: Final = re.compile(

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import pytest
 
+from hil_bench.abilities.scenario import pool
+from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.errors import ConfigError
-from hil_bench.session import pool
-from hil_bench.session.pool import Pool, TaskEnd
 
 
 class Spec(NamedTuple):

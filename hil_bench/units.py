@@ -127,9 +127,12 @@ UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
 """Units in which bindings and registers may have a quantity, by its SI unit."""
 
 
+COUNT = "1"
+"""The symbol of numbers that are no share of anything: counts, words of bits."""
+
 _MINUTE, _HOUR = 60.0, 3600.0
 _SPELLED: Mapping[str, Mapping[str, float]] = {
-    "-": {"-": 1.0, "1": 1.0, "%": 1e-2},
+    "-": {"-": 1.0, COUNT: 1.0, "%": 1e-2},
     "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": _MINUTE, "h": _HOUR},
     "m": {
         "m": 1.0,

@@ -14,7 +14,7 @@ from hil_bench.abilities.eyes.sight import J1939Message, Sight
 from hil_bench.abilities.eyes.values import Reading
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.units import ONE, read_unit, si_unit
+from hil_bench.units import COUNT, read_unit, si_unit
 
 _MOST_LATE: Final = 10  # ticks
 _LEAST_HOLD: Final = 100_000_000  # [ns]
@@ -97,8 +97,10 @@ class BusChannels:
             return
         place = f"0x{reader.index:04X}_{reader.subindex:02X}"
         name = f"{symbol_of(node.name)}.{symbol_of(reader.name) or place}"
-        unit = ONE if reader.scale is None else reader.scale.unit
-        self._places[key] = self._open(name, place, _si_symbol(unit.symbol)), unit.factor
+        symbol, factor = COUNT, 1.0
+        if reader.scale is not None:
+            symbol, factor = _si_symbol(reader.scale.unit.symbol), reader.scale.unit.factor
+        self._places[key] = self._open(name, place, symbol), factor
 
     def _open(self, name: str, place: str, unit: str) -> int:
         """Open a channel, and return its number; its place tells it from another of its name."""

@@ -20,9 +20,10 @@ from hil_bench.outside.recording.channels import (
     Span,
     recording_channels,
 )
+from hil_bench.outside.recording.column_units import given_units
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
-from hil_bench.units import Unit
+from hil_bench.units import COUNT, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -350,11 +351,15 @@ def signal_figure(
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
     channels = choose_channels(recording, patterns)
-    units = list(dict.fromkeys(channel.unit for channel in channels))
-    figure = Figure(figsize=(9.0, 1.0 + 2.2 * len(units)), layout="constrained")
-    places = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
-    for place, unit in zip(places, units, strict=True):
-        _draw_unit(place, recording, [c for c in channels if c.unit == unit], unit)
+    given = given_units(recording)
+    panels: dict[str, list[Channel]] = {}
+    for channel in channels:
+        is_count = given.get(channel.name) == COUNT
+        panels.setdefault(COUNT if is_count else channel.unit, []).append(channel)
+    figure = Figure(figsize=(9.0, 1.0 + 2.2 * len(panels)), layout="constrained")
+    places = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for place, (unit, of_unit) in zip(places, panels.items(), strict=True):
+        _draw_unit(place, recording, of_unit, unit)
         shade_spans(place, spans)
     label_spans(places[0], spans)
     places[-1].set_xlabel(f"Time [{TIME.unit}]")
@@ -370,7 +375,7 @@ def _draw_unit(
     for channel, colour in zip(channels, cycle(_COLOURS), strict=False):
         values = recording[channel.name] / unit.factor
         place.plot(recording[TIME.name], values, color=colour, label=channel.name, linewidth=1.2)
-    place.set_ylabel(f"[{unit.symbol}]")
+    place.set_ylabel("[-]" if symbol == COUNT else f"[{unit.symbol}]")
     place.margins(x=0.01)
     place.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small")
 

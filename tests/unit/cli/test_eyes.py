@@ -17,6 +17,7 @@ from hil_bench.abilities.eyes.verbs import listening
 from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import LoggedFrame
+from hil_bench.outside.recording.column_units import given_units
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 
@@ -124,6 +125,8 @@ def test_values_become_channels_in_si(folder, capsys):
     assert np.isnan(spool[0])
     assert spool[1:].tolist() == [0.25, 0.25]
     assert len(list(read_frames(folder / "d.mf4"))) == len(FRAMES)
+    assert given_units(recording)["valve.device_control_word"] == "1"  # a word of bits, no share
+    assert "valve.spool_set_point" not in given_units(recording)
 
 
 def write_pressures(path, *values):

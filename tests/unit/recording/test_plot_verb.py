@@ -8,6 +8,7 @@ from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
+from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.virtual_bench import VirtualBench
 
 
@@ -38,6 +39,21 @@ def test_each_kind_is_drawn(folder, tmp_path, monkeypatch, capsys, arguments, te
     drawn = picture.read_text(encoding="utf-8")
     for text in texts:
         assert text in drawn
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+def test_words_and_counts_are_no_percent(tmp_path, monkeypatch, suffix):
+    """A control word of 7 beside a spool at 50 %: a panel each, the word's without a unit."""
+    monkeypatch.setitem(__import__("matplotlib").rcParams, "svg.fonttype", "none")
+    channels = (Channel("valve.device_control_word", "1"), Channel("valve.spool", "-"))
+    recorder = InlineRecorder(RecordingPlan((tmp_path / f"r{suffix}",), channels))
+    recorder.start()
+    for tick in range(3):
+        recorder.append_row((tick * 0.001, 7.0, 0.5))
+    recorder.stop()
+    assert main(["plot", str(tmp_path / f"r{suffix}"), "-o", str(tmp_path / "r.svg")]) == 0
+    drawn = (tmp_path / "r.svg").read_text(encoding="utf-8")
+    assert [drawn.count(label) for label in ("[-]", "[%]", ">700<")] == [1, 1, 0]
 
 
 @pytest.mark.parametrize("words", [["--from", "0.05"], ["--to", "0.001"]])

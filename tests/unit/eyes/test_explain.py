@@ -57,6 +57,7 @@ def test_a_pdo_is_judged_by_the_event_timer_that_it_has():
     without = [each for each in logged if each.frame.can_id not in {0x602, 0x582}]
     (finding,) = explain(without, known, BITRATE).findings  # 10 ms by the EDS
     assert finding.cause is Cause.PDO_MISSING
+    assert finding.unshown == 0  # no frame shows that none came
 
 
 def findings_of(*frames, end=0, known=()):

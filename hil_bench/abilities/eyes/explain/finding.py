@@ -290,8 +290,8 @@ class Finding(NamedTuple):
 
     @property
     def unshown(self) -> int:
-        """Frames that show it beyond `sights`."""
-        return max(self.total - len(self.sights), 0)
+        """Frames that show it beyond `sights`; what is missing on a bus is shown by none."""
+        return max(self.total - len(self.sights), 0) if self.sights else 0
 
 
 class Watch(Protocol):

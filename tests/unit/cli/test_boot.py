@@ -25,6 +25,18 @@ def test_a_network_is_booted_and_kept_up(capsys):
     assert "node 1 (valve): booted, 5 objects written\n" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("stay", "code"), [("inf", 0), ("1", 130)])
+def test_ctrl_c_ends_a_watch_without_an_end_and_breaks_off_another(capsys, monkeypatch, stay, code):
+    def press(_manager, duration):
+        assert duration == float(stay)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hil_bench.abilities.commissioning.verbs.boot.NetworkManager.watch", press)
+    assert main(["boot", "--virtual", "--stay", stay]) == code
+    said = "ended by Ctrl-C; the slaves stay as they are\n" in capsys.readouterr().err
+    assert said is (stay == "inf")
+
+
 def test_a_missing_mandatory_slave_is_exit_code_1(capsys, tmp_path):
     path = tmp_path / "network.toml"
     path.write_text(

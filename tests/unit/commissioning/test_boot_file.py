@@ -130,6 +130,9 @@ VALVE = f'[slaves.valve]\nnode_id = 1\neds = "{VALVE_408}"\n'
         (VALVE + 'objects = { "0x1017" = 70000 }\n', "objects.0x1017.00: "),
         (VALVE + 'objects = { "0x1017" = { source = "x" } }\n', "is a table; give a value"),
         (VALVE + 'objects = { "0x4444" = 5 }\n', "objects.0x4444.00: is not in"),
+        (VALVE + "heartbeat_time_ms = 65536\n", "heartbeat_time_ms: 65536 is out of range"),
+        (VALVE + "heartbeat_time_ms = 0.5\n", "heartbeat_time_ms: 0.5 is out of range"),
+        ("[master]\nheartbeat_ms = 65536\n" + VALVE, "heartbeat_ms: 65536 is out of range"),
         ('[master]\nstart = "now"\n' + VALVE, '"now" is unknown; give one of "each", "all"'),
     ],
 )
@@ -139,6 +142,11 @@ def test_what_is_wrong_is_said_in_a_line(plan_of, text, what):
     (line,) = str(caught.value).splitlines()
     assert "network.toml" in line
     assert what in line
+
+
+def test_times_reach_as_far_as_16_bits_of_milliseconds(plan_of):
+    plan = plan_of("[master]\nheartbeat_ms = 1\n" + VALVE + "heartbeat_time_ms = 65535\n")
+    assert (plan.heartbeat, plan.slaves[0].heartbeat_time) == (0.001, 65.535)
 
 
 def test_a_dcf_is_a_configuration(plan_of, tmp_path):

@@ -1,11 +1,16 @@
 """The bus against the configuration."""
 
-from device_profiles import IMITATIONS
+import re
+
+import pytest
+
+from device_profiles import IMITATIONS, PRESSURE_404
 from hil_bench.abilities.commissioning.comparison import (
     Mend,
     apply,
     compare,
     concise_dcf,
+    expected_values,
     plan_writes,
 )
 
@@ -70,6 +75,48 @@ def test_another_product_is_a_difference_of_its_own(open_bench, load_bench):
     # CiA 408 and CiA 404 as device types, and the EDS files' product codes.
     assert keys(found) == {(0x1000, 0), (0x1018, 2)}
     assert all(difference.mend is Mend.NODE for difference in found)
+
+
+def described_otherwise(folder, *changes):
+    """Return the machine's configuration with values of the EDS of node 2 replaced."""
+    text = PRESSURE_404.read_text(encoding="utf-8")
+    for section, value in changes:
+        head, _, rest = text.partition(f"[{section}]\n")
+        text = f"{head}[{section}]\n" + re.sub(
+            "DefaultValue=.*", f"DefaultValue={value}", rest, count=1
+        )
+    eds = folder / "other.eds"
+    eds.write_text(text, encoding="utf-8")
+    return MACHINE.format(more="").replace('profile = "pressure_404"', f'eds = "{eds}"')
+
+
+def test_a_device_type_of_zero_is_compared_and_a_vendor_of_zero_is_any(
+    open_bench, load_bench, tmp_path
+):
+    _, network = open_bench(MACHINE.format(more=""))
+    identity = [(f"1018sub{number}", 0) for number in (1, 2, 3)]
+    expected = described_otherwise(tmp_path, ("1000", 0), *identity).replace('source = "P_A"', "")
+    found = compare(network, load_bench(expected))
+    assert [difference.key for difference in found if difference.node_id == 2] == [(0x1000, 0)]
+
+
+@pytest.mark.parametrize("section", ["1003sub0", "1010sub1", "1011sub1", "1012", "1013"])
+def test_commands_and_clocks_are_no_settings(open_bench, load_bench, tmp_path, section):
+    """CiA 301: the number of errors, store, restore, the time stamps."""
+    _, network = open_bench(MACHINE.format(more=""))
+    index, _, subindex = section.partition("sub")
+    text = described_otherwise(tmp_path).replace('source = "P_A"', "")
+    eds = tmp_path / "other.eds"
+    known = eds.read_text(encoding="utf-8")
+    head, _, rest = known.partition(f"[{section}]\n")
+    if rest:
+        rest = rest.partition("\n\n")[2]
+    added = f"[{section}]\nParameterName=x\nObjectType=7\nDataType=7\nAccessType=rw\n"
+    eds.write_text(f"{head}\n{added}DefaultValue=3\nPDOMapping=0\n\n{rest}", encoding="utf-8")
+    config = load_bench(text)
+    node = network.add_node(2, eds)
+    assert node.has(int(index, 16), int(subindex or 0))
+    assert (int(index, 16), int(subindex or 0)) not in expected_values(node, config.nodes[1])
 
 
 def test_a_serial_number_is_compared_where_the_configuration_gives_one(open_bench, load_bench):

@@ -3,6 +3,7 @@
 Both sides are unequal throughout, so that none stands for the other.
 """
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind
 from hil_bench.abilities.commissioning.procedure import Procedure
-from hil_bench.abilities.commissioning.responses import steps
+from hil_bench.abilities.commissioning.responses import chirp, hydraulic_frequency, steps
 from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
@@ -28,13 +29,38 @@ TOLERANCES |= {"friction_tolerance": 0.25, "dead_band_tolerance": 0.3, "zero": 0
 class Machine:
     """Moves with a speed of its own each way, against friction and a load."""
 
+    period = PERIOD
+
     def __init__(self, parameters):
         self.parameters = parameters
+        self.mode = None  # eigenfrequency [rad/s] and damping ratio of one that swings
 
     def enable(self):
         pass
 
+    def swing(self, command, duration):
+        """Move as a mode of second order follows the spool, about mid-stroke."""
+        omega, damping = self.mode
+        fine = PERIOD / 20
+        times = np.arange(0.0, duration, fine)
+        speed = rate = place = 0.0
+        rows = []
+        for number, time in enumerate(times):
+            setpoint = command(time)
+            if number % 20 == 0:
+                rows.append((time, setpoint, setpoint, speed, place))
+            force = omega**2 * (GAINS[0] * setpoint - speed) - 2.0 * damping * omega * rate
+            rate += fine * force
+            speed += fine * rate
+            place += fine * speed
+        names = ("time", "spool_setpoint", "spool_position", "speed", "position")
+        trace = np.array(rows, dtype=[(name, "f8") for name in names])
+        trace["position"] -= trace["position"].mean()
+        return trace
+
     def move(self, command, duration):
+        if self.mode:
+            return self.swing(command, duration)
         time = np.arange(0.0, duration, PERIOD)
         setpoint = np.array([command(t) for t in time])
         spool = np.array([command(t - LAG) for t in time])
@@ -69,6 +95,7 @@ def measured():
         found = do(procedure, Step(kind, LIMITS, TOLERANCES | values)).measures
         return {each.name: each for each in found}
 
+    measure.machine = procedure.rig
     return measure
 
 
@@ -97,6 +124,25 @@ def test_friction_is_judged_by_the_data_sheet(measured):
     for name, sheet in (("Coulomb", parameters.F_c), ("viscous", parameters.sigma)):
         measure = found[f"{name} friction"]
         assert (measure.low, measure.high) == pytest.approx((0.75 * sheet, 1.25 * sheet))
+
+
+@pytest.mark.parametrize("share", [0.8, 1.1])
+def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
+    """The machine swings at a share of the data sheet's frequency: E is as its square."""
+    sheet = hydraulic_frequency(load_config().axes[0].parameters, 0.0)
+    measured.machine.mode = (2.0 * math.pi * share * sheet, 0.1)
+    values = {"opening": 0.3, "amplitude": 0.05, "start": 20.0, "end": 120.0, "duration": 4.0}
+    values |= {"frequency_tolerance": 0.15, "smallest_damping": 0.05}
+    found = measured(chirp, StepKind.CHIRP, **values)
+    frequency = found["eigenfrequency"]
+    assert frequency.value == pytest.approx(share * sheet, rel=0.02)
+    # At mid-stroke, where it ends up, the sheet's frequency hardly changes.
+    assert (frequency.low, frequency.high) == pytest.approx((0.85 * sheet, 1.15 * sheet), rel=0.01)
+    assert found["damping ratio"].value == pytest.approx(0.1, rel=0.1)
+    assert found["damping ratio"].low == 0.05
+    modulus = load_config().axes[0].parameters.E * 1e-6 * share**2
+    assert found["effective bulk modulus"].value == pytest.approx(modulus, rel=0.04)
+    assert found["coherence, mean"].value > 0.95
 
 
 def test_a_sweep_through_zero_finds_both_edges(measured):

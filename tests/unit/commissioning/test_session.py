@@ -127,6 +127,8 @@ def test_swapped_pressure_sensors_are_named(machine):
     found = machine(SWAPPED).commission()
     assert names(found) == ["pressure sensors swapped"]
     assert verdicts(found)[-1] is Verdict.FAILED
+    times = {result.kind: result.duration for result in found.results}
+    assert times[StepKind.SENSORS] == pytest.approx(0.3, abs=0.05)  # as the plan has it
 
 
 def test_a_reversed_position_sensor_is_named(machine):

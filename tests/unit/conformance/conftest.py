@@ -88,10 +88,13 @@ PDOMapping=0
 def make_variant(make_laboratory, eds_path, tmp_path):
     """Put a variant of the device on the bus."""
 
-    def make(*, claims_lss=False, startup=None):
+    def make(*, claims_lss=False, startup=None, heartbeat=0):
         text = eds_path.read_text(encoding="utf-8")
         if claims_lss:
             text = text.replace("LSS_Supported=0", "LSS_Supported=1")
+        head, section, rest = text.partition("[1017]\n")
+        rest = rest.replace("DefaultValue=0", f"DefaultValue={heartbeat}", 1)
+        text = head + section + rest
         if startup is not None:
             text += STARTUP.format(startup)
         path = tmp_path / "variant.eds"

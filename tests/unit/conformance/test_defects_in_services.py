@@ -52,6 +52,46 @@ def test_who_answers_a_fastscan_is_found_out(laboratory, answers_own, outcome):
     assert set(found.values()) <= {Outcome.PASSED}
 
 
+def test_another_emcy_identifier_that_is_taken_is_taken_back(laboratory):
+    """The device takes what is written while its EMCY is valid; 7.5.2.17 forbids it."""
+    own = laboratory.node.object_dictionary.variable(0x1014)
+
+    def hears(frame):
+        if frame.can_id == 0x605 and frame.data == bytes.fromhex("23 14 10 00 85010000"):
+            own.value = 0x185
+            laboratory.says = confirm
+        return [frame]
+
+    def confirm(frame):
+        if frame.can_id == 0x585 and frame.data[:1] == b"\x80":
+            laboratory.says = lambda frame: [frame]
+            return [frame._replace(data=bytes.fromhex("60 14 10 00 00000000"))]
+        return [frame]
+
+    laboratory.hears = hears
+    assert failed(laboratory, "EMCY") == [
+        ("7.5.2.17", "the identifier of a valid EMCY cannot be changed")
+    ]
+    assert own.value == 0x085
+
+
+@pytest.mark.parametrize(
+    ("index", "low", "high", "verb"), [(0x2028, -5, 5, "took"), (0x2022, None, 9, "confirmed")]
+)
+def test_a_number_of_four_bytes_beyond_its_limits(laboratory, index, low, high, verb):
+    """The EDS has limits that the device does not know."""
+    variable = laboratory.dut.objects.variable(index)
+    variable.low, variable.high = low, high
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Object dictionary"]
+    (detail,) = [r.detail for r in laboratory.run(chapters=chapters) if r.outcome is Outcome.FAILED]
+    wrong = {"-6": low, str(high + 1): high}
+    for value, limit in wrong.items():
+        said = f"0x{index:04X}.00 {verb} {value}, which is beyond its limits"
+        assert (said in detail) is (limit is not None)
+    if verb == "took":  # what can be read is written back
+        assert laboratory.node.object_dictionary.number(index) == variable.default
+
+
 def test_a_text_shorter_than_announced_is_taken(laboratory):
     # The size in the first request of a segmented download of a text is not looked at.
     def hears(frame):

@@ -128,6 +128,59 @@ def test_a_device_that_asks_for_the_first_segment_after_segment_0(laboratory, co
     assert len([r for r in results if r.outcome is Outcome.FAILED]) == failures
 
 
+def results_of(laboratory, title):
+    """Return outcome and detail of a chapter's checks by what is right."""
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
+    return {r.check.text: (r.outcome, r.detail) for r in laboratory.run(chapters=chapters)}
+
+
+def test_a_device_that_takes_no_crc(laboratory):
+    """Bit 2 of its answer to the initiation of a block download is 0 (CiA 301, 7.2.4.3.9)."""
+    laboratory.says = lambda f: (
+        [f._replace(data=b"\xa0" + f.data[1:])]
+        if f.can_id == 0x585 and f.data[:1] == b"\xa4"
+        else [f]
+    )
+    found = results_of(laboratory, "SDO block transfer")
+    assert found["a wrong CRC aborts with 0504 0004h and changes nothing"] == (
+        Outcome.NOT_APPLICABLE,
+        "the device takes no CRC",
+    )
+
+
+@pytest.mark.parametrize("heartbeat", [0, 100])
+def test_a_heartbeat_of_its_own_is_switched_off_where_it_is_guarded(make_variant, heartbeat):
+    found = results_of(make_variant(heartbeat=heartbeat), "Error control")
+    assert {outcome for outcome, _ in found.values()} <= {Outcome.PASSED, Outcome.NOT_APPLICABLE}
+    assert sum(outcome is Outcome.PASSED for outcome, _ in found.values()) > 4
+
+
+def test_a_heartbeat_is_waited_for_whatever_the_patience_for_answers(laboratory):
+    """One of 100 ms comes within 0.4 s; no node guarding (CiA 301, 7.2.8.2) stands in for it."""
+    laboratory.dut.patience = 0.001
+    laboratory.hears = lambda f: [] if f.is_remote else [f]
+    with laboratory.dut.watched():
+        for _ in range(4):  # at different times between two heartbeats
+            laboratory.dut.wire.wait(0.037)
+            assert laboratory.dut.state() is NmtState.PRE_OPERATIONAL
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_changed"),
+    [(0, 1, True), (1, 5, True), (2, 5, False), (None, 0, False), (-7, None, True)],
+)
+def test_an_rpdo_carries_values_within_the_limits_of_its_objects(laboratory, low, high, is_changed):
+    """RPDO 1 carries 2000h and 2001h, which are 0: the other value that is tried is 1."""
+    for index in (0x2000, 0x2001):
+        laboratory.dut.objects.variable(index).low = low
+        laboratory.dut.objects.variable(index).high = high
+    sent = []
+    laboratory.hears = lambda f: sent.append(f) or [f]
+    results_of(laboratory, "RPDO")
+    payloads = {frame.data for frame in sent if frame.can_id == 0x205}
+    assert (b"\x01\0\x01\0" in payloads) is is_changed
+
+
 @pytest.mark.parametrize("startup", [0, 4])
 def test_a_device_that_starts_by_itself(make_variant, startup):
     """Ours refuses "save" in OPERATIONAL with 0800 0022, as a device may."""

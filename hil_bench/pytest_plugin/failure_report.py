@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
@@ -14,7 +13,6 @@ from hil_bench.bench.events import event_spans, event_text
 from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
-from hil_bench.outside.recording.plot import has_axis, plot_result
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
@@ -42,11 +40,10 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
         trace.write_frames(tuple(bench.frames))
     with RecordingFile(files["signals"]) as signals:
         signals.write(bench.signals)
-    if find_spec("matplotlib") is not None and bench.signals.size and has_axis(bench.signals):
-        files["plot"] = directory / f"{stem}.png"
-        plot_result(
-            bench.signals, files["plot"], title=stem, spans=event_spans(bench.bench, bench.now())
-        )
+    picture, spans = directory / f"{stem}.png", event_spans(bench.bench, bench.now())
+    for module in given_to("picture"):
+        if module.draw_motion(bench.signals, picture, title=stem, spans=spans):
+            files["plot"] = picture
     return files
 
 

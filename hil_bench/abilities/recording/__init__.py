@@ -11,6 +11,7 @@ ABILITY = Ability(
     gives={
         "ctl": f"{_HERE}.ctl",
         "feed": f"{_HERE}.requests",
+        "picture": f"{_HERE}.plot",
         "pytest": f"{_HERE}.fixtures",
         "record": f"{_HERE}.sessions",
         "run": f"{_HERE}.options",

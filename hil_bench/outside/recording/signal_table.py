@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil_bench.ability import given_to
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.plot import has_axis, result_figure, signal_figure, styled
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
@@ -68,10 +68,14 @@ class SignalTable(np.ndarray[Any, np.dtype[np.void]]):
 
         Args:
             signals: names, with wildcards as in ``axis1.P_*``; a panel a unit.
+
+        Raises:
+            ConfigError: a name fits no signal, or nothing here draws.
         """
-        if signals or not has_axis(self):
-            return styled(lambda: signal_figure(self, patterns=signals))
-        return styled(lambda: result_figure(self))
+        for module in given_to("picture"):
+            figure: Figure = module.table_figure(self, signals)
+            return figure
+        raise ConfigError("nothing here draws: the ability recording is missing")
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook: names, units, the first and the last rows."""

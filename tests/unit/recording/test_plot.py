@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.recording import plot
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording import plot
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder, Recording
 
 QUANTITIES = {

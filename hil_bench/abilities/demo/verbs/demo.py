@@ -21,6 +21,7 @@ from hil_bench.abilities.recording.options import (
     recording_wish,
     report_lines,
 )
+from hil_bench.abilities.recording.plot import plot_result
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, check_one_bus, make_directory, read_speed
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
@@ -32,7 +33,6 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
-from hil_bench.outside.recording.plot import plot_result
 from hil_bench.shown_units import display_unit
 
 _LONGEST = 3600.0

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
+from importlib.util import find_spec
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -141,6 +142,21 @@ def plot_result(
     if not has_axis(recording):
         raise ConfigError(f"{path}: the recording has no axis to plot; record its channels")
     save_figure(lambda: result_figure(recording, title=title, spans=spans), path)
+
+
+def draw_motion(recording: Recording, path: Path, *, title: str, spans: Sequence[Span]) -> bool:
+    """Write a recording as a picture where matplotlib is there and it has an axis; True if so."""
+    drawn = find_spec("matplotlib") is not None and bool(recording.size) and has_axis(recording)
+    if drawn:
+        plot_result(recording, path, title=title, spans=spans)
+    return drawn
+
+
+def table_figure(recording: Recording, patterns: Sequence[str]) -> "Figure":
+    """Return the motion of the axes as a figure, or the signals that patterns name."""
+    if patterns or not has_axis(recording):
+        return styled(lambda: signal_figure(recording, patterns=patterns))
+    return styled(lambda: result_figure(recording))
 
 
 def save_figure(draw: Callable[[], "Figure"], path: Path) -> None:

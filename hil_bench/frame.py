@@ -31,6 +31,19 @@ def is_error_frame(frame: Frame) -> bool:
     return frame.can_id >= ERROR_FLAG and not frame.is_extended
 
 
+def priority(frame: Frame) -> int:
+    """Return the key of arbitration, the lowest first: the bits up to the control field.
+
+    A data frame goes before a frame of CAN FD of its identifier, that before a remote frame, and
+    one of 11 bits before one of 29 bits that begins with them.
+    """
+    is_fd = frame.fd != 0
+    if frame.is_extended:
+        base, rest = frame.can_id >> 18, frame.can_id & 0x3FFFF
+        return (base << 2 | 3) << 20 | rest << 2 | frame.is_remote << 1 | is_fd
+    return (frame.can_id << 2 | frame.is_remote << 1) << 20 | is_fd
+
+
 def frame_bits(length: int, *, is_extended: bool = False) -> float:
     """Return the bits that a frame takes on the bus, with half of the most stuff bits it can have.
 

@@ -5,5 +5,8 @@ from hil_bench.ability import Ability
 ABILITY = Ability(
     "copper",
     bus_tables={"wire": "hil_bench.abilities.copper.section:read_wire"},
-    gives={"faults": "hil_bench.abilities.copper.fault_kinds"},
+    gives={
+        "eyes": "hil_bench.abilities.copper.measured_traffic",
+        "faults": "hil_bench.abilities.copper.fault_kinds",
+    },
 )

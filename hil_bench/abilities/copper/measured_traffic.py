@@ -1,13 +1,14 @@
 """Measured traffic of a bench in virtual time: frames, bus load and waiting times."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.copper.section import CopperWire
 from hil_bench.abilities.copper.wire.station import BufferConfig, Order
 from hil_bench.abilities.copper.wire.wire import Passage
+from hil_bench.abilities.eyes.traffic import MeasuredTraffic
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.frame import Frame
@@ -18,31 +19,6 @@ from hil_bench.session.session import open_session
 _DEPTH: Final = 256
 _BOOT_TICKS: Final = 100
 _DRIFT: Final = 100
-
-
-@dataclass(slots=True)
-class MeasuredTraffic:
-    """The measured traffic of a simulated bus.
-
-    Attributes:
-        worst: longest time from a frame's release to the bus being free again [ns], by identifier.
-        counts: frames by identifier.
-        busy: time that frames were on the bus [ns].
-        waiting: frames that had not been sent at the end.
-    """
-
-    worst: dict[int, int] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    busy: int = 0
-    waiting: int = 0
-
-    def take(self, passages: Sequence[Passage]) -> None:
-        """Count what has passed."""
-        for each in passages:
-            can_id = each.frame.can_id
-            self.counts[can_id] = self.counts.get(can_id, 0) + 1
-            self.worst[can_id] = max(self.worst.get(can_id, 0), each.end - each.released)
-            self.busy += each.end - each.begin
 
 
 def measure_traffic(
@@ -96,9 +72,18 @@ def measure_traffic(
                 sent[place] += 1
                 frames.append(frame._replace(bus=number))
         session.tick(frames, now)
-        found.take([passage for passage in copper.passages if passage.frame.bus == number])
+        _count(found, [each for each in copper.passages if each.frame.bus == number])
     found.waiting = sum(station.waiting for station in copper.wiring.buses[number].wire.stations)
     return found
+
+
+def _count(found: MeasuredTraffic, passages: Sequence[Passage]) -> None:
+    """Count what has passed."""
+    for each in passages:
+        can_id = each.frame.can_id
+        found.counts[can_id] = found.counts.get(can_id, 0) + 1
+        found.worst[can_id] = max(found.worst.get(can_id, 0), each.end - each.released)
+        found.busy += each.end - each.begin
 
 
 def _of_copper(config: BenchConfig, name: str, bitrate: int) -> BenchConfig:

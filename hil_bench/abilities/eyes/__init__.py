@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "eyes",
-    needs=("copper", "j1939", "recording"),
+    needs=("j1939", "recording"),
     verbs={
         "monitor": Verb(
             "bus",

@@ -1,16 +1,16 @@
 """The cyclic messages of a bus, and their worst-case response times."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from hil_bench.abilities.copper.wire.station import priority
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
-from hil_bench.frame import FD_LENGTHS
+from hil_bench.frame import FD_LENGTHS, priority
 from hil_bench.outside.bits import worst_bits, worst_fd_bits
 
 if TYPE_CHECKING:
@@ -261,3 +261,23 @@ def _longest(frame: Frame, given: Assumptions) -> int:
         return worst_bits(length, is_extended=is_extended) * _NS_PER_S // given.bitrate
     slow, fast = worst_fd_bits(length, is_extended=is_extended)
     return -(-slow * _NS_PER_S // given.bitrate) - (-fast * _NS_PER_S // given.data_bitrate)
+
+
+# What a simulation of the bus shows.
+
+
+@dataclass(slots=True)
+class MeasuredTraffic:
+    """The measured traffic of a simulated bus.
+
+    Attributes:
+        worst: longest time from a frame's release to the bus being free again [ns], by identifier.
+        counts: frames by identifier.
+        busy: time that frames were on the bus [ns].
+        waiting: frames that had not been sent at the end.
+    """
+
+    worst: dict[int, int] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    busy: int = 0
+    waiting: int = 0

@@ -141,3 +141,13 @@ def test_messages_of_can_fd_have_both_bit_rates(tmp_path, capsys):
         "hil-bench: error: --dbc: State is of CAN FD, and the bus is classical; give fd = true in "
         "[bus], or --fd\n"
     )
+
+
+def test_what_cannot_be_simulated_is_refused_and_bounds_need_no_simulation(monkeypatch, capsys):
+    """As without the ability that has wires: no table without the values that were asked for."""
+    monkeypatch.setattr("hil_bench.abilities.eyes.verbs.bus_load.given_to", lambda _: [])
+    assert main(["bus-load", "--simulate", "1"]) == 2
+    told = capsys.readouterr()
+    assert "--simulate: nothing here simulates a bus; give --simulate 0" in told.err
+    assert told.out == ""
+    assert main(["bus-load", "--simulate", "0"]) == 0

@@ -6,10 +6,10 @@ import random
 import pytest
 
 from hil_bench.abilities.copper.wire.attempt import AFTER_FLAGS, FLAG, ErrorKind
-from hil_bench.abilities.copper.wire.station import CanState, Station, priority
+from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
-from hil_bench.frame import FD_LENGTHS, bits_of, frame_bits
+from hil_bench.frame import FD_LENGTHS, bits_of, frame_bits, priority
 from hil_bench.outside.bits import (
     exact_bits,
     exact_fd_bits,

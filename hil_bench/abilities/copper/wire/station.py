@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.frame import priority
 
 # One participant of a bus: its transmission buffer and its error counters (ISO 11898-1).
 
@@ -50,19 +51,6 @@ class Pending(NamedTuple):
 
 Rule = Callable[[Frame], float | None]
 """Where in a frame a bit is disturbed, as a share of its bits below 1; None for nowhere."""
-
-
-def priority(frame: Frame) -> int:
-    """Return the key of arbitration, the lowest first: the bits up to the control field.
-
-    A data frame goes before a frame of CAN FD of its identifier, that before a remote frame, and
-    one of 11 bits before one of 29 bits that begins with them.
-    """
-    is_fd = frame.fd != 0
-    if frame.is_extended:
-        base, rest = frame.can_id >> 18, frame.can_id & 0x3FFFF
-        return (base << 2 | 3) << 20 | rest << 2 | frame.is_remote << 1 | is_fd
-    return (frame.can_id << 2 | frame.is_remote << 1) << 20 | is_fd
 
 
 class Station:

@@ -1,14 +1,14 @@
 """`hil-bench bus-load`: will it fit? Load and worst-case response times of a bench's buses."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil_bench.abilities.copper.measured_traffic import MeasuredTraffic, measure_traffic
 from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.abilities.eyes.traffic import (
     Assumptions,
+    MeasuredTraffic,
     Stream,
     dbc_streams,
     find_streams,
@@ -17,6 +17,7 @@ from hil_bench.abilities.eyes.traffic import (
     utilisation,
 )
 from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
+from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.frame import Frame
@@ -184,7 +185,7 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     if args.simulate:
         duration = round(args.simulate * _NS_PER_S)
         commands = list(_commands(streams))
-        found = measure_traffic(
+        found = _simulation()(
             config,
             name,
             commands,
@@ -197,6 +198,18 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     rows = [_row(name, stream, bounds[stream.message.name], found) for stream in streams]
     fits = load <= args.max_load / 100.0
     return _Bus(name, bitrate, given.data_bitrate or None, load, simulated, fits), rows
+
+
+def _simulation() -> Callable[..., MeasuredTraffic]:
+    """Return the `measure_traffic` of the ability that simulates a bus with its wire.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    for module in given_to("eyes"):
+        found: Callable[..., MeasuredTraffic] = module.measure_traffic
+        return found
+    raise ConfigError("--simulate: nothing here simulates a bus; give --simulate 0")
 
 
 def _others(

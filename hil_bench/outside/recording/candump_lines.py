@@ -20,6 +20,12 @@ _LINE = re.compile(
 )
 """A line of a candump log. One of CAN FD has a second # and a digit of flags, as `Frame.fd`."""
 
+_DROPS = re.compile(r"DROPCOUNT: dropped (\d{1,10}) CAN frames? on .* socket ")
+"""The line of `candump -d` where its socket could not keep up, by can-utils 2020 and newer."""
+
+_ON_SCREEN = re.compile(r"\s*(?:\(\S+\)\s+)?\S+\s.*\s[0-9A-F]{3,8}\s+\[\d+\](?:\s|$)")
+"""A line as candump shows it on a terminal."""
+
 _ERROR_PARTS = re.compile(
     r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
 )
@@ -42,12 +48,14 @@ class CompleteLines(io.TextIOWrapper):
         error_frames: lines that are one, and are left out.
         damaged: lines that are no frame, and are left out.
         first_damaged: number of the first of them.
+        on_screen: of them those that candump shows on a terminal.
+        dropped: frames that candump says it has lost.
         number: of the last line.
     """
 
     says_direction = False
     ending = ""
-    error_frames = damaged = first_damaged = number = 0
+    error_frames = damaged = first_damaged = on_screen = dropped = number = 0
 
     def __init__(self, file: IO[bytes], *, candump: bool) -> None:
         """Read a file.
@@ -86,7 +94,10 @@ class CompleteLines(io.TextIOWrapper):
             elif self._form is None or self._form.fullmatch(line) or line.isspace():
                 self.says_direction = line.rstrip().endswith(_DIRECTIONS)
                 return line
+            elif drop := _DROPS.match(line):
+                self.dropped += int(drop[1])
             else:
+                self.on_screen += _ON_SCREEN.match(line) is not None
                 self.damage()
 
 

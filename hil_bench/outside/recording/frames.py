@@ -179,6 +179,7 @@ class LeftOut:
         bad_lengths: frames of a length that no DLC has.
         damaged_lines: of a candump log, which are no frames.
         first_damaged: number of the first of them.
+        dropped: frames that the log says its recorder has lost.
         ending: why the log ends before its end; empty where it does not.
         channels: frames of other channels than the one that is read, by channel.
     """
@@ -187,6 +188,7 @@ class LeftOut:
     bad_lengths: int = 0
     damaged_lines: int = 0
     first_damaged: int = 0
+    dropped: int = 0
     ending: str = ""
     channels: dict[str, int] = field(default_factory=dict)
 
@@ -246,7 +248,10 @@ def read_frames(
         if errors:
             yield from lines.take_errors()
         if lines.damaged and lines.damaged == lines.number:
-            raise ConfigError(f"{path}: is no log of frames: not one line is one of candump -L")
+            right = "; what it shows on a terminal is no log: record with candump -l"
+            what = f"{path}: is no log of frames: not one line is one of candump -L"
+            raise ConfigError(f"{what}{right if lines.on_screen else ''}")
+        left_out.dropped = lines.dropped
         left_out.ending = left_out.ending or lines.ending
         left_out.error_frames += lines.error_frames
         left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged

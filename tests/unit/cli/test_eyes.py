@@ -510,6 +510,18 @@ def test_monitor_explains_what_it_hears_as_explain_does(capsys):
     assert said.err == "11 frames on can0, 1 error frames\n"
 
 
+def test_what_candump_has_lost_is_said_beside_a_verdict(folder, capsys):
+    with (folder / "t.log").open("a") as log:
+        log.write("DROPCOUNT: dropped 7 CAN frames on 'can0' socket (total drops 7)\n")
+    main(["explain", "t.log", "bench.toml", "--json"])
+    said = capsys.readouterr()
+    (note,) = json.loads(said.out)["notes"]
+    assert note.startswith("7 frames were lost by its recorder; what is missing may be theirs")
+    assert "lost" not in said.err
+    main(["decode", "t.log", "bench.toml"])
+    assert "7 frames were lost by candump, says the log" in capsys.readouterr().err
+
+
 def test_explain_judges_one_channel_and_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     lines = [f"({time / 10:.6f}) can{time % 2} 70{1 + time % 2}#05\n" for time in range(40)]

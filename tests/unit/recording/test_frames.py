@@ -243,8 +243,34 @@ def test_lines_that_are_no_frame_are_left_out_and_counted(tmp_path: Path) -> Non
     assert (left_out.damaged_lines, left_out.first_damaged, left_out.ending) == (2, 2, "")
 
 
-def test_a_file_without_a_line_of_candump_is_refused(tmp_path: Path) -> None:
+DROPPED = "DROPCOUNT: dropped {} CAN frame{} on 'can0' socket (total drops {})"
+"""As candump of can-utils writes it into a log with -d."""
+
+
+def test_frames_that_candump_has_lost_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
-    path.write_text("can0  123   [1]  11\n" * 3)  # as candump prints without -L
-    with pytest.raises(ConfigError, match="not one line is one of candump -L"):
+    lines = ["(1.0) can0 123#11", DROPPED.format(2, "s", 2), "(1.1) can0 123#12"]
+    path.write_text("".join(f"{line}\n" for line in (*lines, DROPPED.format(1, "", 3))))
+    assert len(list(read_frames(path, left_out := LeftOut()))) == 2
+    assert (left_out.dropped, left_out.damaged_lines) == (3, 0)
+
+
+@pytest.mark.parametrize(
+    ("line", "ending"),
+    [
+        (
+            "  can0  123   [1]  11",
+            "; what it shows on a terminal is no log: record with candump -l",
+        ),
+        (" (1690000000.2)  can0  TX - -  18FEF100   [2]  11 22   '.\"'", "record with candump -l"),
+        ("[1] of 123", "is one of candump -L"),
+    ],
+)
+def test_a_file_without_a_line_of_candump_is_refused(
+    tmp_path: Path, line: str, ending: str
+) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text(f"{line}\n" * 3)
+    with pytest.raises(ConfigError, match="not one line is one of candump -L") as caught:
         list(read_frames(path))
+    assert str(caught.value).endswith(ending)

@@ -68,6 +68,10 @@ def run(args: argparse.Namespace) -> int:
     )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
+    if left_out.dropped:
+        lost = f"{left_out.dropped} frames were lost by its recorder; what is missing may be theirs"
+        found = found._replace(notes=(*found.notes, lost))
+        left_out.dropped = 0  # said once
     lines = explanation_lines(found, bitrate, DbcMessages(args.dbc).explain)
     print_results(args, lines, explanation_content(found))
     print_losses(args, left_out)

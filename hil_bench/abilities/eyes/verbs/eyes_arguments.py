@@ -157,6 +157,8 @@ def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
         found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
     if left_out.bad_lengths:
         found.append(f"{left_out.bad_lengths} frames of a length that no DLC has left out")
+    if left_out.dropped:
+        found.append(f"{left_out.dropped} frames were lost by candump, says the log")
     if left_out.damaged_lines:
         form = {".log": "candump -L", ".asc": "ASC"}[args.log.suffix.lower()]
         told = f"line {left_out.first_damaged} is no frame of {form}"

@@ -1,11 +1,13 @@
 """The verbs of the command line, of the core and of abilities, and options that abilities add."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from types import ModuleType
 
 from hil_bench.ability import GROUPS, Verb, other_abilities, own_abilities
+from hil_bench.cli.exit_codes import ExitCode
 
 # The verbs of the command line: the core's own, and those of the abilities.
 
@@ -24,7 +26,7 @@ CORE = {
         "more",
         40,
         "print the script by which a shell completes verbs and options",
-        "hil_bench.cli.completion",
+        "hil_bench.cli.verbs",
     ),
 }
 """The verbs of the core."""
@@ -104,3 +106,36 @@ def _modules(verb: str) -> Iterator[ModuleType]:
     for ability in own_abilities():
         if verb in ability.options:
             yield import_module(ability.options[verb])
+
+
+# `hil-bench completion`: have a shell complete verbs and options.
+
+SHELLS = ("bash", "zsh", "tcsh")
+
+_EXAMPLES = """\
+examples:
+  hil-bench completion bash > ~/.local/share/bash-completion/completions/hil-bench
+  hil-bench completion zsh > ~/.zfunc/_hil-bench                with ~/.zfunc in fpath
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "completion",
+        description="Print a script by which a shell completes verbs and options.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    import shtab  # noqa: PLC0415 - of this verb alone
+
+    from hil_bench.cli import build_parser  # noqa: PLC0415 - it imports this module
+
+    verbs, _ = all_verbs()
+    sys.stdout.write(shtab.complete(build_parser(verbs, verbs), args.shell))
+    return ExitCode.DONE

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hil_bench.plants.rotary.configuration import RotaryConfig
-from hil_bench.plants.rotary.motor import HydraulicMotor
+from hil_bench.plants.rotary.kind import HydraulicMotor
 
 STEP = 50e-6
 

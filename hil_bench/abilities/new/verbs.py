@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.abilities.new.catalogue import catalogue_lines
 from hil_bench.abilities.new.wording import (
     CYLINDER_EXAMPLE,
     VALVE_EXAMPLE,
     Datum,
+    catalogue_lines,
     read_cylinder,
     read_valve,
 )

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from hil_bench.abilities.new.catalogue import CYLINDERS, VALVES
+from hil_bench.abilities.new.wording import CYLINDERS, VALVES
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.new.catalogue import (
+from hil_bench.abilities.new.wording import (
     CYLINDERS,
     VALVES,
     catalogue_lines,

@@ -7,7 +7,7 @@ from support.motors import LOSSLESS, STEP, Motor, write_bench
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.rotary.configuration import RotaryConfig
-from hil_bench.plants.rotary.motor import HydraulicMotor
+from hil_bench.plants.rotary.kind import HydraulicMotor
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from support.motors import LOSSLESS, VALVE, Motor, write_bench
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.outside.transports.embedded import EmbeddedBus
-from hil_bench.plants.rotary.motor import HydraulicMotor
+from hil_bench.plants.rotary.kind import HydraulicMotor
 from hil_drivers import Network, ProportionalValve, RotarySensor
 
 NODES = f"""{VALVE}

@@ -313,7 +313,6 @@ class Desk:
     async def _scenario(self, fields: dict[str, Any]) -> Any:  # noqa: ANN401 - of `make_scenario`
         bench = self._hub.bench
         form = RecordForm(**fields)
-        form.check()
         journal = await bench.request("journal")
         path = self._folder / f"{form.file}{SUFFIX}"
         return make_scenario(form, path, bench.hello, journal)

@@ -197,7 +197,7 @@ async def replay_run(again: object, key: str) -> dict[str, object]:
         options = (f"--run={key}", f"--picture={picture}", "--json")
         code, output, errors = await _play([*words, *options])
         if code not in _DECIDED:
-            text = errors[-_MOST_PICTURE:].decode(errors="replace").strip()
+            text = errors[-_MOST_OUTPUT:].decode(errors="replace").strip()
             raise ConfigError(text or f"run {key}: ended with exit code {code}")
         return {"run": json.loads(output)["run"], "picture": _data_uri(picture)}
 

@@ -57,3 +57,6 @@ def test_the_load_of_can_fd_counts_at_both_rates():
     at_once = BusFindings({}, [[500_000, 1.0]]).take(frames)
     assert [each["title"] for each in at_once["findings"]] == ["bus load"]
     assert BusFindings({}, [[500_000, 8.0]]).take(frames) is None
+    # Of a bus that the greeting does not name: 1 Mbit/s at one rate, of which that is 104 %.
+    at_usual = BusFindings({}).take(frames)
+    assert [each["title"] for each in at_usual["findings"]] == ["bus load"]

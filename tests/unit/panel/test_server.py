@@ -98,6 +98,11 @@ def test_a_page_sees_the_bench_and_breaks_it():
         assert tpdo["node"] == "valve"
         assert [each["name"] for each in tpdo["signals"]] == ["0x6041.00", "0x6301.01"]
         assert [each["shift"] for each in tpdo["signals"]] == [0, 16]
+        assert [(each["type"], each["bits"]) for each in tpdo["signals"]] == [
+            ("UNSIGNED16", 16),
+            ("INTEGER16", 16),
+        ]
+        assert all(each["text"] for each in tpdo["signals"])
 
 
 @pytest.mark.usefixtures("folder")
@@ -457,7 +462,8 @@ def test_a_test_that_was_clicked_is_written_once_and_lasts_whole_nanoseconds(tmp
         ({"that": " "}, "give a title, an id and a requirement"),
     ],
 )
-def test_a_wrong_form_is_refused(change, error):
+def test_a_wrong_form_is_refused(change, error, tmp_path):
+    form = RecordForm(**{**FORM, **change})
     with pytest.raises(ConfigError) as caught:
-        RecordForm(**{**FORM, **change}).check()
+        make_scenario(form, tmp_path / "x.scenario.toml", {}, {"entries": [], "forgotten": 0})
     assert error in str(caught.value)

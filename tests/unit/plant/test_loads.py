@@ -1,15 +1,22 @@
 import math
+from dataclasses import replace
 
 import pytest
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
+    FullOrderPlant,
     LoadSeries,
     MassOnSlope,
+    PlantInput,
     PlantOptions,
+    ReducedOrderPlant,
+    Solver,
     SpringLoad,
+    paper_parameters,
 )
+from hil_bench.plants.hydraulic_cylinder.model.line import Line
 
 
 @pytest.mark.parametrize(
@@ -61,3 +68,43 @@ def test_force_of_each_load_at_a_place_and_a_time() -> None:
     forces = [load.force_at(0.3, 1.5) for load in loads]
     assert forces == pytest.approx([100.0, 200.0, 98.0665, 25.0])
     assert PlantOptions(loads=loads).load_at(0.3, 1.5) == pytest.approx(423.0665)
+
+
+HOSE = Line(length=0.1, inner=0.0125, bulk_modulus=850e6, viscosity=46e-6)
+LINED = {"line_a": HOSE, "line_b": replace(HOSE, length=0.2)}
+STEP = 5e-5
+
+
+def plant(kind: str, solver: Solver, *loads: ConstantLoad | LoadSeries) -> FullOrderPlant:
+    options = replace(PlantOptions.bench(), loads=loads)
+    if kind == "reduced":
+        return ReducedOrderPlant(paper_parameters(), options=options, solver=solver, dt=STEP)
+    extra = LINED if kind == "lined" else {"C_LA": 1e-13}
+    options = replace(options, **extra)
+    return FullOrderPlant(paper_parameters(), options=options, solver=solver, dt=STEP)
+
+
+CASES = [("lined", Solver.LINEARLY_IMPLICIT_MIDPOINT)]
+CASES += [(kind, solver) for kind in ("reduced", "extended") for solver in Solver]
+
+
+@pytest.mark.parametrize(("kind", "solver"), CASES)
+def test_a_load_of_the_options_acts_as_one_from_outside(kind: str, solver: Solver) -> None:
+    inside, free = plant(kind, solver, ConstantLoad(4e3)), plant(kind, solver)
+    outside = type(free)(
+        paper_parameters(), options=free.options, solver=solver, state=inside.state, dt=STEP
+    )
+    for _ in range(10):
+        assert inside.step(PlantInput(6e-4), 4) == outside.step(PlantInput(6e-4, 4e3), 4)
+
+
+@pytest.mark.parametrize(("kind", "solver"), CASES)
+def test_a_series_acts_from_its_time_on(kind: str, solver: Solver) -> None:
+    """Nothing for 10.5 steps, then a force at once; a step before that it has no effect."""
+    jump = 10.5 * STEP
+    series = plant(kind, solver, LoadSeries((jump, jump), (0.0, 9e3)))
+    free = plant(kind, solver, LoadSeries((jump,), (0.0,)))
+    for _ in range(10):
+        assert series.step(PlantInput(6e-4)) == free.step(PlantInput(6e-4))
+    later = series.step(PlantInput(6e-4), 3), free.step(PlantInput(6e-4), 3)
+    assert later[0].v < later[1].v - 1e-3

@@ -14,6 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,
     PlantState,
     ReducedOrderPlant,
+    Solver,
     SupplyUnit,
     balanced_state,
     paper_parameters,
@@ -56,6 +57,20 @@ def test_a_supply_unit_fills_up_again():
     assert fallen == pytest.approx(3e6, rel=0.05)
     plant.step(PlantInput(0.0), 30_000)  # 60 l/min for three seconds
     assert plant.supply_pressure > 9e6
+
+
+@pytest.mark.parametrize("solver", Solver)
+def test_a_pump_fills_a_line_as_its_oil_is_stiff(solver):
+    """P' = Q E / V of the paper's oil, with the valve shut and no accumulator; then the relief."""
+    unit = SupplyUnit(pump_flow=2e-4, line_volume=1e-3, accumulator_volume=0.0)
+    plant = FullOrderPlant(P, options=replace(BENCH, supply=unit), solver=solver, dt=2e-5)
+    plant.supply_pressure = 4e6
+    plant.step(PlantInput(0.0), 100)
+    assert plant.supply_pressure == pytest.approx(4e6 + 2e-4 * P.E / 1e-3 * 2e-3, rel=1e-6)
+    plant.supply_pressure = 10.2e6  # 2 bar above: 4e-4 m³/s, twice what the pump gives
+    plant.step(PlantInput(0.0), 1)
+    fall = -2e-4 * P.E / 1e-3 * 2e-5
+    assert plant.supply_pressure - 10.2e6 == pytest.approx(fall, rel=1e-2)
 
 
 @pytest.mark.parametrize("pressure", [math.nan, math.inf])

@@ -44,7 +44,7 @@ def test_layouts_are_beside_the_file_of_the_bench_or_with_the_tests(ask, tmp_pat
     first = ask("layouts", opened=path, **bench)["first"]
     assert first == {"path": str(path), "layout": LAYOUT}
     wrong = {"name": "day", "layout": {"colour": ""}, "replaces": True, **bench}
-    assert ask("save_layout", **wrong).startswith("the layout: key 'colour' is not known; give ")
+    assert ask("save_layout", **wrong).startswith("the layout: key 'colour' is not known; ")
 
 
 def test_a_seat_is_free_again_when_its_browser_has_left():

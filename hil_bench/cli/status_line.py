@@ -7,12 +7,12 @@ import math
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from time import monotonic_ns
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeVar
 
 from hil_bench.bench.bench import Bench
 from hil_bench.outside.processes.helper_process import HelperProcess
@@ -211,6 +211,7 @@ WORK_PERIOD = 10_000_000_000
 """Time between two lines of all other work, likewise [ns]."""
 
 _NS_PER_S = 1_000_000_000
+_PartT = TypeVar("_PartT")
 _LOOK_S = 0.5  # between two looks at work; a bar moves as often
 
 
@@ -279,6 +280,13 @@ class Work:
         parts = f"{self.done}{of_all} {self.unit}, " if self.done or of_all else ""
         words = [f"{parts}{elapsed // _NS_PER_S} s", self.remark, self.stage]
         return f"{self.title}: {'; '.join(filter(None, words))}"
+
+
+def counted(work: Work, parts: Iterable[_PartT]) -> Iterator[_PartT]:
+    """Yield parts, each counted as done once the next is asked for."""
+    for part in parts:
+        yield part
+        work.done += 1
 
 
 class WorkLines:

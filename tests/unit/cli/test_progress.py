@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from hil_bench.cli import status_line
+from hil_bench.cli import main, status_line
 from hil_bench.cli.status_line import PERIOD, Progress, Work, WorkLines, shown_work
 from hil_bench.cli.streams import PatientHandler
 
@@ -78,6 +78,38 @@ def test_a_log_gets_lines_a_terminal_a_bar_and_quiet_nothing(stream, quiet, said
         assert quiet or looked.wait(60.0)
     assert {*seen} == ({said} if said else set())
     assert "hil-bench-progress" not in [each.name for each in threading.enumerate()]
+
+
+LOG = "".join(f"({second}.0) can0 182#00004842{second:02X}\n" for second in range(1, 8))  # 50 bar
+TABLE = "time,axis1.P_A\ns,Pa\n0,5e6\n1,5e6\n"
+EXPECT = '[[expect]]\nid = "p"\nthat = "always axis1.P_A < 60 bar"\n'
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("explain b.log", "explain: 7 frames, 0 s"),
+        ("decode b.log b.toml -o o.csv", "decode: 7 frames, 0 s; their values"),
+        ("judge r.toml t.csv u.csv", "judge: 1 of 2 recordings, 0 s; u.csv"),
+    ],
+)
+def test_long_looks_say_how_far_they_are(words, said, tmp_path, monkeypatch):
+    """As they stand at their end."""
+    works = []
+    own = Work.__init__
+
+    def begin(self, *of_work, **more):
+        own(self, *of_work, **more)
+        works.append(self)
+
+    monkeypatch.setattr(Work, "__init__", begin)
+    monkeypatch.chdir(tmp_path)
+    texts = {"b.log": LOG, "b.toml": "", "r.toml": EXPECT, "t.csv": TABLE, "u.csv": TABLE}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    assert main(words.split()) == 0
+    (work,) = works
+    assert work.line(0) == said
 
 
 def test_a_bar_shows_what_is_done(monkeypatch):

@@ -29,6 +29,7 @@ from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
+from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame, from_first
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -100,10 +101,16 @@ def run(args: argparse.Namespace) -> int:
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
     is_canopen = False
-    if _is_writing(args):
-        count = _write(args, decoder, list(frames), ending)
-    else:
-        count, is_canopen = _print(args, decoder, frames)
+    is_writing = _is_writing(args)
+    with shown_work(args, Work("decode", unit="frames"), prints=not is_writing) as work:
+        frames = counted(work, frames)
+        if is_writing:
+            work.stage = "read"
+            read = list(frames)
+            work.stage = "their values"
+            count = _write(args, decoder, read, ending)
+        else:
+            count, is_canopen = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
     print_losses(args, left_out)

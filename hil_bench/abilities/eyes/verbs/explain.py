@@ -16,6 +16,7 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import (
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -59,13 +60,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    found = explain(
-        read_frames(args.log, left_out, errors=True, is_one_channel=True),
-        known_nodes(args, config),
-        bitrate,
-        known_ecus(args, config),
-        config.bus.speedup,
-    )
+    nodes, ecus = known_nodes(args, config), known_ecus(args, config)
+    frames = read_frames(args.log, left_out, errors=True, is_one_channel=True)
+    with shown_work(args, Work("explain", unit="frames")) as work:
+        found = explain(counted(work, frames), nodes, bitrate, ecus, config.bus.speedup)
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
     if left_out.dropped:

@@ -21,6 +21,7 @@ from hil_bench.cli.arguments import add_column_arguments
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
+from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.column_units import find_doubts
@@ -78,13 +79,16 @@ def run(args: argparse.Namespace) -> int:
     check_report_argument(args)
     judged: dict[Path, Judged] = {}
     chapters = []
-    for path in args.recordings:
-        signals = _read_signals(args, path)
-        judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
-        names = names_in(each.requirement.condition for each in judged[path].findings)
-        warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
-        if args.report:
-            chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
+    work = Work("judge", len(args.recordings), "recordings")
+    with shown_work(args, work):
+        for path in args.recordings:
+            work.begin(str(path))
+            signals = _read_signals(args, path)
+            judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
+            names = names_in(each.requirement.condition for each in judged[path].findings)
+            warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
+            if args.report:
+                chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     content = {str(path): finding_content(each.findings) for path, each in judged.items()}
     outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
     ending = Ending(args)

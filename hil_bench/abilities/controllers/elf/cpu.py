@@ -268,8 +268,8 @@ class Cpu:
             else:
                 why = _TRAPS.get(trap, f"exception {trap} of the simulator")
                 raise self._fault(self._access or why)
-        elif done < count:
-            self._is_asleep = self._code(self._at - 2) == _WFI
+        elif done < count and self._code(self._at - 2) == _WFI:
+            self._is_asleep = True
 
     def _start(self, count: int) -> int:
         """Do a number of instructions; return how many were done."""

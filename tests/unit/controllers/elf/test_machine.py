@@ -99,6 +99,20 @@ void program(void)
     assert said == ["awake", "tick"]
 
 
+def test_wfe_sleeps_again_once_its_event_is_used_up(make: Make) -> None:
+    machine = make("""
+#define SYSTICK tick
+static void tick(void) { }
+void program(void)
+{
+    R32(0xE000E014) = 15999; R32(0xE000E018) = 0; R32(0xE000E010) = 7;
+    for (;;) { __asm volatile("wfe"); say("awake"); }
+}
+""")
+    # A tick of 1 ms wakes it, and leaves an event behind that one further WFE takes.
+    assert 3 <= len(lines(machine, 3 * MS + MS // 2)) <= 6
+
+
 SWITCH = """
 #define SVC svc
 #define PENDSV pendsv

@@ -23,6 +23,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 
 OWN = range(14)
+BX_CAN, BX_CAN_2 = [19, 20, 21, 22], [63, 64, 65, 66]
 
 
 def test_a_wide_mask_and_a_list_of_narrow_ones() -> None:
@@ -373,6 +374,81 @@ def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
             assert first + size <= second, f"0x{first:08X} and 0x{second:08X}"
         # Each has a range of 1 KiB of its own (the memory maps of the reference manuals).
         assert not any(place % 0x400 for place in (*dict(places), *family.names))
+
+
+@pytest.mark.parametrize(
+    ("chip", "can", "uarts", "timers"),
+    [
+        # The vector tables of the reference manuals: RM0091, RM0008, RM0090, RM0444, RM0440,
+        # RM0351. CAN1 and its like; USART1 and on; the timers by address, TIM2 first.
+        ("STM32F072", [30], [27, 28, 29, 29], [15, 16, 17, 18, 19, 13, 20, 21, 22]),
+        ("STM32F105", [*BX_CAN, *BX_CAN_2], [37, 38, 39], [28, 29, 30, 50, 54, 55, 25]),
+        (
+            "STM32F407",
+            [*BX_CAN, *BX_CAN_2],
+            [37, 38, 39, 52, 53, 71],
+            [28, 29, 30, 50, 54, 55, 43, 44, 45, 25, 44, 24, 25, 26],
+        ),
+        (
+            "STM32G0B1",
+            [21, 22],
+            [27, 28, 29, 29, 29],
+            [15, 16, 16, 17, 18, 19, 13, 20, 21, 22],
+        ),
+        (
+            "STM32G474",
+            [21, 22, 86, 87, 88, 89],
+            [37, 38, 39, 52, 91],
+            [28, 29, 30, 50, 54, 55, 25, 44, 24, 25, 26],
+        ),
+        (
+            "STM32L476",
+            BX_CAN,
+            [37, 38, 39, 70],
+            [28, 29, 30, 50, 54, 55, 25, 44, 24, 25, 26],
+        ),
+    ],
+)
+def test_each_peripheral_has_the_interrupt_of_the_manual(
+    chip: str, can: list[int], uarts: list[int], timers: list[int]
+) -> None:
+    family = CHIPS[chip].family
+    assert sorted({number for each in family.can for number in each.interrupts}) == can
+    assert [interrupt for _, interrupt in family.uarts.values()] == uarts
+    assert [timer.interrupt for timer in family.timers] == timers
+    # TIM2, and TIM5 where it is, count 32 bits, but for those of F1; APB2 begins at 0x40010000.
+    wide = {0x4000_0000, 0x4000_0C00} if chip != "STM32F105" else set()
+    assert {timer.address for timer in family.timers if timer.width == 32} == wide & {
+        timer.address for timer in family.timers
+    }
+    if chip[5:7] not in {"F0", "G0"}:  # which have one bus
+        assert all(timer.bus == 1 + (timer.address >= 0x4001_0000) for timer in family.timers)
+
+
+def test_each_chip_has_the_memory_of_its_data_sheet() -> None:
+    """RAM, and beside it what is coupled to the core, of the largest with each name [KiB]."""
+    sizes = {
+        name: [memory.size / 1024 for memory in chip.memory]
+        for name, chip in CHIPS.items()
+        if name[5] == "F"
+    }
+    assert sizes == {
+        "STM32F042": [6],
+        "STM32F072": [16],
+        "STM32F091": [32],
+        "STM32F103": [20],
+        "STM32F105": [64],
+        "STM32F107": [64],
+        "STM32F405": [128, 64],
+        "STM32F407": [128, 64],
+        "STM32F427": [192, 64],
+        "STM32F429": [192, 64],
+        "STM32F446": [128],
+    }
+    for chip in CHIPS.values():
+        assert [memory.address for memory in chip.memory] == [0x2000_0000, 0x1000_0000][
+            : len(chip.memory)
+        ]
 
 
 def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4, count: int = 1) -> bytes:

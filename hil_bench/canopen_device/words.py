@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final, NamedTuple
 
-from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.nmt import NmtCommand, NmtState
-
 # The words of CiA 301 and CiA 305 for the numbers in frames.
 
 _CAN_COUNTS = {
@@ -56,47 +53,6 @@ _EMERGENCY_CLASSES: Final = {
 }
 """Emergency error codes of CiA 301: one by one, and by their high byte."""
 
-_NMT_COMMANDS: Final[Mapping[int, str]] = {
-    NmtCommand.START: "start",
-    NmtCommand.STOP: "stop",
-    NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
-    NmtCommand.RESET_NODE: "reset node",
-    NmtCommand.RESET_COMMUNICATION: "reset communication",
-}
-
-_ABORTS: Final[dict[int, str]] = dict(
-    code for name, code in vars(abort_codes).items() if name.isupper() and isinstance(code, tuple)
-)
-
-_LSS: Final = {
-    0x04: "switch state global",
-    0x11: "configure node-ID",
-    0x13: "configure bit timing",
-    0x15: "activate bit timing",
-    0x17: "store configuration",
-    0x40: "switch state selective, vendor-ID",
-    0x41: "switch state selective, product code",
-    0x42: "switch state selective, revision number",
-    0x43: "switch state selective, serial number",
-    0x44: "switched by its address",
-    0x46: "identify slave, vendor-ID",
-    0x47: "identify slave, product code",
-    0x48: "identify slave, lowest revision number",
-    0x49: "identify slave, highest revision number",
-    0x4A: "identify slave, lowest serial number",
-    0x4B: "identify slave, highest serial number",
-    0x4C: "identify non-configured slave",
-    0x4F: "slave identified",
-    0x50: "non-configured slave identified",
-    0x51: "fastscan",
-    0x5A: "inquire vendor-ID",
-    0x5B: "inquire product code",
-    0x5C: "inquire revision number",
-    0x5D: "inquire serial number",
-    0x5E: "inquire node-ID",
-}
-"""LSS command specifiers (CiA 305)."""
-
 
 def is_error_reset(code: int) -> bool:
     """Return True if an emergency error code reports an error as gone: 0x0000 to 0x00FF."""
@@ -110,31 +66,6 @@ def emergency_text(code: int) -> str:
     high = code >> 8
     text = _EMERGENCIES.get(code) or _EMERGENCY_CLASSES.get(high)
     return text or _EMERGENCY_CLASSES.get(high & 0xF0) or "code without a meaning in CiA 301"
-
-
-def abort_text(code: int) -> str:
-    """Return the meaning of an SDO abort code, in the words of CiA 301."""
-    return _ABORTS.get(code, "unknown abort code")
-
-
-def nmt_text(data: bytes) -> str:
-    """Return the command of an NMT message; empty where the data are no NMT message."""
-    if len(data) != 2:
-        return ""
-    target = f"node {data[1]}" if data[1] else "all nodes"
-    return f"{_NMT_COMMANDS.get(data[0], f'command {data[0]}')}, {target}"
-
-
-def state_text(number: int) -> str:
-    """Return the name of an NMT state by its number in a heartbeat."""
-    if number == NmtState.INITIALISING:
-        return "boot-up"
-    return NmtState(number).name if number in frozenset(NmtState) else f"state {number}"
-
-
-def lss_text(data: bytes) -> str:
-    """Return the service of an LSS message; empty where there are no data."""
-    return _LSS.get(data[0], f"command {data[0]}") if data else ""
 
 
 def can_text(can: Mapping[str, Any]) -> str:

@@ -4,10 +4,10 @@ import can
 import pytest
 
 from hil_bench.abilities.copper.extension import Copper
+from hil_bench.abilities.copper.wire.bits import exact_bits
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.bits import exact_bits
 from hil_bench.session.virtual_bench import VirtualBench
 
 US = 1000

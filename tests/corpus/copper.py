@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from hil_bench.outside.bits import exact_bits
+from hil_bench.abilities.copper.wire.bits import exact_bits
 from hil_bench.outside.recording.channels import LoggedFrame
 
 _NS = 1_000_000_000

@@ -7,13 +7,19 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from hil_bench.abilities.eyes.frame_words import emcy_words, error_text, meaning_of
+from hil_bench.abilities.eyes.frame_words import (
+    abort_text,
+    emcy_words,
+    error_text,
+    meaning_of,
+    nmt_text,
+)
 from hil_bench.abilities.eyes.j1939 import describe
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
-from hil_bench.canopen_device.words import abort_text, function_of, nmt_text
+from hil_bench.canopen_device.words import function_of
 from hil_bench.outside.recording.channels import LoggedFrame
 
 LENGTH_OF_SDO: Final = 8

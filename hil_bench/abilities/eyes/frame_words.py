@@ -3,15 +3,79 @@
 import struct
 from typing import Final
 
+from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.words import (
-    abort_text,
-    emergency_text,
-    function_of,
-    lss_text,
-    nmt_text,
-    state_text,
+from hil_bench.canopen_device.nmt import NmtCommand, NmtState
+from hil_bench.canopen_device.words import emergency_text, function_of
+
+# The words of CiA 301 and CiA 305 for the numbers in frames.
+
+_NMT_COMMANDS: Final[dict[int, str]] = {
+    NmtCommand.START: "start",
+    NmtCommand.STOP: "stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
+    NmtCommand.RESET_NODE: "reset node",
+    NmtCommand.RESET_COMMUNICATION: "reset communication",
+}
+
+_ABORTS: Final[dict[int, str]] = dict(
+    code for name, code in vars(abort_codes).items() if name.isupper() and isinstance(code, tuple)
 )
+
+_LSS: Final = {
+    0x04: "switch state global",
+    0x11: "configure node-ID",
+    0x13: "configure bit timing",
+    0x15: "activate bit timing",
+    0x17: "store configuration",
+    0x40: "switch state selective, vendor-ID",
+    0x41: "switch state selective, product code",
+    0x42: "switch state selective, revision number",
+    0x43: "switch state selective, serial number",
+    0x44: "switched by its address",
+    0x46: "identify slave, vendor-ID",
+    0x47: "identify slave, product code",
+    0x48: "identify slave, lowest revision number",
+    0x49: "identify slave, highest revision number",
+    0x4A: "identify slave, lowest serial number",
+    0x4B: "identify slave, highest serial number",
+    0x4C: "identify non-configured slave",
+    0x4F: "slave identified",
+    0x50: "non-configured slave identified",
+    0x51: "fastscan",
+    0x5A: "inquire vendor-ID",
+    0x5B: "inquire product code",
+    0x5C: "inquire revision number",
+    0x5D: "inquire serial number",
+    0x5E: "inquire node-ID",
+}
+"""LSS command specifiers (CiA 305)."""
+
+
+def abort_text(code: int) -> str:
+    """Return the meaning of an SDO abort code, in the words of CiA 301."""
+    return _ABORTS.get(code, "unknown abort code")
+
+
+def nmt_text(data: bytes) -> str:
+    """Return the command of an NMT message; empty where the data are no NMT message."""
+    if len(data) != 2:
+        return ""
+    target = f"node {data[1]}" if data[1] else "all nodes"
+    return f"{_NMT_COMMANDS.get(data[0], f'command {data[0]}')}, {target}"
+
+
+def state_text(number: int) -> str:
+    """Return the name of an NMT state by its number in a heartbeat."""
+    if number == NmtState.INITIALISING:
+        return "boot-up"
+    return NmtState(number).name if number in frozenset(NmtState) else f"state {number}"
+
+
+def lss_text(data: bytes) -> str:
+    """Return the service of an LSS message; empty where there are no data."""
+    return _LSS.get(data[0], f"command {data[0]}") if data else ""
+
 
 _MS_PER_DAY = 86_400_000
 

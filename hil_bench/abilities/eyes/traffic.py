@@ -10,11 +10,54 @@ from hil_bench.canopen_device.frame import BRS, FDF, Frame
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
-from hil_bench.frame import FD_LENGTHS, priority
-from hil_bench.outside.bits import worst_bits, worst_fd_bits
+from hil_bench.frame import (
+    ACK_TO_NEXT,
+    FD_DLC,
+    FD_EXTENSION,
+    FD_HEAD,
+    FD_LENGTHS,
+    fd_crc_bits,
+    priority,
+)
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as DbcMessage
+
+
+# The most bits of a frame.
+
+_BEHIND: Final = 13
+"""CRC delimiter, acknowledgement with its delimiter, end of frame, intermission."""
+
+
+def worst_bits(length: int, *, is_extended: bool = False) -> int:
+    """Return the bits of a data frame with the most stuff bits, and of the intermission after it.
+
+    Of the bits that are stuffed, at most one follows each four but the first (Davis, Burns, Bril
+    and Lukkien 2007, equation 1).
+
+    Args:
+        length: data bytes.
+        is_extended: whether the identifier has 29 bits.
+    """
+    stuffed = (54 if is_extended else 34) + 8 * length
+    return stuffed + _BEHIND + (stuffed - 1) // 4
+
+
+def worst_fd_bits(length: int, *, is_extended: bool = False) -> tuple[int, int]:
+    """Return the most bits of a frame with BRS: those at the bit rate, and those at the data one.
+
+    Of the bits up to BRS, those behind the last of fixed value have none, so 14 (33 with a 29-bit
+    identifier) are stuffed, and then those from BRS on but the last.
+
+    Args:
+        length: data bytes.
+        is_extended: whether the identifier has 29 bits.
+    """
+    head = FD_HEAD + FD_EXTENSION * is_extended
+    slow = head + (head - 4) // 4 + ACK_TO_NEXT
+    data = FD_DLC + 8 * length
+    return slow, data + (data - 1) // 4 + fd_crc_bits(length)
 
 
 # Worst-case response times of the messages on a CAN bus.

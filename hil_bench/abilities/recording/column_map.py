@@ -13,7 +13,7 @@ from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.outside.recording.column_units import in_own_units
+from hil_bench.outside.recording.files import in_own_units
 from hil_bench.outside.recording.foreign_table import (
     Columns,
     Values,

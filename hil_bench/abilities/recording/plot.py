@@ -21,7 +21,7 @@ from hil_bench.outside.recording.channels import (
     Span,
     recording_channels,
 )
-from hil_bench.outside.recording.column_units import given_units
+from hil_bench.outside.recording.files import given_units
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
 from hil_bench.units import COUNT, Unit

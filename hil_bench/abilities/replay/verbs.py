@@ -13,6 +13,7 @@ import can
 
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.abilities.recording.evening import make_even
+from hil_bench.abilities.recording.quantities import check_quantities, find_doubts
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     SignalDeviation,
@@ -36,7 +37,6 @@ from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import LoggedFrame, Recording
-from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.transports.opening import open_can_bus

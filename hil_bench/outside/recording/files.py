@@ -8,7 +8,7 @@ import contextlib
 import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,10 +21,69 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.column_units import in_own_units
 from hil_bench.outside.recording.foreign_table import as_recording, read_columns
 from hil_bench.outside.recording.mdf_reader import read_mdf
 from hil_bench.units import read_unit
+
+# Units of the columns of a file: each becomes the bench's own unit, once; every reader ends here.
+#
+# A unit that is not known stays as it is: its values are drawn, and compared with nothing that has
+# a unit.
+
+_GIVEN = "given"  # metadata of a field: the unit that the file has, where it is another one
+
+
+def in_own_units(recording: Recording) -> Recording:
+    """Return a recording with each column in the bench's unit, the time in seconds.
+
+    Args:
+        recording: as the file has it, its columns with the file's units.
+
+    Raises:
+        ConfigError: the time is in no unit of time.
+    """
+    channels = recording_channels(recording)
+    found = [read_unit(channel.unit) for channel in channels]
+    if found[0] is None or found[0].symbol != TIME.unit:
+        given = f'is in "{channels[0].unit}"' if channels[0].unit else "has no unit"
+        raise ConfigError(f"its time {given}; give it in s, ms, us or min, as in time [s]")
+    own = [
+        channel if unit is None else Channel(channel.name, unit.symbol)
+        for channel, unit in zip(channels, found, strict=True)
+    ]
+    if own == list(channels):
+        return recording
+    converted = np.empty(len(recording), dtype=_dtype(own, channels))
+    for channel, unit in zip(channels, found, strict=True):
+        values = recording[channel.name]
+        if unit is not None and (unit.factor, unit.offset) != (1.0, 0.0):
+            values = values * unit.factor + unit.offset
+        converted[channel.name] = values
+    return converted
+
+
+def _dtype(own: Iterable[Channel], given: Iterable[Channel]) -> "np.dtype[np.void]":
+    """Return the type of the rows; a column that was converted keeps its file's unit, too."""
+    plain = recording_dtype(tuple(own))
+    fields: list[Any] = []
+    for channel, (_, symbol) in zip(own, given, strict=True):
+        metadata = dict(plain[channel.name].metadata or {})
+        if symbol != channel.unit:
+            metadata[_GIVEN] = symbol
+        fields.append((channel.name, np.dtype(np.float64, metadata=metadata)))
+    return np.dtype(fields)
+
+
+def given_units(recording: Recording) -> dict[str, str]:
+    """Return the unit that the file has of each column that was converted from it."""
+    units = {
+        name: dict(recording.dtype[name].metadata or {}).get(_GIVEN)
+        for name in recording.dtype.names or ()
+    }
+    return {name: symbol for name, symbol in units.items() if symbol is not None}
+
+
+# Our own files, and those of others.
 
 
 class RecordingFile:

@@ -17,8 +17,7 @@ from hil_bench.abilities.eyes.verbs import listening
 from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.column_units import given_units
-from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.files import given_units, read_recording
 from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 
 BENCH = """\

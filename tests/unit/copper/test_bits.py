@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil_bench.abilities.copper.wire.bits import exact_bits
+from hil_bench.abilities.eyes.traffic import worst_bits
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.bits import exact_bits, worst_bits
 
 
 def counted(frame):

@@ -11,11 +11,11 @@ from hil_bench.abilities.copper.wire.attempt import (
     misread,
     unacknowledged,
 )
+from hil_bench.abilities.copper.wire.bits import exact_bits, stuffed_bits
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.bits import exact_bits, stuffed_bits
 
 US = 1000
 LONG = 10**12

@@ -6,17 +6,12 @@ import random
 import pytest
 
 from hil_bench.abilities.copper.wire.attempt import AFTER_FLAGS, FLAG, ErrorKind
+from hil_bench.abilities.copper.wire.bits import exact_bits, exact_fd_bits, fast_place, stuffed_bits
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
+from hil_bench.abilities.eyes.traffic import worst_fd_bits
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.frame import FD_LENGTHS, bits_of, frame_bits, priority
-from hil_bench.outside.bits import (
-    exact_bits,
-    exact_fd_bits,
-    fast_place,
-    stuffed_bits,
-    worst_fd_bits,
-)
 
 LONG = 10**12
 DRAW = random.Random(11898)  # noqa: S311 - frames, not secrets

@@ -4,12 +4,12 @@ import itertools
 
 import pytest
 
+from hil_bench.abilities.copper.wire.bits import exact_bits
 from hil_bench.abilities.copper.wire.station import Order, Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import priority
-from hil_bench.outside.bits import exact_bits
 
 US = 1000
 LONG = 10**12

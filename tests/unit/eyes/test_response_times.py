@@ -14,10 +14,10 @@ from hil_bench.abilities.eyes.traffic import (
     find_streams,
     response_times,
     utilisation,
+    worst_bits,
 )
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.bits import worst_bits
 
 US = 1000
 MS = 1_000_000

@@ -6,8 +6,8 @@ import can
 import pytest
 
 from hil_bench import VirtualBench, load_config
+from hil_bench.abilities.copper.wire.bits import exact_fd_bits
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
-from hil_bench.outside.bits import exact_fd_bits
 from hil_bench.outside.packed_frames import MOST_FRAMES, pack_frames, unpack_frames
 from hil_bench.outside.recording.frames import read_frames
 

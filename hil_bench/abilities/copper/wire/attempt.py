@@ -4,9 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from hil_bench.abilities.copper.wire.station import Rule, Station
-from hil_bench.canopen_device.frame import BRS, ESI, Frame
-from hil_bench.outside.bits import (
+from hil_bench.abilities.copper.wire.bits import (
     ENDING,
     INTERMISSION,
     exact_bits,
@@ -14,6 +12,8 @@ from hil_bench.outside.bits import (
     fast_place,
     stuffed_bits,
 )
+from hil_bench.abilities.copper.wire.station import Rule, Station
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
 
 # The end of a broken transmission: the stations that notice, and the time until the bus is free.
 #

@@ -1,27 +1,15 @@
-"""Units and quantities of the columns of a file: each becomes the bench's own unit, once.
-
-Every reader of recordings ends here, so no verb sees a value in bar or °F. A unit that is not known
-stays as it is: its values are drawn, and compared with nothing that has a unit.
-"""
+"""The units and the usual sizes of the quantities of a recording."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import (
-    TIME,
-    Channel,
-    Recording,
-    recording_channels,
-    recording_dtype,
-)
+from hil_bench.outside.recording.channels import Recording, recording_channels
+from hil_bench.outside.recording.files import given_units
 from hil_bench.shown_units import display_unit
-from hil_bench.units import read_unit
-
-_GIVEN = "given"  # metadata of a field: the unit that the file has, where it is another one
 
 
 class _Quantity(NamedTuple):
@@ -51,56 +39,6 @@ _QUANTITIES: Final[Mapping[str, _Quantity]] = MappingProxyType(
 A pressure below 0.1 bar or above 3000 bar for a whole run, a stroke beyond 100 m and a spool beyond
 ten times its full opening are no machine's: rather, the unit is that of another column.
 """
-
-
-def in_own_units(recording: Recording) -> Recording:
-    """Return a recording with each column in the bench's unit, the time in seconds.
-
-    Args:
-        recording: as the file has it, its columns with the file's units.
-
-    Raises:
-        ConfigError: the time is in no unit of time.
-    """
-    channels = recording_channels(recording)
-    found = [read_unit(channel.unit) for channel in channels]
-    if found[0] is None or found[0].symbol != TIME.unit:
-        given = f'is in "{channels[0].unit}"' if channels[0].unit else "has no unit"
-        raise ConfigError(f"its time {given}; give it in s, ms, us or min, as in time [s]")
-    own = [
-        channel if unit is None else Channel(channel.name, unit.symbol)
-        for channel, unit in zip(channels, found, strict=True)
-    ]
-    if own == list(channels):
-        return recording
-    converted = np.empty(len(recording), dtype=_dtype(own, channels))
-    for channel, unit in zip(channels, found, strict=True):
-        values = recording[channel.name]
-        if unit is not None and (unit.factor, unit.offset) != (1.0, 0.0):
-            values = values * unit.factor + unit.offset
-        converted[channel.name] = values
-    return converted
-
-
-def _dtype(own: Iterable[Channel], given: Iterable[Channel]) -> "np.dtype[np.void]":
-    """Return the type of the rows; a column that was converted keeps its file's unit, too."""
-    plain = recording_dtype(tuple(own))
-    fields: list[Any] = []
-    for channel, (_, symbol) in zip(own, given, strict=True):
-        metadata = dict(plain[channel.name].metadata or {})
-        if symbol != channel.unit:
-            metadata[_GIVEN] = symbol
-        fields.append((channel.name, np.dtype(np.float64, metadata=metadata)))
-    return np.dtype(fields)
-
-
-def given_units(recording: Recording) -> dict[str, str]:
-    """Return the unit that the file has of each column that was converted from it."""
-    units = {
-        name: dict(recording.dtype[name].metadata or {}).get(_GIVEN)
-        for name in recording.dtype.names or ()
-    }
-    return {name: symbol for name, symbol in units.items() if symbol is not None}
 
 
 def check_quantities(recording: Recording, names: Iterable[str]) -> None:

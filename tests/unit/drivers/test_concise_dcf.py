@@ -10,6 +10,7 @@ from hil_drivers import ConciseDcfError, EdsError
 from hil_drivers.concise_dcf import (
     ConciseEntry,
     convert_dcf,
+    order_writes,
     pack_concise_dcf,
     parse_concise_dcf,
     read_concise_dcf,
@@ -107,6 +108,38 @@ def test_a_cob_id_follows_the_node_id(make_dcf):
     assert entries == (
         ConciseEntry(0x1800, 1, bytes.fromhex("85020080")),
         ConciseEntry(0x1800, 1, bytes.fromhex("85020000")),
+    )
+
+
+COB_ID, TYPE, COUNT = (0x1800, 1), (0x1800, 2), (0x1A00, 0)
+FIRST, SECOND = (0x1A00, 1), (0x1A00, 2)
+DISABLED, ENABLED = (COB_ID, "81010080"), (COB_ID, "81010000")
+
+
+@pytest.mark.parametrize(
+    ("values", "defaults", "writes"),
+    [
+        ({TYPE: "01"}, {}, [(TYPE, "01")]),
+        ({TYPE: "01"}, {COB_ID: 0x181}, [DISABLED, (TYPE, "01"), ENABLED]),
+        ({TYPE: "01", COB_ID: "81010000"}, {}, [DISABLED, (TYPE, "01"), ENABLED]),
+        ({COUNT: "00"}, {}, [(COUNT, "00")]),
+        (
+            {FIRST: "0a", SECOND: "0b", COUNT: "01"},
+            {},
+            [(COUNT, "00"), (FIRST, "0a"), (COUNT, "01")],
+        ),
+        ({FIRST: "0a"}, {COUNT: 1}, [(COUNT, "00"), (FIRST, "0a"), (COUNT, "01")]),
+        (
+            {FIRST: "0a", SECOND: "0b"},
+            {},
+            [(COUNT, "00"), (FIRST, "0a"), (SECOND, "0b"), (COUNT, "02")],
+        ),
+    ],
+)
+def test_a_pdo_is_disabled_emptied_and_mapped_in_the_order_of_cia_301(values, defaults, writes):
+    raw = {key: bytes.fromhex(value) for key, value in values.items()}
+    assert order_writes(raw, defaults) == tuple(
+        ConciseEntry(*key, bytes.fromhex(value)) for key, value in writes
     )
 
 

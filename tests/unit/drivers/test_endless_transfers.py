@@ -216,6 +216,8 @@ def test_a_block_without_end_is_aborted(make_node):
         pytest.raises(Exception, match="more than 1000 bytes came"),
     ):
         stream.read()
+    # Twice the 1000 bytes, as segments may come again, and two of 7 bytes: the 288th is too many.
+    assert bus.now() - 100.0 == pytest.approx((1 + 288) * bus.latency)
     assert bus.last == f"80.08.10.00.{OUT_OF_MEMORY}"
 
 

@@ -85,6 +85,55 @@ def test_a_group_that_it_does_not_have_is_refused(valve):
         valve.request(65262)
 
 
+@pytest.mark.parametrize(
+    ("answer", "error", "why"),  # SAE J1939-21: the control byte of an acknowledgement
+    [
+        ("01 ff ff ff 27 ee fe 00", RequestRefusedError, "refused"),
+        ("02 ff ff ff 27 ee fe 00", RequestRefusedError, "access denied"),
+        ("03 ff ff ff ff ee fe 00", RequestRefusedError, "busy"),  # to all
+        ("00 ff ff ff 27 ee fe 00", DriverTimeoutError, "not within 1.25 s"),  # positive
+        ("04 ff ff ff 27 ee fe 00", DriverTimeoutError, "not within 1.25 s"),
+        ("01 ff ff ff 28 ee fe 00", DriverTimeoutError, "not within 1.25 s"),  # to another one
+        ("01 ff ff ff 27 ed fe 00", DriverTimeoutError, "not within 1.25 s"),  # another group
+    ],
+)
+def test_a_refusal_says_why(network, port, answer, error, why):
+    refusal = can.Message(arbitration_id=0x18E8FF05, data=bytes.fromhex(answer))
+    due = network.now() + 0.1
+
+    def refuse(now):
+        nonlocal due
+        if now >= due:
+            due = math.inf
+            network.deliver(refusal)
+        return due
+
+    network.add_service(refuse)
+    with pytest.raises(error, match=f"^J1939 address 5: PGN 65262: {why}$"):
+        port.request(65262, 5)
+
+
+@pytest.mark.parametrize(
+    ("lamps", "names"),  # SAE J1939-73: two bits each, 01 is on, 11 not available
+    [
+        (0x01, {"protect"}),
+        (0x04, {"warning"}),
+        (0x10, {"stop"}),
+        (0x40, {"malfunction"}),
+        (0xFF, set()),
+        (0xAA, set()),
+        (0x55, {"protect", "warning", "stop", "malfunction"}),
+    ],
+)
+def test_a_dm1_shows_lamps_and_codes_and_when_it_came(network, valve, lamps, names):
+    # SPN 0x7_1234, FMI 9, conversion method 4 with its bit 0, 5 occurrences; the rest is empty.
+    data = bytes([lamps, 0xFF, 0x34, 0x12, 0xE9, 0x05])
+    network.deliver(can.Message(arbitration_id=0x18FECA80, data=data))
+    assert valve.lamps == names
+    assert valve.trouble_codes == ((0x71234, 9, 5),)
+    assert valve.reported_at == network.now()
+
+
 def test_nobody_answers(port):
     with pytest.raises(
         DriverTimeoutError, match=r"^J1939 address 5: PGN 60928: not within 1\.25 s$"

@@ -29,7 +29,7 @@ class Line:
         self.now = until
 
     def answer(self, data):
-        self.transmission.take_control(DEVICE, bytes.fromhex(data), self.now)
+        assert self.transmission.take_control(DEVICE, bytes.fromhex(data), self.now)
         self.transmission.serve(self.now)
 
     def take(self):
@@ -137,13 +137,16 @@ def test_an_acknowledgement_of_another_length_ends_it(line):
     assert transfer.error.reason == 250
 
 
-def test_the_device_may_end_it_and_says_why(line):
+@pytest.mark.parametrize("reason", ["2 resources", "3 timeout", "99"])
+def test_the_device_may_end_it_and_says_why(line, reason):
     transfer = line.begin(20)
     line.take()
-    line.answer(f"FF 02 FF FF FF {PGN}")
+    number = int(reason.split()[0])
+    line.answer(f"FF {number:02x} FF FF FF {PGN}")
     assert line.take() == []
+    assert transfer.error.reason == number
     assert str(transfer.error) == (
-        "J1939 PGN 61184 to address 128, 20 bytes: ended by it, reason 2 resources"
+        f"J1939 PGN 61184 to address 128, 20 bytes: ended by it, reason {reason}"
     )
 
 

@@ -94,6 +94,15 @@ def test_a_repeated_profile_goes_round_between_its_waypoints():
     assert profile.at(1.75 + 1.25).position == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_round_begins_at_the_first_of_two_equal_waypoints():
+    profile = MotionProfile(
+        0.0, [0.1, 0.1, -0.1], speed=0.15, acceleration=100.0, dwell=0.0, repeat=True
+    )
+    # To 0.1: 1.25 s; a round is 0.2 m there and back, 2.5 s each.
+    for time, position in ((1.25, 0.1), (3.75, -0.1), (6.25, 0.1), (8.75, -0.1), (7.5, 0.0)):
+        assert profile.at(time).position == pytest.approx(position, abs=1e-9)
+
+
 @pytest.mark.long
 @given(st.lists(positions, min_size=1, max_size=4), st.booleans(), st.floats(0.0, 0.2))
 def test_the_set_point_never_jumps(waypoints, repeat, dwell):

@@ -9,8 +9,10 @@ from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
 from hil_bench.abilities.commissioning.procedure import REST, Procedure
+from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.shown_units import display_unit
 
 # Steps and sweeps in frequency: how fast valve and piston answer.
 
@@ -220,6 +222,25 @@ def _findings(
         return []
     name, mend = _WRONG_WAYS[v > 0, change > 0]
     return [Diagnosis(name, evidence, mend)]
+
+
+_MOVED = 1e-3
+"""Way of the piston on which no pressure stands still to the last digit [m]."""
+
+
+def stuck_pressures(trace: Recording) -> list[Diagnosis]:
+    """Return the pressure sensors that say the same in all samples of a motion."""
+    way = float(np.ptp(trace["position"]))
+    found = []
+    for port in (P_A, P_B):
+        if way < _MOVED or np.ptp(trace[port]) > 0.0:
+            continue
+        unit = display_unit("Pa")
+        value = f"{unit.from_si(float(trace[port][0])):.4g} {unit.symbol}"
+        shown = f"{value} in all {len(trace)} samples, while the position went {way * 1e3:.3g} mm"
+        mend = f"look at the sensor of {port}, at what it maps into its PDO, and at its supply"
+        found.append(Diagnosis("pressure sensor stuck", f"{port} is {shown}", mend))
+    return found
 
 
 _WRONG_WAYS = {

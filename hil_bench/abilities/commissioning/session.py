@@ -23,7 +23,7 @@ from hil_bench.abilities.commissioning.plan import (
     choose_axis,
 )
 from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, communication
-from hil_bench.abilities.commissioning.responses import chirp, direction, steps
+from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
 from hil_bench.bench.configuration import BenchConfig
@@ -208,6 +208,8 @@ def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
         result = _STEPS[step.kind](procedure, step)
         if step.kind.moves:
             rig.close_valve()
+            stuck = [] if result.trace is None else stuck_pressures(result.trace)
+            result.findings = stuck or result.findings  # others rest on that pressure
     except KeyboardInterrupt:
         result.is_interrupted = True
         result.problem = f"{INTERRUPTED}; {_closing(rig, step)}"

@@ -1,6 +1,7 @@
 """Commissioning a virtual machine: sound, and with each fault that it must find and name."""
 
 import dataclasses
+import re
 
 import can
 import pytest
@@ -186,6 +187,14 @@ def test_a_stuck_position_sensor_is_named(machine):
     assert names(machine(with_fault("freeze", "position")).commission()) == [
         "position sensor stuck"
     ]
+
+
+@pytest.mark.parametrize(("sensor", "port"), [("pressure_a", "P_A"), ("pressure_b", "P_B")])
+def test_a_stuck_pressure_sensor_is_named(machine, sensor, port):
+    found = machine(with_fault("freeze", sensor)).commission()
+    assert names(found) == ["pressure sensor stuck"]
+    (finding,) = found.results[2].findings  # of the first motion
+    assert re.match(rf"{port} is \d+\.\d+ bar in all \d+ samples, while the pos", finding.evidence)
 
 
 def test_a_bench_without_pressure_is_named(machine):

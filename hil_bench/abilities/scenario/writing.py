@@ -257,6 +257,8 @@ class JournalSteps:
         table = fault_table(fields, self._hello)
         kind, target = table.pop("kind"), table.pop("target")
         ends = None if "for_s" not in table else begins + table["for_s"]
+        if ends is not None and begins < self._begin < ends:
+            table["for_s"] = self._at(ends)  # what is left of it, and the lead
         step = FaultStep(self._at(begins), kind, target, tuple(sorted(table.items())))
         gone = ends is not None and ends <= self._begin
         self._faults[entry["number"]] = step, 0.0 if gone else None

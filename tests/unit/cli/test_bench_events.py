@@ -78,6 +78,16 @@ def test_sync_that_stays_away_is_said_and_that_it_is_back(bench):
     assert " s: SYNC is back after 1.5 s" in bench.said[1]
 
 
+def test_sync_that_one_node_alone_still_takes_is_there(bench):
+    bench.nmt(0x01)
+    bench.tick(SYNC)
+    bench.tick(Frame(0x000, bytes([0x02, POSITION])))  # CiA 301: a stopped node takes no SYNC
+    bench.said.clear()
+    for _ in range(1100):
+        bench.tick(SYNC)
+    assert not any("SYNC" in line for line in bench.said)
+
+
 def test_sync_that_never_came_is_not_missed(bench):
     bench.nmt(0x01)
     bench.tick(count=3000)

@@ -95,8 +95,9 @@ def test_a_lost_recording_ends_a_scenario_where_that_is_wanted(
     """The first block is written at 0.25 s; two seconds later the requirement would fail."""
     monkeypatch.setattr("hil_bench.cli.helpers.LOOK", 0)
     path = scenario(tmp_path, "always after 2 s axis1.P_A < 0 bar", duration=3)
-    words = [*words, "--end-on-loss", "--record", full("run.log")]
-    assert main(["run", "--scenario", path, *words]) == ExitCode.LOST
+    words = ["run", "--scenario", path, *words, "--end-on-loss", "--record"]
+    assert main([*words, str(tmp_path / "whole.log")]) == ExitCode.CHECK_FAILED
+    assert main([*words, full("run.log")]) == ExitCode.LOST
     assert "R1  inconclusive" in capsys.readouterr().out
 
 

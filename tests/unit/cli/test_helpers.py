@@ -6,6 +6,7 @@ import pytest
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import DELAYS, LOOK, SOUND, Helpers
+from hil_bench.cli.run_setup import HubHelper
 from hil_bench.errors import BusError
 
 SECOND = 1_000_000_000
@@ -186,3 +187,45 @@ def test_it_looks_ten_times_a_second_however_often_it_is_asked():
         bed.helpers.look()
         bed.now += 1_000_000
     assert helper.looks == 10
+
+
+class FakeHub:
+    host, port = "localhost", 29536
+
+    def __init__(self, ending):
+        self.done, self._ending = [], ending
+
+    def ending(self):
+        return self._ending
+
+    def restart(self):
+        self.done.append("restart")
+
+
+class FakeEnd:
+    def __init__(self, hub, name, *, is_down):
+        self._done, self._name, self.is_down = hub.done, name, is_down
+
+    def drop(self):
+        self._done.append(f"drop {self._name}")
+        self.is_down = True
+
+    def join(self):
+        self._done.append(f"join {self._name}")
+
+
+@pytest.mark.parametrize(
+    ("ended", "down", "said", "done"),
+    [
+        (None, (), None, []),
+        (None, ("b",), "has cut off the bench, which was too slow for it", ["join b"]),
+        ("killed", (), "killed", ["drop a", "drop b", "restart", "join a", "join b"]),
+    ],
+)
+def test_a_hub_is_started_again_only_where_it_has_ended(ended, down, said, done):
+    hub = FakeHub(ended)
+    helper = HubHelper(hub, [FakeEnd(hub, name, is_down=name in down) for name in "ab"])
+    assert helper.name == "hub localhost:29536"
+    assert helper.ending() == said
+    assert helper.restart() == ""
+    assert hub.done == done

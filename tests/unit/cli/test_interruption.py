@@ -33,6 +33,14 @@ def test_a_second_ctrl_c_does_not_wait():
             os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_a_second_wish_of_no_signal_does_not_wait():
+    with interruption() as wish:
+        wish.request(signal.SIGTERM)
+        wish.request(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            wish.request()
+
+
 def test_a_closing_terminal_asks_twice_and_is_one_wish():
     with interruption() as wish:
         for number in (signal.SIGHUP, signal.SIGHUP, signal.SIGTERM):

@@ -5,9 +5,11 @@ import os
 import pty
 import signal
 import sys
+from pathlib import Path
 
 from support.bus_side import BusSide
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.cli.status_line import (
     Field,
     StatusLine,
@@ -31,6 +33,18 @@ def test_it_shows_each_quantity_with_its_unit():
     # P_A = 50 * 4.7 / 4.85 = 48.45, P_B = 50 * 5 / 4.85 = 51.55 bar.
     text = format_row(bench_status_row(bus.bench), fields)
     assert text == "x    +0.00 mm  P_A  48.5  P_B  51.5 bar  spool   +0.0 %"
+
+
+def test_of_two_axes_each_has_its_name_before_its_first_quantity():
+    two = Path(__file__).parents[3] / "examples" / "two_axes.toml"
+    with VirtualBench(load_config(two)) as bench:
+        channels, fields = bench_status(bench.bench)
+        assert len(channels) == len(fields) == 2 * len(bench_status(BusSide().bench)[1])
+        text = format_row(bench_status_row(bench.bench), fields)
+    first, second = (axis.name for axis in load_config(two).axes)
+    assert text.startswith(f"{first} x ")
+    assert f"  {second} x " in text
+    assert (text.count(first), text.count(second)) == (1, 1)
 
 
 def test_a_value_that_is_not_there_is_a_dash_in_its_column():

@@ -371,6 +371,7 @@ def test_bad_files_get_one_line(tmp_path, text, wrong):
         ("time_s,expect:x\n", "a.csv:1:8: is no expectation; give it as in expect:"),
         ("time_s,fault:silence valve\n0,1\n", "a.csv:2:3: give on, or keys as in"),
         ("parameter,x_bar\n", "a.csv:1:1: give parameter, name, value"),
+        ("parameter,x_bar,9,1,5\n", "a.csv:1:17: parameters.x_bar"),
         (f"time_s,a\n0,1{'0' * 399}\n", f'"a": 1{"0" * 36}... is not finite'),
         (f"time_s,sync\n1{'0' * 5000},on\n", "step[1].at_s: inf is not finite"),
         (b"title,\xe4\n", "is not UTF-8 text; save it as CSV UTF-8"),

@@ -74,6 +74,17 @@ def test_what_is_there_at_the_beginning_comes_with_it():
     ]
 
 
+@pytest.mark.parametrize(
+    ("duration", "left"),  # begun at 5 s; the scenario has 0 s at 10 s, and 1 s of lead
+    [(4.5, None), (5.0, None), (5.5, 1.5), (7.0, 3.0)],
+)
+def test_a_fault_of_before_ends_when_it_did(duration, left):
+    found, _ = steps(fault(5.0, 1, duration=duration))
+    assert [dict(step.values)["for_s"] for step in found] == ([] if left is None else [left])
+    found, _ = steps(fault(5.0, 1, duration=7.0), clear(11.0))
+    assert [dict(step.values)["for_s"] for step in found] == [2.0]
+
+
 def test_what_has_ended_before_the_beginning_is_not_begun_again_by_a_clear():
     found, _ = steps(fault(5.0, 1, duration=1.0), clear(12.0))
     assert found == []

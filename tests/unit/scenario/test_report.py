@@ -319,4 +319,5 @@ def test_a_small_violation_of_a_long_motion_is_seen(tmp_path, monkeypatch):
     assert place.lines[0].get_ydata().min() == pytest.approx(-0.1)
     assert place.lines[0].get_xdata() == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
     assert low < -0.1
+    assert len({each.get_xlim() for each in figure.axes}) == 1  # one time for all panels
     assert 0.1 / (high - low) > 0.1  # a tenth of the panel's height at least

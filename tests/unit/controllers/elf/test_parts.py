@@ -15,10 +15,17 @@ from support.chip_core import Core
 
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
 from hil_bench.abilities.controllers.elf.elf_file import read_program
-from hil_bench.abilities.controllers.elf.nvic import PENDSV, SYSTICK, THREAD_PRIORITY, Exceptions
+from hil_bench.abilities.controllers.elf.nvic import (
+    HARD_FAULT,
+    NMI,
+    PENDSV,
+    SYSTICK,
+    THREAD_PRIORITY,
+    Exceptions,
+)
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
-from hil_bench.abilities.controllers.elf.wire import Wire
+from hil_bench.abilities.controllers.elf.wire import Wire, rank
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 
@@ -326,6 +333,46 @@ def test_the_lesser_identifier_wins_the_bus() -> None:
     core.run(1_000_000)
     # 0x400 has begun, 0x080 wins, then 0x200: three frames of 47 bits at 1 Mbit/s.
     assert [time for time, _ in wire.sent] == [141_000]
+
+
+def test_extended_frames_take_longer_and_lose_to_base_frames() -> None:
+    """ISO 11898-1: 20 bits more; of the same first 11 bits the base frame wins."""
+    wire = Wire(Core(), 0, 1000)
+    frames = (Frame(1), Frame(1, bytes(8)), LONG, LONG._replace(data=b"\0"))
+    assert [wire.duration(each) for each in frames] == [47_000, 111_000, 67_000, 75_000]
+    order = [
+        Frame(0x48C),
+        Frame(0x48D),
+        LONG._replace(can_id=LONG.can_id - 1),
+        LONG,
+        LONG._replace(can_id=LONG.can_id + 1),
+        Frame(0x48E),
+        LONG._replace(can_id=LONG.can_id + (1 << 18)),
+        Frame(0x48F),
+    ]
+    assert sorted(order[::-1], key=rank) == order
+
+
+def test_reset_nmi_and_hard_fault_have_fixed_priorities() -> None:
+    """-3 to -1, above all that can be set (Armv7-M ARM, table B1-4)."""
+    exceptions = Exceptions(4, 8)
+    for number in (NMI, HARD_FAULT):
+        exceptions.set_priority(number, 0x40)
+    assert exceptions.priorities[1:5] == [-3, -2, -1, 0]
+    assert (exceptions.masked(0xFF), exceptions.count) == (0xF0, 24)
+    exceptions.set_priority(24, 0x40)  # the chip has interrupts 0 to 7
+    assert len(exceptions.priorities) == 24
+    exceptions.enabled |= 1 << 16
+    exceptions.pending = 1 << NMI | 1 << HARD_FAULT | 1 << 16
+    for number, priority in ((16, 0), (HARD_FAULT, -1), (NMI, -2)):
+        if number != 16:
+            assert exceptions.find_due(exceptions.priority) == NMI
+        exceptions.begin(number)
+        assert exceptions.priority == priority
+    assert exceptions.find_due(exceptions.priority) == 0
+    exceptions.reset()
+    assert (exceptions.pending, exceptions.active, exceptions.enabled >> 16) == (0, [], 0)
+    assert exceptions.priority == THREAD_PRIORITY == 256
 
 
 def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from hil_bench import extras
 from hil_bench.abilities.analysis.linear_studies import (
+    flow_pressure_study,
     linearisation_study,
     operating_points_study,
     root_locus_study,
@@ -80,6 +81,12 @@ def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(
     study = linearisation_study(table_1, point, PlantOptions.paper())
     facts = {fact.name: fact.value for fact in study.facts}
 
+    # sqrt(E / m) of Table I, eqs. (19) and (20), and its share of 2 pi
+    rates = {fact.unit: fact.value for fact in study.facts if "omega_c (19)" in fact.name}
+    assert rates["rad/s"] == pytest.approx(447.43, abs=0.005)
+    assert rates["Hz"] == pytest.approx(447.43 / 6.283185, abs=0.001)
+    assert facts["reduced: damping ratio zeta (20)"] == pytest.approx(0.11175, abs=0.000005)
+
     # Q_L = A v with A = 4.85e-3 m², v = 0.1 m/s; K from eq. (7): C_q = Q_L / z in steady motion of
     # the reduced model, whose z is not quite the full model's.
     assert facts["reduced: flow gain C_q (21), printed"] == pytest.approx(
@@ -88,6 +95,17 @@ def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(
     assert facts["reduced: flow gain C_q (21), consistent"] == pytest.approx(
         4.85e-4 / facts["full-order: orifice state"].real, rel=0.02
     )
+
+
+def test_the_facts_of_flow_over_pressure_are_those_of_eq_14(table_1: PlantParameters) -> None:
+    facts = {fact.name: fact.value for fact in flow_pressure_study(table_1).facts}
+
+    # Q_L = z K sqrt((P_S - P_L) / 2), fully open at z = 1 mm
+    assert facts["orifice state, fully open"] == pytest.approx(1e-3)
+    assert facts["load flow there, no load"] == pytest.approx(
+        1e-3 * table_1.K * math.sqrt(table_1.P_S / 2.0)
+    )
+    assert facts["load pressure without flow"] == pytest.approx(table_1.P_S)
 
 
 def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(

@@ -12,6 +12,7 @@ from hil_bench.abilities.copper.wire.attempt import (
     unacknowledged,
 )
 from hil_bench.abilities.copper.wire.bits import exact_bits, stuffed_bits
+from hil_bench.abilities.copper.wire.recovery import dominant_errors
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.emcy import CanEvent
@@ -214,14 +215,47 @@ def test_a_dominant_bus_makes_receivers_passive_and_the_sender_bus_off():
     assert [each.frame.can_id for each in passed] == [0x300, 0x100]
 
 
+def test_a_dominant_bus_counts_from_its_first_bit_at_0_on():
+    rig = Rig()
+    rig.wire.stick(0)
+    rig.wire.run(100 * US)
+    assert rig.stations[1].rec == 1 + 8 + 8 * (1 + (100 - 6 - 14) // 8)
+
+
+@pytest.mark.parametrize(
+    ("is_sender", "bits", "errors"),  # ISO 11898-1: 8 and 8 more each for a sender, 1 first else
+    [
+        (True, 0, 0),
+        (True, 1, 8),
+        (True, 14, 8),
+        (True, 15, 16),
+        (True, 22, 16),
+        (True, 23, 24),
+        (False, 5, 0),
+        (False, 6, 1),
+        (False, 12, 1),
+        (False, 13, 9),
+        (False, 19, 9),
+        (False, 20, 17),
+        (False, 28, 25),
+    ],
+)
+def test_dominant_bits_count_as_the_standard_says(is_sender, bits, errors):
+    assert dominant_errors(bits, is_sender=is_sender) == errors
+
+
 def test_who_leaves_in_the_middle_of_its_frame_keeps_it():
     rig = Rig()
-    a, _, c = rig.stations
+    a, b, c = rig.stations
     rig.wire.put(a, Frame(0x100), 0)
     rig.wire.run(20 * US)
     rig.wire.leave(a, 20 * US)
-    assert rig.wire.run(LONG) == []
-    assert (a.waiting, c.rec) == (1, 1)
+    rig.wire.put(b, Frame(0x200), 21 * US)
+    (passed,) = rig.wire.run(LONG)
+    # Both error flags one after the other, delimiter and intermission: 6 + 6 + 8 + 3 bits.
+    assert passed.begin == rig.errors[0].end == (20 + 23) * US
+    assert rig.wire.busy == passed.end
+    assert (a.waiting, c.rec) == (1, 0)  # 1 for the error, and one less for the frame
     rig.wire.join(a, LONG)
     assert len(rig.wire.run(2 * LONG)) == 1
 

@@ -118,20 +118,21 @@ def test_a_classical_frame_wins_against_one_of_can_fd_and_that_against_a_remote_
     assert sorted([following, remote, fd, classical], key=priority) == ordered
 
 
+@pytest.mark.parametrize("fd", [FDF | BRS, FDF])
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
-def test_an_error_ends_a_frame_at_the_bit_rate(share):
+def test_an_error_ends_a_frame_at_the_bit_rate(share, fd):
     """Flags, delimiter and intermission have the bit rate, wherever the error was."""
     a, b, c = (Station(name, 8) for name in "abc")
     wire, errors = Wire(500_000, [a, b, c], data_bitrate=2_000_000), []
     wire.on_error = errors.append
-    frame = Frame(0x123, DRAW.randbytes(64), fd=FDF | BRS)
+    frame = Frame(0x123, DRAW.randbytes(64), fd=fd)
     shares = [share]
     a.send_rules.append(lambda _frame: shares.pop() if shares else None)
     wire.put(a, frame, 0)
     (passed,) = wire.run(LONG)
     (error,) = errors
     bits = error.broken.position + 1
-    fast = min(max(bits - fast_place(frame), 0), exact_fd_bits(frame)[1])
+    fast = min(max(bits - fast_place(frame), 0), exact_fd_bits(frame)[1]) if fd & BRS else 0
     after = error.broken.length - bits
     assert FLAG + AFTER_FLAGS <= after <= 2 * FLAG + AFTER_FLAGS
     assert error.end == (bits - fast + after) * 2000 + fast * 500

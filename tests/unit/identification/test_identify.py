@@ -123,6 +123,19 @@ def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken() -> None:
     assert choose_rung([plateaus, rung(7, 24.0), rung(29, 2.0)]) == 2
 
 
+def test_a_bench_keeps_its_dead_volumes_where_an_area_moves() -> None:
+    """Half the stroke of 10 cm² more is swept more; of what stays, no key is written."""
+    template = Template(AXIS, SETTINGS, 1)
+    dead, half = template.dead("dead_a"), AXIS.parameters.h * 1e2  # [cm]; h is half the stroke
+    area = AXIS.parameters.A_A * 1e4 + 10.0  # [cm²]
+
+    assert template.keys({"viscous_friction_n_s_m": 5.0}) == {"viscous_friction_n_s_m": 5.0}
+    found = template.keys({"piston_area_cm2": area})
+    assert found.keys() == {"piston_area_cm2", "piston_side_volume_cm3"}
+    assert found["piston_side_volume_cm3"] == pytest.approx(dead + area * half)
+    assert dead == pytest.approx(AXIS.parameters.V_A0 * 1e6 - (area - 10.0) * half)
+
+
 def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> None:
     found = identify(record, AXIS, SETTINGS, step=5e-4, options=Options(seconds=1e-9))
 
@@ -136,6 +149,9 @@ def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> 
     assert "identified" not in text
     summary = summarise(found, [])
     assert "as configured: the time was over" in summary
+    for rung in found.ladder.rungs:
+        (line,) = [each for each in summary.splitlines() if each.startswith(f"{rung.title:32} ")]
+        assert line.split("  ")[-1] in {"not judged", "<- taken"}
     assert "nan" not in summary
     figure = draw_strokes(found)
     for position, pressures, off, command in np.array(figure.axes).reshape(4, -1).T:

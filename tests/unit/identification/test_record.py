@@ -37,6 +37,8 @@ def test_setpoints_count_in_full_openings(recording: Recording) -> None:
     # sin is 1 after a quarter of a second: half of 1.3 mm
     assert record.setpoints[250] == pytest.approx(0.65e-3)
     assert record.times[-1] == pytest.approx(3.999)
+    # a row each ms, and 10 at least
+    assert [record.rows_in(1e-3 * rows) for rows in (0, 9, 10, 11, 500)] == [10, 10, 10, 11, 500]
 
 
 def test_noise_is_that_which_was_added_whatever_the_motion_does() -> None:

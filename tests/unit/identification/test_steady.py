@@ -46,6 +46,16 @@ def test_speeds_are_those_of_steady_motion(bench: Bench) -> None:
         assert one.pressures == pytest.approx([right.P_A, right.P_B], abs=0.3e5)
 
 
+def test_a_stroke_without_a_plateau_hides_no_other(bench: Bench) -> None:
+    first, *others = bench.course.strokes
+    short = first._replace(rows=range(first.rows.start, first.rows.start + 6))
+    course = replace(bench.course, strokes=(short, *others))
+
+    found = find_plateaus(replace(bench, course=course))
+
+    assert [one.setpoint for one in found] == [one.setpoint for one in find_plateaus(bench)[1:]]
+
+
 def test_the_fit_of_plateaus_finds_the_valve(bench: Bench) -> None:
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
     unknowns = [begin_of(bench, name, {})[0] for name in names]

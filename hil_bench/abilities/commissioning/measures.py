@@ -59,9 +59,13 @@ class Measure:
         return not self.is_judged or self.low <= self.value <= self.high
 
     def text(self) -> str:
-        """Return the value for people."""
+        """Return the value for people; more digits where four would put it within its limits."""
         unit = shown_unit(self.unit)
-        return f"{unit.from_si(self.value):.4g} {unit.symbol}".rstrip()
+        shown = [unit.from_si(each) for each in (self.value, self.low, self.high)]
+        rounded = [f"{each:.4g}" for each in shown]
+        if not self.is_right and rounded[0] in rounded[1:]:
+            rounded[0] = f"{shown[0]:.9g}"
+        return f"{rounded[0]} {unit.symbol}".rstrip()
 
     def range_text(self) -> str:
         """Return the limits for people; empty without any."""

@@ -38,6 +38,11 @@ _APPROACH_GAIN = 4.0
 _NEAR_ENOUGH = 2e-3
 
 
+def moving_mass(axis: CylinderConfig) -> float:
+    """Return the mass that moves with the piston, that of a load included [kg]."""
+    return axis.parameters.m + axis.options.load_mass
+
+
 @dataclass
 class Procedure:
     """The network, devices and settings that the steps share.

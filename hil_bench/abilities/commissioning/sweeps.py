@@ -9,8 +9,10 @@ import numpy.typing as npt
 from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
-from hil_bench.abilities.commissioning.procedure import REST, Procedure
+from hil_bench.abilities.commissioning.procedure import REST, Procedure, moving_mass
 from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
 from hil_bench.shown_units import display_unit
 
@@ -89,9 +91,10 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     trace = result.trace = _sweep(procedure, step)
     parameters, values = procedure.parameters, step.values
     spool, speed = trace["spool_position"], trace["speed"]
-    # What the oil's oscillation takes to move the mass is no friction.
-    inertia = parameters.m * measures.derivative(speed, trace["time"])
-    force = procedure.force(trace) - inertia
+    # What the oil's oscillation takes to move the mass is no friction, nor how a load changes.
+    inertia = moving_mass(procedure.axis) * measures.derivative(speed, trace["time"])
+    load = _sheet_load(procedure.axis, trace)
+    force = procedure.force(trace) - inertia - (load - load.mean())
     band = measures.dead_band(spool, speed)
     sheet = expected_speed(1.0, parameters) / (1.0 - parameters.beta / parameters.full_opening)
     share = values["gain_tolerance"]
@@ -119,8 +122,10 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
             (1 - spread) * parameters.sigma,
             (1 + spread) * parameters.sigma,
         ),
-        Measure("load force", found.load, "N"),
+        Measure("load force", found.load, "N", *_load_limits(procedure.axis, load, step)),
     ]
+    if not result.measures[-1].is_right:
+        result.findings.append(_other_load(result.measures[-1], parameters.A_A))
     line = np.array([speed.min(), -slowest, math.nan, slowest, speed.max()])
     fit = found.load + np.sign(line) * found.coulomb + found.viscous * line
     at, by = display_unit("m/s"), display_unit("N")
@@ -137,6 +142,36 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
         ),
     ]
     return result
+
+
+def _sheet_load(axis: CylinderConfig, trace: Recording) -> npt.NDArray[np.float64]:
+    """Return the load that the data sheet gives at each sample [N]; 0 for a course of time."""
+    loads = [load for load in axis.options.loads if not isinstance(load, LoadSeries)]
+    places = trace["position"].tolist()
+    return np.array([math.fsum(load.force_at(x, 0.0) for load in loads) for x in places])
+
+
+def _load_limits(
+    axis: CylinderConfig, load: npt.NDArray[np.float64], step: Step
+) -> tuple[float, float]:
+    """Return the limits of the load [N]: none where it is a course of time."""
+    if any(isinstance(each, LoadSeries) for each in axis.options.loads):
+        return -math.inf, math.inf
+    mean = float(load.mean())
+    room = axis.parameters.F_c + step.values["load_tolerance"] * abs(mean)
+    return mean - room, mean + room
+
+
+def _other_load(load: Measure, area: float) -> Diagnosis:
+    unit = display_unit("Pa")
+    apart = unit.from_si((load.value - 0.5 * (load.low + load.high)) / area)
+    evidence = (
+        f"load force {load.text()}, where {load.range_text()} is right by the data sheet; a P_A "
+        f"that is {abs(apart):.3g} {unit.symbol} too {'high' if apart > 0.0 else 'low'} "
+        "shows the same"
+    )
+    mend = "compare both pressures with a gauge, and the load with bench.toml"
+    return Diagnosis("another load, or a pressure that is off", evidence, mend)
 
 
 # The axis at standstill: what its sensors show, and what leaks.
@@ -213,6 +248,9 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
         ]
     if not all(measure.is_right for measure in result.measures):
         evidence = ", ".join(f"{m.name} {m.text()}" for m in result.measures if not m.is_right)
-        mend = "look at the piston seal, the valve's edges and the fittings"
+        mend = (
+            "look at the piston seal, the valve's edges and the fittings; a position sensor that "
+            "drifts looks the same"
+        )
         result.findings.append(Diagnosis("leakage", evidence, mend))
     return result

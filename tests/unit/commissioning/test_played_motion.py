@@ -24,6 +24,7 @@ LOW = 12e5  # pressure in chamber B [Pa]
 LIMITS = Limits(position=(-0.15, 0.15), speed=0.4, pressure=(-1e5, 110e5), time=60.0)
 TOLERANCES = {"speed_tolerance": 0.1, "rise_time": 0.05, "gain_tolerance": 0.2, "asymmetry": 0.3}
 TOLERANCES |= {"friction_tolerance": 0.25, "dead_band_tolerance": 0.3, "zero": 0.02}
+TOLERANCES |= {"load_tolerance": 0.2}
 
 
 class Machine:
@@ -33,6 +34,7 @@ class Machine:
 
     def __init__(self, parameters):
         self.parameters = parameters
+        self.spring, self.mass = 0.0, parameters.m  # [N/m], [kg]
         self.mode = None  # eigenfrequency [rad/s] and damping ratio of one that swings
 
     def enable(self):
@@ -67,13 +69,14 @@ class Machine:
         out = GAINS[0] * np.maximum(spool - EDGES[0], 0.0)
         speed = out - GAINS[1] * np.maximum(-spool - EDGES[1], 0.0)
         force = LOAD + np.sign(speed) * COULOMB + VISCOUS * speed
-        force += self.parameters.m * np.gradient(speed, time)
+        position = np.cumsum(speed) * PERIOD
+        force += self.mass * np.gradient(speed, time) + self.spring * position
         return {
             "time": time,
             "spool_setpoint": setpoint,
             "spool_position": spool,
             "speed": speed,
-            "position": np.cumsum(speed) * PERIOD,
+            "position": position,
             P_A: (force + LOW * self.parameters.A_B) / self.parameters.A_A,
             P_B: np.full_like(time, LOW),
         }
@@ -85,6 +88,7 @@ def measured():
     axis = load_config().axes[0]
     procedure = SimpleNamespace(
         rig=Machine(axis.parameters),
+        axis=axis,
         parameters=axis.parameters,
         go_to=lambda _position: None,
         dead_zone=0.0,
@@ -92,10 +96,11 @@ def measured():
     procedure.force = lambda trace: Procedure.force(procedure, trace)
 
     def measure(do, kind, **values):
-        found = do(procedure, Step(kind, LIMITS, TOLERANCES | values)).measures
-        return {each.name: each for each in found}
+        result = do(procedure, Step(kind, LIMITS, TOLERANCES | values))
+        measure.findings = result.findings
+        return {each.name: each for each in result.measures}
 
-    measure.machine = procedure.rig
+    measure.machine, measure.procedure = procedure.rig, procedure
     return measure
 
 
@@ -118,6 +123,55 @@ def test_a_ramp_finds_gains_and_friction_again(measured):
     assert found["load force"].value == pytest.approx(LOAD, rel=0.05)
 
 
+FRICTION = load_config().axes[0].parameters.F_c
+
+
+@pytest.mark.parametrize(
+    ("loads", "low", "high"),
+    [
+        ({}, -FRICTION, FRICTION),
+        ({"load_n": -500.0}, -500 - FRICTION - 100, -500 + FRICTION + 100),  # a fifth of it
+        ({"load_n": 9000.0}, 9000 - FRICTION - 1800, 9000 + FRICTION + 1800),
+        ({"load_series_s_n": [[0.0, 9000.0]]}, -math.inf, math.inf),
+    ],
+)
+def test_the_load_is_judged_by_the_data_sheet(measured, loads, low, high):
+    measured.procedure.axis = load_config(tables={"plant": {"axis1": loads}}).axes[0]
+    found = measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)["load force"]
+    assert (found.low, found.high) == pytest.approx((low, high))
+    is_right = low <= LOAD <= high
+    assert [each.name for each in measured.findings] == (
+        [] if is_right else ["another load, or a pressure that is off"]
+    )
+
+
+def test_another_load_is_said_as_a_pressure_that_is_off(measured):
+    """9000 N less 40 N on A_A: for a P_A that is too low."""
+    sheet = load_config(tables={"plant": {"axis1": {"load_n": 9000.0}}}).axes[0]
+    measured.procedure.axis = sheet
+    measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)
+    apart = (9000.0 - LOAD) / sheet.parameters.A_A / 1e5  # bar
+    (finding,) = measured.findings
+    assert f"; a P_A that is {apart:.3g} bar too low shows the same" in finding.evidence
+
+
+def test_a_spring_and_a_mass_of_the_data_sheet_are_no_friction(measured):
+    loads = {"load_spring_n_mm": 20.0, "load_mass_kg": 400.0, "load_slope_deg": 0.0}
+    sheet = load_config(tables={"plant": {"axis1": loads}}).axes[0]
+    measured.procedure.axis = sheet
+    measured.machine.spring, measured.machine.mass = 20e3, sheet.parameters.m + 400.0
+    found = measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)
+    assert found["Coulomb friction"].value == pytest.approx(COULOMB, rel=0.02)
+    assert found["viscous friction"].value == pytest.approx(VISCOUS, rel=0.02)
+
+
+def test_the_mass_of_a_load_slows_the_oscillation(measured):
+    own = measured.procedure.axis
+    loads = {"load_mass_kg": 3.0 * own.parameters.m}
+    heavy = load_config(tables={"plant": {"axis1": loads}}).axes[0]
+    assert hydraulic_frequency(heavy, 0.0) == pytest.approx(hydraulic_frequency(own, 0.0) / 2.0)
+
+
 def test_friction_is_judged_by_the_data_sheet(measured):
     parameters = load_config().axes[0].parameters
     found = measured(ramp, StepKind.RAMP, opening=0.8, duration=8.0)
@@ -129,7 +183,7 @@ def test_friction_is_judged_by_the_data_sheet(measured):
 @pytest.mark.parametrize("share", [0.8, 1.1])
 def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     """The machine swings at a share of the data sheet's frequency: E is as its square."""
-    sheet = hydraulic_frequency(load_config().axes[0].parameters, 0.0)
+    sheet = hydraulic_frequency(load_config().axes[0], 0.0)
     measured.machine.mode = (2.0 * math.pi * share * sheet, 0.1)
     values = {"opening": 0.3, "amplitude": 0.05, "start": 20.0, "end": 120.0, "duration": 4.0}
     values |= {"frequency_tolerance": 0.15, "smallest_damping": 0.05}

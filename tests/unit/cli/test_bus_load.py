@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import load_config
 from hil_bench.cli import main
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 BENCH = """\
 [bus]
@@ -47,6 +50,16 @@ def test_load_and_response_times_are_those_of_the_paper_by_hand(bench, capsys):
         assert rows[name]["response"] == pytest.approx(waited * 8e-6), name
     assert rows["position heartbeat"]["response"] == pytest.approx((waited + 65) * 8e-6)
     assert [rows[name]["why"] for name in bits] == ["cycle", "event timer", "SYNC", "cycle"]
+
+
+def test_one_bus_needs_no_name_and_of_two_each_has_its_own(bench, capsys):
+    assert main(["bus-load", bench, "--simulate", "0"]) == 0
+    assert capsys.readouterr().out.startswith("load ")
+    main(["bus-load", str(EXAMPLES / "two_buses.toml"), "--simulate", "0"])
+    heads = [line for line in capsys.readouterr().out.splitlines() if "load " in line]
+    assert [line.partition(": load ")[0] for line in heads] == list(
+        load_config(EXAMPLES / "two_buses.toml").buses
+    )
 
 
 def test_a_simulation_stays_below_the_bounds_and_comes_near(bench, capsys):

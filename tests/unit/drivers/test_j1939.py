@@ -113,6 +113,17 @@ def test_a_refusal_says_why(network, port, answer, error, why):
         port.request(65262, 5)
 
 
+@pytest.mark.usefixtures("port")
+@pytest.mark.parametrize(("asked", "answers"), [("00 ee 00", 1), ("00 ee 01", 0), ("00 ed 00", 0)])
+def test_our_address_is_said_where_it_is_asked_for(bench, network, asked, answers):
+    network.pump(0.01)
+    before = len(list(bench.frames))
+    network.deliver(can.Message(arbitration_id=0x18EA2705, data=bytes.fromhex(asked)))
+    network.pump(0.01)
+    said = [each.frame.can_id for each in list(bench.frames)[before:]]
+    assert said.count(0x18EEFF00 | OURS) == answers
+
+
 @pytest.mark.parametrize(
     ("lamps", "names"),  # SAE J1939-73: two bits each, 01 is on, 11 not available
     [

@@ -137,7 +137,22 @@ def test_an_acknowledgement_of_another_length_ends_it(line):
     assert transfer.error.reason == 250
 
 
-@pytest.mark.parametrize("reason", ["2 resources", "3 timeout", "99"])
+@pytest.mark.parametrize(
+    "reason",  # SAE J1939-21, and one that it does not know
+    [
+        "1 busy",
+        "2 resources",
+        "3 timeout",
+        "4 cts while sending",
+        "5 retransmissions",
+        "6 unexpected data",
+        "7 bad sequence",
+        "8 duplicate",
+        "9 too long",
+        "250 other",
+        "99",
+    ],
+)
 def test_the_device_may_end_it_and_says_why(line, reason):
     transfer = line.begin(20)
     line.take()

@@ -11,7 +11,7 @@ from device_profiles import ENCODER_406, PRESSURE_404, ROTARY_ENCODER_406, VALVE
 from hil_bench.abilities.eyes.dbc import write_dbc
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.scaling import Scale, scale_of
+from hil_bench.abilities.eyes.scaling import Scale, scale_of, word_text
 from hil_bench.abilities.eyes.sight import Service
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
@@ -229,6 +229,21 @@ def test_a_measured_value_has_the_unit_and_digits_of_its_channel(index, factor):
     scale = scale_of(objects, index, 1)
     assert (scale and scale.factor) == factor
     assert scale is None or scale.unit.symbol == "bar"
+
+
+@pytest.mark.parametrize(
+    ("profile", "index", "value", "text"),
+    [
+        (408, 0x6040, 0x0005, "0x0005 DM"),  # CiA 408: disable, hold, device mode and reset
+        (408, 0x6040, 0x000A, "0x000A HR"),
+        (408, 0x6040, 0x0000, "0x0000"),
+        (408, 0x6041, 0x000F, "0x000F ACTIVE"),
+        (402, 0x6040, 0x000F, "0x000F"),
+        (402, 0x6041, 0x0237, "0x0237"),
+    ],
+)
+def test_a_word_of_cia_408_says_its_bits_and_no_other(profile, index, value, text):
+    assert word_text(profile, index, value) == text
 
 
 def test_a_rotary_encoder_shows_revolutions_and_rpm():

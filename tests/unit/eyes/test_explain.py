@@ -175,6 +175,7 @@ def syncs(times, counters=None):
             "no SYNC for 30 ms after 0.090 s (every 10 ms); 2 such gaps",
         ),
         (syncs([*range(0, 100, 10), 105]), 110, ""),
+        (syncs([*range(0, 100, 10), 105, 110]), 120, ""),  # two intervals, 15 and 5 ms
         (
             syncs(range(0, 80, 10), [238, 239, 240, 1, 2, 5, 6, 8]),
             90,

@@ -296,6 +296,9 @@ def test_a_request_is_answered_within_its_time(waited, causes):
     asked, answer = extended(1000, 0x18EA2103, "DAFE00"), extended(1000 + waited, 0x18FEDA21, "01")
     found = explain([*claims, asked, answer], [], 250_000).findings
     assert [each.cause for each in found] == causes
+    assert [(each.node, each.others) for each in found] == [("address 3", ("address 33",))] * len(
+        causes
+    )
 
 
 @given(

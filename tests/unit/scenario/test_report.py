@@ -93,6 +93,19 @@ def test_a_failure_has_its_times_frames_and_picture(tmp_path):
     assert page.pictures == [b"<svg/>"]
 
 
+def test_of_two_requirements_in_one_the_times_of_both_are_shown(tmp_path):
+    """At rest no pressure is below 0."""
+    both = " and ".join(
+        f"(always from {begin} ms to {end} ms axis1.{name} < 0 bar)"
+        for name, begin, end in (("P_A", 6, 9), ("P_B", 20, 21))
+    )
+    _, _, content = report(tmp_path, "test", scenario(tmp_path, ("R1", both)))
+    assert content["chapters"][0]["proofs"][0]["exhibit"]["violated"] == [
+        [pytest.approx(0.006), pytest.approx(0.010)],
+        [pytest.approx(0.020), pytest.approx(0.022)],
+    ]
+
+
 def test_a_word_that_stays_is_no_news_where_the_frames_begin(tmp_path, monkeypatch):
     """The valve of "manual" is ACTIVE from its start on: its PDOs are cyclic at 400 ms."""
     monkeypatch.setattr(report_module, "_BEFORE", 50_000_000)

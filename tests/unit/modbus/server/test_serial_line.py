@@ -76,6 +76,24 @@ def test_a_port_that_is_not_there_is_a_line(tmp_path):
         open_serial(config(str(tmp_path / "nothing")))
 
 
+@pytest.mark.parametrize(
+    ("rate", "parity", "letter", "stop_bits"),
+    [(19200, Parity.EVEN, "E", 1), (9600, Parity.NONE, "N", 2), (115200, Parity.ODD, "O", 1)],
+)
+def test_a_port_has_the_settings_of_its_table_and_waits_for_nothing(
+    rate, parity, letter, stop_bits
+):
+    ours, theirs = os.openpty()
+    try:
+        port = open_serial(SerialConfig(os.ttyname(theirs), rate, parity, stop_bits))
+        assert (port.baudrate, port.parity, port.stopbits) == (rate, letter, stop_bits)
+        assert (port.timeout, port.exclusive) == (0, True)
+        port.close()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
 def test_a_port_is_opened_as_configured(rig):
     ours, theirs = os.openpty()
     tty.setraw(theirs)

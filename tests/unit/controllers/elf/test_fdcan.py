@@ -43,18 +43,24 @@ def test_fdcan_behind_power_on_and_in_initialisation() -> None:
     assert can.load(0xC8) == 0
 
 
-@pytest.mark.parametrize(("group", "flag"), [(0, 0), (2, 8), (3, 9)])
-def test_each_group_of_fdcan_has_its_line(group: int, flag: int) -> None:
-    """ILS: 0 FIFO 0, 2 transmission (TC, TCF), 3 the list of events with TFE (RM0440)."""
+@pytest.mark.parametrize(("group", "flag"), [(0, 0), (1, 3), (2, 8), (3, 9)])
+@pytest.mark.parametrize("others", [False, True])
+def test_each_group_of_fdcan_has_its_line(group: int, flag: int, *, others: bool) -> None:
+    """ILS: the FIFOs, 2 transmission (TC, TCF), 3 the list of events with TFE (RM0440).
+
+    Where the others alone are on the second line, it is on the first.
+    """
     core, wire, can, _ = fdcan()
-    for offset, value in ((0x54, 1 << flag), (0x58, 1 << group), (0x5C, 2), (0x18, 0)):
+    moved, enabled = (0x7F & ~(1 << group), 1) if others else (1 << group, 2)
+    for offset, value in ((0x54, 1 << flag), (0x58, moved), (0x5C, enabled), (0x18, 0)):
         can.store(offset, value)
+    can.store(0x80, 1 << 4 if group == 1 else 0)
     wire.bring([Frame(1)])
     can.store(0xCC, 7)
     can.store(0xD0, 2)
     core.run(1_000_000)
-    assert core.lines == {21: False, 22: True}
-    can.store(0x5C, 1)
+    assert core.lines == {21: others, 22: not others}
+    can.store(0x5C, 3 - enabled)
     assert core.lines == {21: False, 22: False}
 
 
@@ -168,10 +174,11 @@ def test_a_full_fifo_of_fdcan_loses_its_last_or_its_first(
     state, release, at = ((0x90, 0x94, 0xB0), (0x98, 0x9C, 0x188))[fifo]
     can.store(0x80, fifo << 4 | overwrites << 9 - fifo)
     can.store(0x18, 0)
-    for number, flags in ((1, 1), (2, 1), (3, 3), (4, 3 if overwrites else 7)):
+    for number, flags in ((1, 1), (2, 1), (3, 3), (4, 3 if overwrites else 4)):
         wire.bring([Frame(number)])
         core.run(number * 1_000_000)
         assert can.load(0x50) == flags << 3 * fifo
+        can.store(0x50, 7 << 3 * fifo)
     got = []
     while can.load(state) & 0xF:
         get = can.load(state) >> 8 & 3
@@ -241,5 +248,5 @@ def test_fdcan_sends_in_order_and_says_so() -> None:
         Frame(0x300, b"\xef\xbe"),
         Frame(0x100, b"\xef\xbe"),
     ]
-    assert can.load(0xD4) == 3
+    assert (can.load(0xD4), can.load(0xE4)) == (3, 0)  # sent, and no event, as EFC is 0
     assert core.lines[21]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind
+from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.procedure import Procedure
 from hil_bench.abilities.commissioning.responses import chirp, hydraulic_frequency, steps
 from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
@@ -97,7 +97,11 @@ def measured():
 
     def measure(do, kind, **values):
         result = do(procedure, Step(kind, LIMITS, TOLERANCES | values))
-        measure.findings = result.findings
+        measure.findings, measure.curves, measure.trace = (
+            result.findings,
+            result.curves,
+            result.trace,
+        )
         return {each.name: each for each in result.measures}
 
     measure.machine, measure.procedure = procedure.rig, procedure
@@ -111,6 +115,9 @@ def test_each_way_of_a_step_has_its_speed_and_the_spool_its_time(measured):
     assert found["spool: time to 63 %"].value == pytest.approx(LAG, abs=PERIOD)
     assert found["spool: time to 63 %"].high == 0.05
     assert found["lowest pressure"].value <= LOW <= found["highest pressure"].value
+    setpoint = measured.trace["spool_setpoint"]
+    for sign in (1.0, -1.0):  # 0.4 s each way
+        assert np.sum(setpoint == sign * 0.5) * PERIOD == pytest.approx(0.4, abs=2 * PERIOD)
 
 
 def test_a_ramp_finds_gains_and_friction_again(measured):
@@ -121,6 +128,15 @@ def test_a_ramp_finds_gains_and_friction_again(measured):
     assert found["Coulomb friction"].value == pytest.approx(COULOMB, rel=0.02)
     assert found["viscous friction"].value == pytest.approx(VISCOUS, rel=0.02)
     assert found["load force"].value == pytest.approx(LOAD, rel=0.05)
+    # Table I: the valve opens 1 mm behind an overlap of 0.3 mm, so the sheet's gain begins there.
+    sheet = expected_speed(1.0, load_config().axes[0].parameters) / (1.0 - 0.3 / 1.3) * 0.01
+    for name in ("extending", "retracting"):
+        gain = found[f"speed per percent, {name}"]
+        assert (gain.low, gain.high) == pytest.approx((0.8 * sheet, 1.2 * sheet))
+    friction = next(each for each in measured.curves if each.title == "Friction")
+    assert (friction.x_label, friction.y_label) == ("Speed [mm/s]", "Force [kN]")
+    assert friction.x.max() == pytest.approx(1e3 * 0.30 * 0.6, rel=0.02)  # of 0.8 behind 0.2
+    assert friction.y.max() == pytest.approx(1e-3 * (COULOMB + VISCOUS * 0.18 + LOAD), rel=0.05)
 
 
 FRICTION = load_config().axes[0].parameters.F_c
@@ -197,6 +213,9 @@ def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     modulus = load_config().axes[0].parameters.E * 1e-6 * share**2
     assert found["effective bulk modulus"].value == pytest.approx(modulus, rel=0.04)
     assert found["coherence, mean"].value > 0.95
+    assert measured.curves
+    soft = [finding.name for finding in measured.findings]
+    assert soft == (["air in the oil"] if share < 0.85 else [])
 
 
 def test_a_sweep_through_zero_finds_both_edges(measured):
@@ -205,3 +224,7 @@ def test_a_sweep_through_zero_finds_both_edges(measured):
     assert found["edge for retracting"].value == pytest.approx(-0.1, abs=0.005)
     assert found["valve zero"].value == pytest.approx(0.05, abs=0.005)
     assert found["dead band"].value == pytest.approx(0.3, abs=0.01)
+    sheet = 2.0 * 0.3 / 1.3  # Table I, of both sides
+    assert (found["dead band"].low, found["dead band"].high) == pytest.approx(
+        (0.7 * sheet, 1.3 * sheet)
+    )

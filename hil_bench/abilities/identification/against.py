@@ -209,16 +209,27 @@ def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
         start = second.template.start(names[0])
         value = float(np.mean([found.values[name] for name in names]))
         lowered = usual.cost - found.cost
-        explains = lowered / max(usual.cost - base, lowered, 1e-300)
+        explains = max(lowered, 0.0) / max(usual.cost - base, lowered, 1e-300)
         words = cause.up if value > start else cause.down
         tried.append(Change(words, cause.name, start, value, explains))
         is_seen = 2.0 * lowered > _SEEN * problems[1].doubt ** 2
         if is_seen and abs(value - start) > _least(cause, start):
-            named.append(tried[-1])
-    named.sort(key=lambda one: -one.explains)
-    likely = tuple(one for one in named if one.explains > _NEAR * named[0].explains)
+            named.append((lowered, tried[-1]))
+    likely = find_likely(named)
     worse = math.sqrt(usual.cost / base)
     return Comparison(worse, likely, bool(likely) or worse > _WORSE, tuple(tried))
+
+
+def find_likely(named: Sequence[tuple[float, Change]]) -> tuple[Change, ...]:
+    """Return the changes that lower the cost about as much as the best one does, the best first.
+
+    Their share of the difference ends at all of it, and so does not say which of two is likelier.
+
+    Args:
+        named: changes, each with the cost that it lowers.
+    """
+    ranked = sorted(named, key=lambda one: -one[0])
+    return tuple(change for lowered, change in ranked if lowered > _NEAR * ranked[0][0])
 
 
 def _require_time(clock: Clock) -> None:

@@ -8,11 +8,13 @@ import pytest
 from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.against import (
+    Change,
     Comparison,
     compare,
     describe,
     find_alike,
     find_changes,
+    find_likely,
 )
 from hil_bench.abilities.identification.fit import Clock
 from hil_bench.abilities.identification.identify import Options, make_coarse
@@ -55,6 +57,7 @@ def test_the_same_machine_has_not_changed(before: AxisRecord) -> None:
     assert not found.is_changed
     assert found.changes == ()
     assert "nothing has changed" in describe(found)[0]
+    assert all(0.0 <= one.explains <= 1.0 for one in found.tried)
 
 
 def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> None:
@@ -123,3 +126,23 @@ def test_less_supply_is_named(before: AxisRecord) -> None:
 
     assert found.changes[0].words == "lower supply pressure"
     assert found.changes[0].after == pytest.approx(93.0, abs=0.5)
+
+
+def test_of_causes_that_explain_everything_the_likelier_is_named() -> None:
+    worn, air = (
+        Change(words, "", before=0.0, after=1.0, explains=1.0)
+        for words in ("worn edges of the spool", "air trapped in the oil")
+    )
+
+    assert find_likely([(20.0, worn), (80.0, air)]) == (air,)
+
+
+def test_causes_that_are_about_as_likely_are_both_named_the_better_first() -> None:
+    worn, air = (
+        Change(words, "", before=0.0, after=1.0, explains=1.0)
+        for words in ("worn edges of the spool", "air trapped in the oil")
+    )
+
+    assert find_likely([(70.0, worn), (80.0, air)]) == (air, worn)
+    assert find_likely([(67.0, worn), (80.0, air)]) == (air,)  # 0.84 of the best
+    assert find_likely([]) == ()

@@ -24,6 +24,12 @@ SALTELLI = Sampler.SALTELLI
 SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 
 
+def test_levels_of_an_uneven_distribution_are_the_middles_of_equal_shares():
+    """Quantiles of 1/4 and 3/4: F(1) = 1/4, and 1 - (4 - x)² / 12 = 3/4."""
+    levels = read_distribution({"triangular": [0, 1, 4]}).levels(2)
+    assert levels == pytest.approx([1.0, 4 - math.sqrt(3)])
+
+
 @pytest.mark.parametrize(
     ("table", "expected"),
     [

@@ -287,6 +287,18 @@ def test_a_device_that_claims_again_may_pause_and_is_watched_on(claims, gap):
     assert f"after {gap} ms (every 100 ms before)" in found[0].text
 
 
+def test_who_has_to_yield_and_claims_on_is_named():
+    """J1939-81: the smaller NAME, its bytes from the lowest on, keeps the address."""
+    claims = [
+        extended(250 * place, 0x18EEFF21, "0200000000000080" if place % 2 else "0300000000000000")
+        for place in range(20)
+    ]
+    found = explain([*claims, extended(9000, 0x18FF1022, "00")], [], 250_000).findings
+    (clash,) = [each for each in found if each.cause is Cause.ADDRESS_CLASH]
+    assert clash.text.startswith("two claim address 33 in turns from 0.250 s on: NAME ")
+    assert clash.text.endswith("8000000000000002 has to yield, and claims it 10 times")
+
+
 @pytest.mark.parametrize(("waited", "causes"), [(1250, []), (1251, [Cause.J1939_REQUEST])])
 def test_a_request_is_answered_within_its_time(waited, causes):
     """Address 3 asks 0x21 for PGN 65242; J1939-21 gives a response 1250 ms (T3)."""

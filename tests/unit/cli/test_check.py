@@ -45,6 +45,9 @@ def test_each_value_is_shown_with_its_origin(
     ]
     assert "stroke_mm = 300.0 # file" in lines
     assert "moving_mass_kg = 20.0 # default" in lines
+    # 20 kg by Table I of the paper
+    assert lines.count("# What axis1 can do:") == 1
+    assert "# moving mass 20 kg" in lines[lines.index("# What axis1 can do:") :]
 
 
 @pytest.mark.parametrize(

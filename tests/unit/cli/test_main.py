@@ -104,6 +104,13 @@ def test_two_v_show_the_traceback(
     assert lines[-1] == "hil-bench: error: a: b; c"
 
 
+def test_a_bug_with_its_traceback_asks_for_no_more(
+    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert act(failing(RuntimeError("oops")), "-vv") == 70
+    assert capsys.readouterr().err.endswith("hil-bench: error: RuntimeError: oops\n")
+
+
 def test_one_v_shows_no_traceback(
     act: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -349,3 +356,12 @@ def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
         monkeypatch.setenv(VARIABLE, before)
     assert main(["plot", "no.csv", "--units", "MPa"]) == ExitCode.USAGE
     assert os.environ.get(VARIABLE) == before
+
+
+def test_the_help_of_run_ends_with_the_examples_of_its_abilities(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["run", "--help"]) == 0
+    said = capsys.readouterr().out
+    for words in ("--fault freeze pressure_a at_s=10", "--scenario sag.scenario.toml"):
+        assert words in said

@@ -1,6 +1,7 @@
 """The middle of a panel: what it asks a bench for, and what it says when there is none."""
 
 import asyncio
+import json
 
 import pytest
 
@@ -47,6 +48,28 @@ def test_a_browser_that_comes_while_the_bench_is_asked_gets_rows():
     link = Link(lambda number: hub.admit(viewer) if number == 1 else None)
     care(hub, link)
     assert [fields["rows_every_s"] for _, fields in link.asked] == [None, 0.0]
+
+
+def test_frames_are_asked_for_where_one_of_several_browsers_shows_them():
+    hub, link = Hub(), Link(lambda _number: None)
+    viewers = [Viewer(send_nowhere) for _ in range(2)]
+    for viewer in viewers:
+        hub.admit(viewer)
+    viewers[1].wants_marks = True
+    care(hub, link)
+    assert [fields["frames"] for _, fields in link.asked] == [True]
+
+
+def test_a_browser_that_comes_later_is_told_what_has_happened():
+    hub = Hub()
+    hub.link = Link(lambda _number: None)
+    for kind in ("event", "command", "rows", "frames"):
+        hub._take(kind, f'{{"type":"{kind}"}}\n'.encode(), {})
+    viewer = Viewer(send_nowhere)
+    hub.admit(viewer)
+    kinds = [json.loads(line).get("type") for line in b"".join(viewer._waiting).splitlines()]
+    assert kinds[-2:] == ["event", "command"]
+    assert not {"rows", "frames"} & {*kinds}
 
 
 def test_what_a_bench_did_not_hear_is_asked_again(monkeypatch):

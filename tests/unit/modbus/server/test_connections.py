@@ -8,7 +8,7 @@ import struct
 import pytest
 
 from hil_bench.abilities.modbus.server import connections
-from hil_bench.abilities.modbus.server.connections import ConnectionPool
+from hil_bench.abilities.modbus.server.connections import INTERVAL, Complaints, ConnectionPool
 
 READ = bytes.fromhex("0001 0000 0006 01 04 0000 0002")
 ANSWER = bytes.fromhex("0001 0000 0007 01 04 04 0001 0002")
@@ -290,3 +290,18 @@ def test_who_has_closed_for_requests_gets_the_responses_that_are_due(rig):
         return received
 
     assert with_pool(rig, scenario) == WRITE + ANSWER + ANSWER
+
+
+def test_errors_that_got_no_line_are_counted_in_the_next(caplog):
+    times = [share * INTERVAL for share in (0.0, 0.1, 0.9, 1.0, 1.5, 2.0, 3.0)]
+    now = iter(times)
+    complaints = Complaints(lambda: next(now))
+    for _ in times:
+        complaints.add("peer", "why")
+    assert complaints.count == 7
+    assert [record.getMessage() for record in caplog.records] == [
+        "modbus client peer: why",
+        "modbus client peer: why (2 more errors since the last line)",
+        "modbus client peer: why (1 more errors since the last line)",
+        "modbus client peer: why",
+    ]

@@ -202,6 +202,7 @@ def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
     problems = Problem(first, ()), Problem(second, ())
     rows = [sum(each.lengths) for each in problems]
     base = 0.5 * float(np.square(problems[0].residuals(np.array([]))).sum()) * rows[1] / rows[0]
+    excess = usual.cost - base
     tried, named = [], []
     for cause, fit in sorted(alone, key=lambda one: one[1].cost)[:_LOOKED_AT]:
         found = search(second, fit.unknowns, fit.variables, _ROUNDS, _EXACT)
@@ -209,25 +210,29 @@ def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
         start = second.template.start(names[0])
         value = float(np.mean([found.values[name] for name in names]))
         lowered = usual.cost - found.cost
-        explains = max(lowered, 0.0) / max(usual.cost - base, lowered, 1e-300)
+        explains = max(lowered, 0.0) / max(excess, lowered, 1e-300)
         words = cause.up if value > start else cause.down
         tried.append(Change(words, cause.name, start, value, explains))
         is_seen = 2.0 * lowered > _SEEN * problems[1].doubt ** 2
         if is_seen and abs(value - start) > _least(cause, start):
             named.append((lowered, tried[-1]))
-    likely = find_likely(named)
+    likely = find_likely(named, excess)
     worse = math.sqrt(usual.cost / base)
     return Comparison(worse, likely, bool(likely) or worse > _WORSE, tuple(tried))
 
 
-def find_likely(named: Sequence[tuple[float, Change]]) -> tuple[Change, ...]:
+def find_likely(named: Sequence[tuple[float, Change]], excess: float) -> tuple[Change, ...]:
     """Return the changes that lower the cost about as much as the best one does, the best first.
 
     Their share of the difference ends at all of it, and so does not say which of two is likelier.
 
     Args:
         named: changes, each with the cost that it lowers.
+        excess: cost beyond what like strokes of the first record have; without any no change is
+            likely, as there is nothing to explain.
     """
+    if excess <= 0.0:
+        return ()
     ranked = sorted(named, key=lambda one: -one[0])
     return tuple(change for lowered, change in ranked if lowered > _NEAR * ranked[0][0])
 

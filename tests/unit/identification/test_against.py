@@ -134,7 +134,7 @@ def test_of_causes_that_explain_everything_the_likelier_is_named() -> None:
         for words in ("worn edges of the spool", "air trapped in the oil")
     )
 
-    assert find_likely([(20.0, worn), (80.0, air)]) == (air,)
+    assert find_likely([(20.0, worn), (80.0, air)], 5.0) == (air,)
 
 
 def test_causes_that_are_about_as_likely_are_both_named_the_better_first() -> None:
@@ -143,6 +143,13 @@ def test_causes_that_are_about_as_likely_are_both_named_the_better_first() -> No
         for words in ("worn edges of the spool", "air trapped in the oil")
     )
 
-    assert find_likely([(70.0, worn), (80.0, air)]) == (air, worn)
-    assert find_likely([(67.0, worn), (80.0, air)]) == (air,)  # 0.84 of the best
-    assert find_likely([]) == ()
+    assert find_likely([(70.0, worn), (80.0, air)], 5.0) == (air, worn)
+    assert find_likely([(67.0, worn), (80.0, air)], 5.0) == (air,)  # 0.84 of the best
+    assert find_likely([], 5.0) == ()
+
+
+def test_nothing_is_named_where_like_strokes_differ_as_much_among_themselves() -> None:
+    leakage = Change("leakage across the piston", "", before=0.0017, after=0.003, explains=1.0)
+
+    assert find_likely([(80.0, leakage)], -1.0) == ()
+    assert find_likely([(80.0, leakage)], 0.1) == (leakage,)

@@ -95,6 +95,16 @@ def test_a_receiver_that_alone_sees_errors_finds_itself_out():
     assert passed.deaf == {b}
 
 
+@pytest.mark.parametrize(("before", "after"), [(0, 0), (1, 0), (127, 126), (128, 127), (135, 127)])
+def test_a_frame_that_passes_makes_a_receiver_active_again(before, after):
+    """ISO 11898-1: one less up to 127; above it, a value of 119 to 127, of which 127 is ours."""
+    station = Station("a", 8)
+    station.rec = before
+    assert station.state is (CanState.PASSIVE if before >= 128 else CanState.ACTIVE)
+    station.receive()
+    assert (station.rec, station.state) == (after, CanState.ACTIVE)
+
+
 def test_passed_frames_count_down():
     rig = Rig()
     a, b, c = rig.stations

@@ -91,7 +91,8 @@ class Step:
     Attributes:
         kind: which.
         limits: how far it may go.
-        values: its other keys in SI units, by the name of the key without its unit.
+        values: its other keys in SI units, by the name of the key without its unit; none of those
+            without a default that the plan leaves out.
     """
 
     kind: StepKind
@@ -133,6 +134,7 @@ def load_plan(path: Path) -> CommissioningPlan:
         own = convert(table, STEP_LIMIT_KEYS)
         given = {name: value for name, value in own.items() if value is not None}
         values = convert(table, STEP_KEYS[kind])
+        values = {name: value for name, value in values.items() if value is not None}
         steps.append(Step(StepKind(kind), Limits(**{**common, **given}), values))
     values = convert(plan, PLAN_KEYS)
     bench = values["bench"]

@@ -158,7 +158,7 @@ def _load_limits(
     if any(isinstance(each, LoadSeries) for each in axis.options.loads):
         return -math.inf, math.inf
     mean = float(load.mean())
-    room = axis.parameters.F_c + step.values["load_tolerance"] * abs(mean)
+    room = step.values.get("load_tolerance", axis.parameters.F_c + 0.2 * abs(mean))
     return mean - room, mean + room
 
 

@@ -80,18 +80,26 @@ def test_the_estimates_are_those_of_scipy(plan):
     for place, name in enumerate(("first_bar", "second_bar", "third_bar")):
         assert found[name].first.value == pytest.approx(oracle.first_order[place], abs=1e-12)
         assert found[name].total.value == pytest.approx(oracle.total_order[place], abs=1e-12)
-    # Both resample 999 times, so an end of an interval is off by some hundredths of its width.
-    bootstrap = oracle.bootstrap(confidence_level=0.95, n_resamples=999)
-    widths = [
-        (found[name].total.high - found[name].total.low) / (high - low)
-        for name, low, high in zip(
-            ("first_bar", "second_bar", "third_bar"),
-            bootstrap.total_order.confidence_interval.low,
-            bootstrap.total_order.confidence_interval.high,
-            strict=True,
+
+
+def test_an_interval_is_as_wide_as_the_jackknife_says(plan):
+    """Of a smooth statistic 95 % are 2 x 1.96 standard errors (Efron and Tibshirani 1993)."""
+    results = results_of(plan, ishigami)
+    table = np.array([each.verdicts[0].margin for each in results]).reshape(-1, 5)
+    found = {each.parameter: each for each in sobol_indices(plan, results).indices}
+    for place, name in enumerate(("first_bar", "second_bar", "third_bar"), 2):
+        squares = (table[:, 0] - table[:, place]) ** 2
+        without = np.array(
+            [
+                np.delete(squares, row).mean() / 2.0 / np.delete(table[:, :2], row, axis=0).var()
+                for row in range(len(table))
+            ]
         )
-    ]
-    assert np.mean(widths) == pytest.approx(1.0, abs=0.05)
+        total = found[name].total
+        assert squares.mean() / 2.0 / table[:, :2].var() == pytest.approx(total.value, abs=1e-12)
+        error = np.sqrt((len(table) - 1) * without.var())
+        # 999 samples show the ends of an interval within a twentieth of its width.
+        assert (total.high - total.low) / (2.0 * 1.96 * error) == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_line_names_the_parameters_that_matter_the_first_one_first(plan):

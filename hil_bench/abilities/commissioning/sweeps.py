@@ -145,10 +145,8 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
 
 
 def _sheet_load(axis: CylinderConfig, trace: Recording) -> npt.NDArray[np.float64]:
-    """Return the load that the data sheet gives at each sample [N]; 0 for a course of time."""
-    loads = [load for load in axis.options.loads if not isinstance(load, LoadSeries)]
-    places = trace["position"].tolist()
-    return np.array([math.fsum(load.force_at(x, 0.0) for load in loads) for x in places])
+    """Return the load that the data sheet gives at each sample [N], as at time 0."""
+    return np.array([axis.options.load_at(x) for x in trace["position"].tolist()])
 
 
 def _load_limits(

@@ -156,11 +156,11 @@ class BusChannels:
 
     def row(self, now: int) -> tuple[float, ...]:
         """Return a row of a recording: time [s], and each value, NaN where it does not count."""
-        held = (
-            heard.value if now - heard.time <= self.hold(number) else math.nan
-            for number, heard in enumerate(self._values)
-        )
-        return now * 1e-9, *held
+        return now * 1e-9, *(self.held(*each, now) for each in enumerate(self._values))
+
+    def held(self, number: int, heard: _Heard, now: int) -> float:
+        """Return a value of a channel at a time [ns], NaN where it does not count any more."""
+        return heard.value if now - heard.time <= self.hold(number) else math.nan
 
 
 class TickRows:
@@ -219,8 +219,7 @@ class TickRows:
                     f"{self._next / 1e9:.6g} s; give a shorter --tick"
                 )
             self.late = max(self.late, late)
-        heard = self._last[number]
-        return heard.value if self._next - heard.time <= self._channels.hold(number) else math.nan
+        return self._channels.held(number, self._last[number], self._next)
 
 
 def _key(sight: Sight, reading: Reading) -> _Key:

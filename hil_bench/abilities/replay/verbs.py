@@ -32,7 +32,7 @@ from hil_bench.cli.arguments import (
     read_speed,
 )
 from hil_bench.cli.exit_codes import ExitCode, interruption
-from hil_bench.cli.results import warn_of
+from hil_bench.cli.results import plain, warn_of
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
@@ -186,7 +186,7 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         raise ConfigError(f"{args.recording}: {error}") from None
     deviations = compare_recordings(config, recorded, driven, tolerances)
     if args.json:
-        print(json.dumps([_content(each) for each in deviations], indent=2))
+        print(json.dumps(plain(map(_content, deviations)), indent=2))
     elif not args.quiet:
         print("\n".join((_HEAD, *map(_line, deviations))))
     verdicts = {deviation.verdict for deviation in deviations}
@@ -197,13 +197,9 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
 
 
 def _content(deviation: SignalDeviation) -> dict[str, object]:
-    """Return a deviation for a program to read; NaN is no JSON."""
-    found = {
-        key: None if isinstance(value, float) and math.isnan(value) else value
-        for key, value in asdict(deviation).items()
-    }
+    """Return a deviation for a program to read."""
     is_within = deviation.verdict in {Verdict.PASSED, Verdict.NOT_JUDGED}
-    return {**found, "is_within": is_within, "verdict": deviation.verdict}
+    return {**asdict(deviation), "is_within": is_within, "verdict": deviation.verdict}
 
 
 def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:

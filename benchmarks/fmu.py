@@ -14,9 +14,9 @@ from pathlib import Path
 
 import occasion
 from hil_bench.abilities.fmu.export import export_axis
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main as hil_bench
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.plant import Plant
 
 BENCH = """

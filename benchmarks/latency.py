@@ -25,7 +25,7 @@ import canopen
 
 import occasion
 from device_profiles import VALVE_408
-from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.abilities.hub.process import HubProcess
 
 NODE_ID = 1
 START = can.Message(arbitration_id=0x000, data=[1, NODE_ID], is_extended_id=False)

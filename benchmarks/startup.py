@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import occasion
 from device_profiles import VALVE_408
-from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.abilities.hub.process import HubProcess
 
 LONGEST_START = 300.0
 """The first one compiles [s]."""

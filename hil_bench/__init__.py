@@ -11,8 +11,7 @@ _MODULES = {
     "bench.assembly": ("embedded_bus",),
     "bench.configuration": ("BenchConfig", "load_config"),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
-    "outside.recording.frames": ("read_frames",),
-    "outside.recording.signal_table": ("SignalTable", "open_recording"),
+    "outside.recording.signal_table": ("SignalTable",),
     "session.virtual_bench": ("VirtualBench",),
 }
 

@@ -7,6 +7,8 @@ from hil_bench.abilities.controllers.seam import TimedFrame as TimedFrame
 from hil_bench.abilities.faults.attached import AttachedFaults
 from hil_bench.abilities.faults.faults import Faults as Faults
 from hil_bench.abilities.live.attached import AttachedBench as _AttachedBench
+from hil_bench.abilities.recording.frames import read_frames as read_frames
+from hil_bench.abilities.recording.reading import open_recording as open_recording
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.report import RecordingWish as RecordingWish
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
@@ -16,9 +18,7 @@ from hil_bench.errors import BusError as BusError
 from hil_bench.errors import ConfigError as ConfigError
 from hil_bench.errors import HilBenchError as HilBenchError
 from hil_bench.errors import WaitTimeoutError as WaitTimeoutError
-from hil_bench.outside.recording.frames import read_frames as read_frames
 from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
-from hil_bench.outside.recording.signal_table import open_recording as open_recording
 from hil_bench.session.virtual_bench import VirtualBench as _VirtualBench
 
 # Both with the attributes that abilities bring.

@@ -26,6 +26,7 @@ OWN = (
     "eyes",
     "faults",
     "fmu",
+    "hub",
     "identification",
     "j1939",
     "live",

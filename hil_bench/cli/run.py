@@ -16,7 +16,7 @@ from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
 from hil_bench.cli.verbs import add_options, check_options, take_over
 from hil_bench.errors import ConfigError
-from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
+from hil_bench.outside.transports.socketcand_protocol import DEFAULT_PORT
 
 _EXAMPLES = f"""\
 examples:

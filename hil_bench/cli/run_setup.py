@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import json
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -22,13 +21,11 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruptio
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.cli.streams import collection_put_off
-from hil_bench.errors import HilBenchError, about_file, check_replaceable
+from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable
 from hil_bench.outside.bits import USUAL_BITRATE, load_of
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.can_interfaces import bitrate_of
-from hil_bench.outside.transports.hub_process import HubProcess
-from hil_bench.outside.transports.hub_transport import HubTransport
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
@@ -63,54 +60,24 @@ OpenBuses = Callable[[argparse.Namespace, BenchConfig], AbstractContextManager[O
 """Opens the buses of a bench by the command line."""
 
 
-class HubHelper:
-    """A hub's process, as the loop looks after it.
-
-    Args:
-        hub: it runs.
-        ends: the bench's end of each of its buses.
-    """
-
-    loss = "all programs on it are cut off and have to join again"
-    is_needed = True
-
-    def __init__(self, hub: HubProcess, ends: Sequence[HubTransport]) -> None:
-        self.name = f"hub {hub.host}:{hub.port}"
-        self._hub = hub
-        self._ends = tuple(ends)
-
-    def ending(self) -> str | None:
-        """Return the ending of the process or its cut-off of the bench; None for neither."""
-        ending = self._hub.ending()
-        if ending is not None:
-            for end in self._ends:
-                end.drop()
-        elif any(end.is_down for end in self._ends):
-            return "has cut off the bench, which was too slow for it"
-        return ending
-
-    def restart(self) -> str:
-        """Start it again at the same port where it has ended, and join each of its buses."""
-        if self._hub.ending() is not None:
-            self._hub.restart()
-        for end in self._ends:
-            if end.is_down:
-                end.join()
-        return ""
-
-
 @contextlib.contextmanager
 def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
     """Open the buses of the configuration, or host as many and join them.
 
     Yields:
         The buses.
+
+    Raises:
+        ConfigError: nothing here hosts a bus.
     """
     with contextlib.ExitStack() as stack:
         if args.hub is None:
             yield _open_configured(config, stack)
-        else:
-            yield _open_hub(args, config, stack)
+            return
+        for module in given_to("hub"):
+            yield module.open_hub(args, config, stack)
+            return
+        raise ConfigError("--hub: nothing here hosts a bus: the ability hub is missing")
 
 
 def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
@@ -122,39 +89,16 @@ def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBu
         bus.bitrate or own_bitrate(parts[name]) or USUAL_BITRATE
         for name, bus in config.buses.items()
     )
-    return OpenBus(_joined(parts), parts, _bus_lines(parts), (), bitrate)
+    return OpenBus(joined(parts), parts, bus_lines(parts), (), bitrate)
 
 
-def _open_hub(
-    args: argparse.Namespace, config: BenchConfig, stack: contextlib.ExitStack
-) -> OpenBus:
-    """Start a hub in a process of its own, and join each of its buses."""
-    channels = hub_channels(config)
-    bitrates = [bus.bitrate or USUAL_BITRATE for bus in config.buses.values()]
-    is_limited = not args.hub_unlimited and math.isfinite(args.speed)
-    hub = HubProcess(
-        port=args.hub,
-        channels=tuple(channels.values()),
-        bitrate=max(bitrates) * args.speed if is_limited else None,
-        fd=fd_speedups(config),
-    )
-    stack.enter_context(hub)
-    parts = {}
-    for name, channel in channels.items():
-        parts[name] = hub.join(channel)
-        stack.callback(parts[name].close)
-    lines = (*_bus_lines(parts), *join_lines(channels, hub.host, hub.port))
-    helpers = [HubHelper(hub, list(parts.values()))]
-    return OpenBus(_joined(parts), parts, lines, helpers, sum(bitrates))
-
-
-def _joined(parts: Mapping[str, Transport]) -> Transport:
+def joined(parts: Mapping[str, Transport]) -> Transport:
     """Return several buses as one, and a single one as it is."""
     transports = tuple(parts.values())
     return transports[0] if len(transports) == 1 else JoinedTransport(transports)
 
 
-def _bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
+def bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
     """Return the description of each bus, with its name where there are several."""
     if len(parts) == 1:
         return tuple(f"bus    {part.description}" for part in parts.values())
@@ -164,26 +108,6 @@ def _bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
 def own_bitrate(transport: Transport) -> int | None:
     """Return the bit rate that a SocketCAN interface is set to [bit/s], None where it has none."""
     return bitrate_of(transport.channel) if isinstance(transport, SocketCanTransport) else None
-
-
-def hub_channels(config: BenchConfig) -> dict[str, str]:
-    """Return the channel of each bus on a hub, by the bus' name."""
-    return {name: f"can{number}" for number, name in enumerate(config.buses)}
-
-
-def fd_speedups(config: BenchConfig) -> dict[str, float]:
-    """Return the channels of CAN FD on a hub, with `BusConfig.speedup` of each."""
-    channels = hub_channels(config)
-    return {channels[name]: bus.speedup for name, bus in config.buses.items() if bus.fd}
-
-
-def join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:
-    """Return python-can's flags for another program on each bus of a hub."""
-    return tuple(
-        f"join   -i socketcand -c {channel} --bus-kwargs host={host} port={port}"
-        + (f"    ({name})" if len(channels) > 1 else "")
-        for name, channel in channels.items()
-    )
 
 
 # Common parts of both ways to `hil-bench run`: the set-up before the first tick, and the end.

@@ -10,9 +10,8 @@ import pytest
 from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
+from hil_bench.outside.recording.block_file import CandumpFile, RecordingFile
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.files import RecordingFile
-from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
@@ -36,7 +35,7 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
     """
     directory.mkdir(parents=True, exist_ok=True)
     files = {"trace": directory / f"{stem}.log", "signals": directory / f"{stem}.csv"}
-    with open_frame_file(files["trace"]) as trace:
+    with CandumpFile(files["trace"]) as trace:
         trace.write_frames(tuple(bench.frames))
     with RecordingFile(files["signals"]) as signals:
         signals.write(bench.signals)

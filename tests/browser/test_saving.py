@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from hil_bench.outside.recording.files import read_recording
+from hil_bench.abilities.recording.reading import read_recording
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

@@ -18,9 +18,9 @@ from generated.dialects import BYTES, Dialect, verbs_of
 from scipy.io import savemat
 
 from hil_bench.abilities.campaign.store import program_identity
+from hil_bench.abilities.recording import mdf_blocks as mdf
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.cli import main
-from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.session.virtual_bench import VirtualBench
 
 _GIB = 1 << 30

@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as pytest does b
 from golden.runs import RUNS, at_root, frame_lines
 
 import hil_bench
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 
 DIGESTS = Path(__file__).with_name("digests.json")
 PACKED = {".blf", ".mf4"}

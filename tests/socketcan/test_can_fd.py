@@ -7,8 +7,8 @@ import pytest
 from support.can_link import set_link
 from support.patience import GUARD
 
+from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
-from hil_bench.outside.recording.frames import read_frames
 
 LONG = bytes(range(64))
 SENT = [

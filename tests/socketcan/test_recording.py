@@ -4,8 +4,8 @@ import signal
 
 import pytest
 
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 
 NMT_START_ALL = "000#0100"
 NMT = 0x000

@@ -24,6 +24,8 @@ from support.modbus_traffic import (
 )
 from support.virtual_loop import VirtualLoop
 
+from hil_bench.abilities.hub import server as socketcand_hub
+from hil_bench.abilities.hub.server import Hub
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import (
     DATA_TYPES,
@@ -39,8 +41,6 @@ from hil_bench.abilities.modbus.server import process
 from hil_bench.abilities.modbus.server.connections import Complaints
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import BACKLOG
-from hil_bench.outside.transports import socketcand_hub
-from hil_bench.outside.transports.socketcand_hub import Hub
 
 MODBUS, HUB = 502, 29536
 TICK = 0.002

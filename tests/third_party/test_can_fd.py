@@ -8,12 +8,12 @@ from pathlib import Path
 import can
 import pytest
 
+from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.frame import FD_LENGTHS
 from hil_bench.outside.messages import message_of
 from hil_bench.outside.recording.channels import TIME, LoggedFrame
-from hil_bench.outside.recording.frames import read_frames
 
 asammdf = pytest.importorskip("asammdf")  # after can, or python-can would not find it
 

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from hil_bench.abilities.analysis.figures import ResponseCurve
 from hil_bench.abilities.analysis.frequency_response import decibel
 from hil_bench.figure_style import write_figure
+from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
-from hil_bench.outside.recording.files import RecordingFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,7 +6,7 @@ _HERE = "hil_bench.abilities.lockstep"
 
 ABILITY = Ability(
     "lockstep",
-    needs=("controllers",),
+    needs=("controllers", "hub"),
     options={"run": f"{_HERE}.run_options", "commission": f"{_HERE}.commission_options"},
     gives={"network": f"{_HERE}.commission_options"},
     bench_methods={"join": f"{_HERE}.firmware:join"},

@@ -15,11 +15,11 @@ from hil_bench.abilities.controllers.process.program import (
     Silence,
     environment,
 )
+from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepBus
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.transport import PATIENCE, Transport

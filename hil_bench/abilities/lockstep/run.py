@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
+from hil_bench.abilities.hub.hosting import fd_speedups, hub_channels, join_lines
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
@@ -19,9 +20,6 @@ from hil_bench.cli.run_setup import (
     OpenBus,
     RunSetup,
     common_content,
-    fd_speedups,
-    hub_channels,
-    join_lines,
     open_bus,
     set_up,
 )

@@ -17,5 +17,9 @@ ABILITY = Ability(
         "run": f"{_HERE}.options",
     },
     fixtures=f"{_HERE}.fixtures",
-    exports={"RecordingWish": f"{_HERE}.report"},
+    exports={
+        "RecordingWish": f"{_HERE}.report",
+        "open_recording": f"{_HERE}.reading",
+        "read_frames": f"{_HERE}.frames",
+    },
 )

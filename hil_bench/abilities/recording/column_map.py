@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from hil_bench.config.document import read_document
-from hil_bench.config.settings import Key, Problems, read_table
-from hil_bench.config.values import describe, find_nearest, number, text
-from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.outside.recording.files import in_own_units
-from hil_bench.outside.recording.foreign_table import (
+from hil_bench.abilities.recording.foreign_table import (
     Columns,
     Values,
     as_recording,
     read_columns,
 )
+from hil_bench.abilities.recording.reading import in_own_units
+from hil_bench.config.document import read_document
+from hil_bench.config.settings import Key, Problems, read_table
+from hil_bench.config.values import describe, find_nearest, number, text
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
 
 _FILES = "files"

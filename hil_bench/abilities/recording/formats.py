@@ -105,6 +105,6 @@ def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFil
                 path, (TIME, *channels), comment=heading.comment, started=heading.started
             )
         case _:
-            from hil_bench.outside.recording.frames import open_frame_file  # noqa: PLC0415 - wants can
+            from hil_bench.abilities.recording.frames import open_frame_file  # noqa: PLC0415 - wants can
 
             return open_frame_file(path, heading.started)

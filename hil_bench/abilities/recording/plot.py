@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.recording.reading import given_units
 from hil_bench.errors import ConfigError, whole_file
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE
 from hil_bench.outside.recording.channels import (
@@ -21,7 +22,6 @@ from hil_bench.outside.recording.channels import (
     Span,
     recording_channels,
 )
-from hil_bench.outside.recording.files import given_units
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.shown_units import display_unit
 from hil_bench.units import COUNT, Unit

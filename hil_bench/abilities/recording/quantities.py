@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from hil_bench.abilities.recording.reading import given_units
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording, recording_channels
-from hil_bench.outside.recording.files import given_units
 from hil_bench.shown_units import display_unit
 
 

@@ -13,7 +13,9 @@ import can
 
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.abilities.recording.evening import make_even
+from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     SignalDeviation,
@@ -37,8 +39,6 @@ from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import LoggedFrame, Recording
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.shown_units import display_unit

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.recording.quantities import check_quantities
+from hil_bench.abilities.recording.reading import given_units
 from hil_bench.abilities.scenario.dimensions import NUMBER
 from hil_bench.abilities.scenario.judgement import Judgement, judge
 from hil_bench.abilities.scenario.load import load_requirements
@@ -26,7 +27,6 @@ from hil_bench.abilities.scenario.resolve import Requirement, compile_texts
 from hil_bench.abilities.scenario.values import Floats
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
-from hil_bench.outside.recording.files import given_units
 from hil_bench.units import ONE, read_unit
 
 # Checks of the columns that requirements name: units that they can be judged in.

@@ -10,6 +10,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "shadow",
+    needs=("recording",),
     verbs={
         "shadow": Verb(
             "machine",

@@ -1,13 +1,15 @@
-"""Files that are written in blocks while the bench runs."""
+"""Files of recordings that are written: in blocks while the bench runs, or whole at its end."""
 
 import contextlib
+import csv
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
+from hil_bench.canopen_device.frame import BRS, ESI
 from hil_bench.errors import ConfigError, RecordingError, about_file, check_replaceable
-from hil_bench.outside.recording.channels import LoggedFrame, Recording
+from hil_bench.outside.recording.channels import LoggedFrame, Recording, recording_channels
 
 BUS_LOGS = (".asc", ".blf", ".log")
 """Suffixes of what has frames alone and is written: Vector's ASC and BLF, candump's log."""
@@ -189,3 +191,69 @@ def opening(path: Path) -> Iterator[None]:
             raise ConfigError(f"{path}: is a directory; give the name of a file to write")
         check_replaceable(path)
         yield
+
+
+# Our own files: signals as CSV with the names in the first row and the SI units in the second,
+# frames as candump has them.
+#
+# Any table tool reads the CSV; with pandas: ``pandas.read_csv(path, skiprows=[1])``. Numbers are
+# written so that they read back exactly.
+
+
+class RecordingFile:
+    """A CSV file that is opened before the run and written after it.
+
+    The rows go to ``NAME.part`` beside it, which takes the place of the file once all is written,
+    so a run that fails leaves the file of the last good run alone.
+
+    Args:
+        path: the CSV file.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._part = path.with_name(path.name + ".part")
+        with opening(path):
+            self._file = self._part.open("w", encoding="utf-8", newline="")
+
+    def write(self, recording: Recording) -> None:
+        """Write the whole recording and put the file in its place."""
+        channels = recording_channels(recording)
+        writer = csv.writer(self._file)
+        with naming(self.path):
+            writer.writerow(channel.name for channel in channels)
+            writer.writerow(channel.unit for channel in channels)
+            writer.writerows(recording.tolist())
+            self._file.close()
+        self._part.replace(self.path)
+
+    def close(self) -> None:
+        """Close the file; what was not written whole is removed."""
+        with contextlib.suppress(OSError):  # `write` has closed what is to stay
+            self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class CandumpFile(BlockFile):
+    """A log of frames, in lines as candump -L writes them."""
+
+    def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
+        """Append a line a frame."""
+        self._file.append("".join(map(_candump_line, frames)).encode())
+
+
+def _candump_line(logged: LoggedFrame) -> str:
+    frame, (seconds, nanoseconds) = logged.frame, divmod(logged.now, 1_000_000_000)
+    digits = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
+    data = "R" if frame.is_remote else frame.data.hex().upper()
+    flags = f"#{frame.fd & (BRS | ESI)}" if frame.fd else ""
+    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{flags}{data}\n"

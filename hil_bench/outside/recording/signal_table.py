@@ -1,7 +1,6 @@
 """Recorded signals as people handle them: in a notebook, with pandas, as a picture."""
 
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from hil_bench.ability import given_to
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
-from hil_bench.outside.recording.files import read_recording
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
@@ -92,11 +90,6 @@ class SignalTable(np.ndarray[Any, np.dtype[np.void]]):
             ),
         ]
         return f"<table>{''.join(lines)}</table><p>{len(self)} rows</p>"
-
-
-def open_recording(path: Path | str) -> SignalTable:
-    """Return the signals of a recording, ``.csv`` or ``.mf4``; see `read_recording`."""
-    return as_table(read_recording(Path(path)))
 
 
 def as_table(recording: Recording) -> SignalTable:

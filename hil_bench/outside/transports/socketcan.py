@@ -20,8 +20,7 @@ from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame, make_frame
 from hil_bench.errors import BusError
 from hil_bench.frame import CLASSICAL_DATA, FD_LENGTHS, FRAME_BITS, bits_of
 from hil_bench.outside.transports.can_interfaces import is_up
-from hil_bench.outside.transports.hub_transport import has_exact_wait, is_readable
-from hil_bench.outside.transports.transport import TransportCounters
+from hil_bench.outside.transports.transport import TransportCounters, has_exact_wait, is_readable
 
 logger = logging.getLogger(__name__)
 

@@ -15,6 +15,9 @@ import re
 from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.frame import FD_LENGTHS
 
+DEFAULT_PORT = 29536
+"""socketcand's own port."""
+
 MAX_COMMAND = 256
 """Longest command [byte]; a frame of 64 bytes takes 220."""
 

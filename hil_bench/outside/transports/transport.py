@@ -1,5 +1,7 @@
 """The interface of a bus to the bench, and a bus on which nothing happens."""
 
+import select
+import socket
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Protocol
@@ -100,3 +102,22 @@ def outage_at_end(transport: Transport) -> BusError | None:
     if not transport.counters().is_down:
         return None
     return BusError(f"{transport.description}: the interface was down at the end")
+
+
+# Waiting for a socket.
+
+_FD_SETSIZE = 1024  # of sys/select.h
+
+
+def has_exact_wait(connection: socket.socket) -> bool:
+    """Return True if `select` takes the socket: it waits to the microsecond, `poll` to the ms."""
+    return connection.fileno() < _FD_SETSIZE
+
+
+def is_readable(connection: socket.socket, timeout: float) -> bool:
+    """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
+    if has_exact_wait(connection):
+        return bool(select.select([connection], [], [], timeout)[0])
+    poll = select.poll()
+    poll.register(connection, select.POLLIN)
+    return bool(poll.poll(timeout * 1e3))

@@ -5,10 +5,10 @@ import re
 import pytest
 from support.direct_lockstep import DirectLockStep
 
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
 
 LOCKSTEP = "hil_bench.abilities.lockstep.commission_options"
 PLAN = """

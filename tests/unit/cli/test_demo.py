@@ -14,12 +14,12 @@ from hil_bench.abilities.demo.verbs.demo_session import (
     demo_profile,
     tuned_parameters,
 )
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.outside.recording import block_file
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 
 MACHINES = Path(__file__).parents[3] / "examples" / "machines"

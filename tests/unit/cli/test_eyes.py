@@ -14,11 +14,11 @@ from support.sdo_frames import MS, answer, heard, request, upload
 
 from hil_bench.abilities.eyes.listener import Listener, dropped_by_kernel
 from hil_bench.abilities.eyes.verbs import listening
+from hil_bench.abilities.recording.frames import message_of, open_frame_file, read_frames
+from hil_bench.abilities.recording.reading import given_units, read_recording
 from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.files import given_units, read_recording
-from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 
 BENCH = """\
 [nodes.valve]

@@ -11,11 +11,11 @@ from support.sdo_frames import MS
 
 from hil_bench import load_config
 from hil_bench.abilities.eyes.verbs import listening
+from hil_bench.abilities.recording.frames import message_of, open_frame_file, read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 
 BENCH = """\
 [plant.axis1]

@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
+from hil_bench.abilities.hub.hosting import HubHelper
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import DELAYS, LOOK, SOUND, Helpers
-from hil_bench.cli.run_setup import HubHelper
 from hil_bench.errors import BusError
 
 SECOND = 1_000_000_000

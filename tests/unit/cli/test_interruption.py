@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from support.signals import SIGNALS
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli.exit_codes import interrupted_once, interruption
-from hil_bench.outside.recording.files import read_recording
 
 pytestmark = pytest.mark.usefixtures("signals_that_are_heard")
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.machines import WRONG_REVISION
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.on_machine import SetPoints, lay_samples
 from hil_bench.abilities.scenario.resolve import SetAction
 from hil_bench.abilities.scenario.verbs import machine_test
@@ -14,7 +15,6 @@ from hil_bench.cli import main
 from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 

@@ -9,11 +9,11 @@ import can
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.hub.process import HubProcess
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli import main
 from hil_bench.cli.status_line import Progress
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.transports.hub_process import HubProcess
 
 BUS = ["-i", "virtual", "-c", "test_run"]
 
@@ -232,7 +232,7 @@ def test_a_hub_limits_its_clients_to_the_bit_rate(monkeypatch, words, limit):
             super().__init__(**options)
             made.append(options["bitrate"])
 
-    monkeypatch.setattr("hil_bench.cli.run_setup.HubProcess", Hub)
+    monkeypatch.setattr("hil_bench.abilities.hub.hosting.HubProcess", Hub)
     assert main(["run", "--hub", "0", "--duration", "0.01", *words]) == 0
     assert made == [limit]
 

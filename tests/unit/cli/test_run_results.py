@@ -4,10 +4,10 @@ import json
 
 import pytest
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.errors import BusError
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.transports.transport import TransportCounters
 
 CHANNEL = "test_run_results"

@@ -13,11 +13,11 @@ from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.listener import Listener
 from hil_bench.abilities.eyes.verbs import listening, watch_bus
 from hil_bench.abilities.eyes.verbs.watch_bus import BusView
+from hil_bench.abilities.recording.frames import message_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.frame import frame_bits
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.frames import message_of
 
 BENCH = """\
 [nodes.valve]

@@ -14,12 +14,12 @@ from hil_bench.abilities.eyes.bus_state import FIRST_FD, BusState
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
+from hil_bench.abilities.recording.frames import open_frame_file, read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.cli import main
 from hil_bench.frame import bits_of
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import open_frame_file, read_frames
 
 BITRATE = 1_000_000
 FD_DBC = """\

@@ -4,8 +4,8 @@ import can
 import pytest
 
 from hil_bench.abilities.eyes.listener import Listener
+from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.hub_process import HubProcess
 
 
 def listen_for_ever(listener):

@@ -11,11 +11,11 @@ from device_profiles import PRESSURE_404
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_node import KnownNode, nodes_of
+from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.twin import Shadow
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording.frames import message_of
 from hil_drivers.protection import crc8
 
 BITRATE = 1_000_000

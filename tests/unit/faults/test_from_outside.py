@@ -14,12 +14,12 @@ from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.live import ctl
 from hil_bench.abilities.panel.bench_link import fault_choices
+from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.mdf_blocks import read_events
 from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]

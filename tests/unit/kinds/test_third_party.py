@@ -14,11 +14,11 @@ import can
 import pytest
 from support.distribution import PLUGIN, declare, pip_install
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import KINDS
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.registry import PLANTS
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_bench.units import METRE

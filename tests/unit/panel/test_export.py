@@ -11,8 +11,8 @@ from support.live_bench import SECRET, panel, runtime_folder
 
 from hil_bench.abilities.panel import record
 from hil_bench.abilities.panel.record import make_mf4
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.files import read_recording
 
 ROWS = struct.pack("<6d", 0.5, 1e5, -0.25, 0.501, float("nan"), 0.125)
 

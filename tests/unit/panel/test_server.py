@@ -18,10 +18,10 @@ from hil_bench.abilities.panel import app
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
 from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
 from hil_bench.abilities.panel.server import open_port, read_password
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.recording.files import read_recording
 
 
 @pytest.fixture

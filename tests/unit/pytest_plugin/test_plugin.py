@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
 from hil_bench.pytest_plugin import failure_report
 from hil_bench.pytest_plugin.options import is_on
 

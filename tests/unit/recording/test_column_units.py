@@ -13,11 +13,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil_bench.abilities.recording.quantities import find_doubts
+from hil_bench.abilities.recording.reading import given_units, read_recording
 from hil_bench.abilities.scenario.recorded import judge_with_trace
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import recording_channels
-from hil_bench.outside.recording.files import given_units, read_recording
 
 POUND_FORCE = 0.45359237 * 9.80665
 # The unit as a file spells it, the bench's, the value of one of it and of zero of it.

@@ -7,10 +7,10 @@ from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.frame_words import error_text
+from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, is_error_frame
-from hil_bench.outside.recording.frames import LeftOut, read_frames
 from hil_bench.outside.transports.socketcan import pack_frame, unpack_frame
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -7,11 +7,11 @@ import can
 import pytest
 from support.dissection import dissect, require_tool, require_tshark
 
+from hil_bench.abilities.recording.frames import LeftOut, open_frame_file, read_frames
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.frame import FD_LENGTHS
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.frames import LeftOut, open_frame_file, read_frames
 
 MS = 1_000_000
 FRAMES = [

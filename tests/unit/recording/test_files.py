@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.recording.channels import (
     Channel,
     ChannelRecorder,
@@ -14,7 +16,6 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.files import RecordingFile, read_recording
 
 CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.spool_position", "-"))
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from hil_bench.abilities.recording import foreign_table
+from hil_bench.abilities.recording.foreign_table import read_columns
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording import foreign_table
-from hil_bench.outside.recording.foreign_table import read_columns
 
 
 def write(directory: Path, text: str) -> Path:

@@ -10,9 +10,9 @@ from support.feed_loop import FeedLoop, Wire
 import hil_bench
 from hil_bench.abilities.live import attached, ctl
 from hil_bench.abilities.recording import sessions
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.outside.recording.files import read_recording
 
 
 @pytest.fixture

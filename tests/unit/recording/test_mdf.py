@@ -7,11 +7,15 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from hil_bench.abilities.recording import mdf_reader
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.mdf_blocks import pack_block
+from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.mdf_writer import MdfFile
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
-from hil_bench.outside.recording import mdf_reader
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,
@@ -19,10 +23,6 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
-from hil_bench.outside.recording.mdf_blocks import pack_block
-from hil_bench.outside.recording.mdf_reader import read_mdf
 
 CHANNELS = (TIME, Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
 FRAMES = [

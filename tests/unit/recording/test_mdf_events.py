@@ -4,12 +4,12 @@ import shutil
 
 import pytest
 
+from hil_bench.abilities.recording.mdf_blocks import append_events, read_events
 from hil_bench.abilities.recording.plot import Span
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.mdf_blocks import append_events, read_events
 from hil_bench.session.virtual_bench import VirtualBench
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import (
     BLOCK_PERIOD,
     InlineRecorder,
@@ -18,8 +20,6 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
 from hil_bench.outside.recording.channels import Channel, LoggedFrame
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)
 ROW = struct.Struct("<2d")

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import (
     _FRAMES,
@@ -25,8 +27,6 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.outside.processes.shared_ring import _TAKEN, SharedRing
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import read_frames
 
 try:
     import resource

@@ -3,6 +3,7 @@
 import pytest
 
 from hil_bench.abilities.copper.wire.bits import exact_bits
+from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import load_config
@@ -10,7 +11,6 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.paced import (
     FRAMES_PER_MILLISECOND,

@@ -2,12 +2,12 @@
 
 import pytest
 
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000

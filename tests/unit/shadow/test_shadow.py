@@ -3,11 +3,11 @@
 import can
 import pytest
 
+from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.axis_twin import Window
 from hil_bench.abilities.shadow.twin import Shadow
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.errors import ParameterError
-from hil_bench.outside.recording.frames import message_of
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,

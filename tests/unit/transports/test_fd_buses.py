@@ -12,11 +12,11 @@ import pytest
 from support.patience import GUARD
 
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
+from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import FD_LENGTHS, bits_of
 from hil_bench.outside.transports import can_interfaces, opening
-from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.socketcand_protocol import (

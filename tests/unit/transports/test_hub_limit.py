@@ -8,7 +8,7 @@ import pytest
 from support import virtual_loop
 from support.virtual_loop import Pace, VirtualLoop
 
-from hil_bench.outside.transports.socketcand_hub import Hub, HubLimits
+from hil_bench.abilities.hub.server import Hub, HubLimits
 from hil_bench.outside.transports.socketcand_protocol import BURST, RateLimit
 
 MBIT = 1e6

@@ -10,9 +10,9 @@ import can
 import pytest
 from support.patience import GUARD
 
+from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.opening import open_transport
 
 
@@ -167,7 +167,7 @@ def test_ctrl_c_is_left_to_the_parent():
 
 PARENT = """
 import os, sys
-from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.abilities.hub.process import HubProcess
 
 if __name__ == "__main__":
     with HubProcess(port=0) as hub:

@@ -9,12 +9,12 @@ import can
 import pytest
 from support.patience import GUARD
 
+from hil_bench.abilities.hub import transport as hub_transport
+from hil_bench.abilities.hub.process import HubProcess
+from hil_bench.abilities.hub.transport import HubTransport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import frame_bits
-from hil_bench.outside.transports import hub_transport
-from hil_bench.outside.transports.hub_process import HubProcess
-from hil_bench.outside.transports.hub_transport import HubTransport
 from hil_bench.outside.transports.transport import TransportCounters
 
 FRAMES = [

@@ -9,10 +9,10 @@ import re
 
 import pytest
 
+from hil_bench.abilities.hub import server as socketcand_hub
+from hil_bench.abilities.hub.server import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
 from hil_bench.errors import BusError
 from hil_bench.outside.reception import ROOM
-from hil_bench.outside.transports import socketcand_hub
-from hil_bench.outside.transports.socketcand_hub import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
 from hil_bench.outside.transports.socketcand_protocol import MOST_BAD
 
 TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")

@@ -30,9 +30,8 @@ from hil_bench.cli.paced_run import helper_lines, loop_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.block_file import CandumpFile, RecordingFile
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.files import RecordingFile
-from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.shown_units import display_unit
 
 _LONGEST = 3600.0
@@ -117,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
     ending = Ending(args)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
-        frames = stack.enter_context(open_frame_file(args.output / "demo.log"))
+        frames = stack.enter_context(CandumpFile(args.output / "demo.log"))
         wish = stack.enter_context(interruption())
         line = StatusLine(
             session.snapshot,

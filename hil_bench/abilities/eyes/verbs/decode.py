@@ -22,6 +22,7 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import (
 )
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.abilities.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.abilities.recording.options import recording_code
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
@@ -32,7 +33,6 @@ from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame, from_first
-from hil_bench.outside.recording.frames import LeftOut, read_frames
 
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner

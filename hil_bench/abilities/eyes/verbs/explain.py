@@ -13,13 +13,13 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import (
     known_nodes,
     print_losses,
 )
+from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
-from hil_bench.outside.recording.frames import LeftOut, read_frames
 
 _EXAMPLES = """\
 examples:

@@ -10,12 +10,12 @@ from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, ecus_of
 from hil_bench.abilities.eyes.known_node import KnownNode, merge_nodes, node_of_eds, nodes_of
 from hil_bench.abilities.eyes.sight import Service
+from hil_bench.abilities.recording.frames import LeftOut
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
 from hil_bench.cli.parser import positive
 from hil_bench.errors import ConfigError, printable
-from hil_bench.outside.recording.frames import LeftOut
 
 _SHOWN = f"--eds alone, else {BUILT_IN}"
 _NOT_ASSUMED = "the nodes of --eds alone"

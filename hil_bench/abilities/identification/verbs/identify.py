@@ -40,6 +40,7 @@ from hil_bench.abilities.recording.column_map import (
 )
 from hil_bench.abilities.recording.evening import make_even
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (
     add_column_arguments,
@@ -56,7 +57,6 @@ from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.extras import require_extra
 from hil_bench.figure_style import write_figure
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.quantities import find_doubts
+from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.verbs.scenario_report import (
@@ -25,7 +26,6 @@ from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.outside.recording.files import read_recording
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has

@@ -14,6 +14,7 @@ from typing import Any
 import hil_bench
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
+from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.scenario.judgement import Evidence, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding, Judged
 from hil_bench.abilities.scenario.report import (
@@ -35,7 +36,6 @@ from hil_bench.cli.results import json_text
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
 from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
-from hil_bench.outside.recording.frames import read_frames
 from hil_bench.units import ONE
 
 _SUFFIX = ".html"

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
@@ -20,8 +21,7 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import BusError, ConfigError, first_line
-from hil_bench.outside.recording.files import RecordingFile
-from hil_bench.outside.recording.frames import message_of, read_frames
+from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit

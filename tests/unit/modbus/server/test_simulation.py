@@ -8,12 +8,12 @@ runs more seeds.
 import pytest
 from support.modbus_world import World, run_seeds
 
+from hil_bench.abilities.hub.server import _Client
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
 from hil_bench.abilities.modbus.server import register_server
 from hil_bench.abilities.modbus.server.connections import _Connection
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import FramingError, ModbusSession
-from hil_bench.outside.transports.socketcand_hub import _Client
 
 
 def faults(reports):

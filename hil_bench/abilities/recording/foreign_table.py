@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.recording.mat_reader import read_vectors
+from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -15,8 +17,6 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.mat_reader import read_vectors
-from hil_bench.outside.recording.mdf_reader import read_mdf
 
 Values = npt.NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.recording import mdf_blocks as mdf
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, FD_LENGTHS
-from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,

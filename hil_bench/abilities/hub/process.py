@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Self
 
+from hil_bench.abilities.hub.server import HubLimits, run_hub
+from hil_bench.abilities.hub.transport import HubTransport
 from hil_bench.errors import BusError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.helper_process import ChildProcess
-from hil_bench.outside.transports.hub_transport import HubTransport
-from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT, HubLimits, run_hub
+from hil_bench.outside.transports.socketcand_protocol import DEFAULT_PORT
 
 
 class HubProcess:

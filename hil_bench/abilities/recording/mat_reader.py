@@ -1,8 +1,8 @@
 """MAT files of version 7 and before, read in a process of their own.
 
 scipy's reader ends the process (a segmentation fault, a bus error) where a damaged file misleads
-it, so it has one that may end: ``python -m hil_bench.outside.recording.mat_reader FILE`` writes the
-vectors of numbers to standard output, as NumPy's npz.
+it, so it has one that may end: ``python -m`` and this module's name with a FILE writes
+the vectors of numbers to standard output, as NumPy's npz.
 """
 
 import io

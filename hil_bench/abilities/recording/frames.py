@@ -23,16 +23,16 @@ from can.io.blf import (
     BLFWriter,
 )
 
-from hil_bench.canopen_device.frame import BRS, ESI, Frame
+from hil_bench.abilities.recording.candump_lines import CompleteLines
+from hil_bench.abilities.recording.mdf_blocks import IDENTIFICATION_SIZE
+from hil_bench.abilities.recording.mdf_reader import ForeignMdfError, read_mdf
+from hil_bench.abilities.recording.text_readers import TEXT_READERS, Reader
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside import messages as can_messages
-from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile
-from hil_bench.outside.recording.candump_lines import CompleteLines
+from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile, CandumpFile
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
-from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
-from hil_bench.outside.recording.text_readers import TEXT_READERS, Reader
 
 _ERROR_CLASSES = 0x1FFF_FFFF
 
@@ -59,28 +59,13 @@ def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
     """
     match path.suffix.lower():
         case ".log":
-            return _CandumpFile(path)
+            return CandumpFile(path)
         case ".asc":
             return _AscFile(path, started)
         case ".blf":
             return _BlfFile(path)
     right = f"give a file name that ends in one of {' '.join(BUS_LOGS)}"
     raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
-
-
-class _CandumpFile(BlockFile):
-    """Appends lines as candump -L writes them."""
-
-    def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
-        self._file.append("".join(map(_candump_line, frames)).encode())
-
-
-def _candump_line(logged: LoggedFrame) -> str:
-    frame, (seconds, nanoseconds) = logged.frame, divmod(logged.now, 1_000_000_000)
-    digits = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
-    data = "R" if frame.is_remote else frame.data.hex().upper()
-    flags = f"#{frame.fd & (BRS | ESI)}" if frame.fd else ""
-    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{flags}{data}\n"
 
 
 class _AscWriter(ASCWriter):

@@ -46,9 +46,6 @@ from hil_bench.outside.transports.socketcand_protocol import (
     stamp_of,
 )
 
-DEFAULT_PORT = 29536
-"""socketcand's own port."""
-
 MAX_CLIENTS = 64
 """Most programs on all channels."""
 

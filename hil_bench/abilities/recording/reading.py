@@ -1,19 +1,15 @@
-"""Recordings as files: ours are CSV with the names in the first row and the SI units in the second.
+"""Recordings that are read: our own files, and those of others, in the bench's units."""
 
-Any table tool reads them; with pandas: ``pandas.read_csv(path, skiprows=[1])``. Numbers are written
-so that they read back exactly.
-"""
-
-import contextlib
 import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
+from hil_bench.abilities.recording.foreign_table import as_recording, read_columns
+from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.errors import ConfigError, about_file, printable
-from hil_bench.outside.recording.block_file import naming, opening
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,
@@ -21,8 +17,7 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.outside.recording.foreign_table import as_recording, read_columns
-from hil_bench.outside.recording.mdf_reader import read_mdf
+from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.units import read_unit
 
 # Units of the columns of a file: each becomes the bench's own unit, once; every reader ends here.
@@ -86,49 +81,6 @@ def given_units(recording: Recording) -> dict[str, str]:
 # Our own files, and those of others.
 
 
-class RecordingFile:
-    """A CSV file that is opened before the run and written after it.
-
-    The rows go to ``NAME.part`` beside it, which takes the place of the file once all is written,
-    so a run that fails leaves the file of the last good run alone.
-
-    Args:
-        path: the CSV file.
-
-    Raises:
-        ConfigError: the file cannot be written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._part = path.with_name(path.name + ".part")
-        with opening(path):
-            self._file = self._part.open("w", encoding="utf-8", newline="")
-
-    def write(self, recording: Recording) -> None:
-        """Write the whole recording and put the file in its place."""
-        channels = recording_channels(recording)
-        writer = csv.writer(self._file)
-        with naming(self.path):
-            writer.writerow(channel.name for channel in channels)
-            writer.writerow(channel.unit for channel in channels)
-            writer.writerows(recording.tolist())
-            self._file.close()
-        self._part.replace(self.path)
-
-    def close(self) -> None:
-        """Close the file; what was not written whole is removed."""
-        with contextlib.suppress(OSError):  # `write` has closed what is to stay
-            self._file.close()
-        self._part.unlink(missing_ok=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
 def read_recording(path: Path) -> Recording:
     """Return the signals of a recording, by its suffix CSV or MF4, in the bench's own units.
 
@@ -145,6 +97,11 @@ def read_recording(path: Path) -> Recording:
         return in_own_units(recording)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def open_recording(path: Path | str) -> SignalTable:
+    """Return the signals of a recording, ``.csv`` or ``.mf4``; see `read_recording`."""
+    return as_table(read_recording(Path(path)))
 
 
 def _read_csv(path: Path) -> Recording:

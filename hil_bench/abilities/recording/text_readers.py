@@ -10,8 +10,8 @@ from can.io.canutils import CanutilsLogReader
 from can.io.trc import TRCReader
 from can.util import dlc2len
 
+from hil_bench.abilities.recording.candump_lines import CompleteLines
 from hil_bench.frame import CLASSICAL_DATA
-from hil_bench.outside.recording.candump_lines import CompleteLines
 
 Reader = Callable[[Any], Iterable[can.Message]]
 

@@ -6,7 +6,6 @@ bus and joins the next hub. Nothing here waits for the hub but `join`.
 
 import logging
 import os
-import select
 import socket
 import time
 from collections import deque
@@ -17,26 +16,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, format_send, parse_frame
-from hil_bench.outside.transports.transport import TransportCounters
-
-# Waiting for a socket.
-
-_FD_SETSIZE = 1024  # of sys/select.h
-
-
-def has_exact_wait(connection: socket.socket) -> bool:
-    """Return True if `select` takes the socket: it waits to the microsecond, `poll` to the ms."""
-    return connection.fileno() < _FD_SETSIZE
-
-
-def is_readable(connection: socket.socket, timeout: float) -> bool:
-    """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
-    if has_exact_wait(connection):
-        return bool(select.select([connection], [], [], timeout)[0])
-    poll = select.poll()
-    poll.register(connection, select.POLLIN)
-    return bool(poll.poll(timeout * 1e3))
-
+from hil_bench.outside.transports.transport import TransportCounters, has_exact_wait, is_readable
 
 logger = logging.getLogger(__name__)
 

@@ -1,0 +1,5 @@
+"""A bus for other programs where there is no SocketCAN: `run --hub`."""
+
+from hil_bench.ability import Ability
+
+ABILITY = Ability("hub", gives={"hub": "hil_bench.abilities.hub.hosting"})

@@ -21,8 +21,7 @@ from scipy import signal
 
 import occasion
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.low_pass import random_stream
-from hil_bench.devices.measurement.parameters import ChainParameters
+from hil_bench.devices.measurement.low_pass import ChainParameters, random_stream
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from hil_bench.kinds.chains import PositionPreset, PressurePreset, preset_chain
 

@@ -1,20 +1,341 @@
-"""EDS files (CiA 306) to object dictionaries.
-
-Real EDS files deviate from CiA 306. What is wrong in one costs no more than the limit, the text,
-the default or the PDO that it concerns, and is told as a finding with its line and what follows.
-Refused is only what is no EDS at all. Parameter values of a DCF take the place of the EDS defaults.
-"""
+"""An EDS file as an object dictionary."""
 
 import codecs
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, EdsFinding, parse_document
-from hil_bench.canopen_device.eds_objects import add_mandatory, read_objects, settle_pdos
+from hil_bench.canopen_device.cob_id import DISABLED, can_id
+from hil_bench.canopen_device.datatypes import BOOLEAN, UNSIGNED8, IntegerType
+from hil_bench.canopen_device.eds_checks import find_mapping_faults, required_type
+from hil_bench.canopen_device.eds_document import (
+    Document,
+    EdsFinding,
+    Section,
+    Severity,
+    parse_document,
+)
+from hil_bench.canopen_device.eds_entries import EntryReader, given_default
 from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.nmt import UNCONFIGURED
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
+from hil_bench.canopen_device.pdo_mapping import (
+    BITS_OF_A_BYTE,
+    PDO_BITS,
+    Direction,
+    MappingEntry,
+    reason_not_to_carry,
+)
+
+# All entries of the object dictionary from the sections of an EDS (CiA 306).
+
+
+_VARIABLE, _ARRAY, _RECORD = 0x7, 0x8, 0x9
+_OBJECT_TYPES: Final = frozenset({0x2, _VARIABLE, _ARRAY, _RECORD})
+_STRUCTURE_SUBINDEX: Final = 0xFF
+_MOST_ENTRIES: Final = 254
+_ERROR_HISTORY: Final = 0x1003
+_MAPPING: Final = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+
+_MANDATORY: Final = {
+    (0x1000, 0): "Device type",
+    (0x1001, 0): "Error register",
+    (0x1018, 0): "Highest sub-index supported",
+    (0x1018, 1): "Vendor-ID",
+}
+
+
+def read_objects(
+    document: Document, node_id: int, findings: list[EdsFinding]
+) -> Iterator[Variable]:
+    """Yield the entries of all objects; what is wrong with them comes to `findings`."""
+    reader = EntryReader(document, node_id, findings)
+    for index in sorted(document.sub_objects.keys() - document.objects.keys()):
+        section = document.sub_objects[index][min(document.sub_objects[index])]
+        text = f"has no object [{index:04X}]; a RECORD is taken"
+        findings.append(EdsFinding(section.line, section.name, text))
+        yield from _read_record(document, index, reader)
+    for index, section in document.objects.items():
+        yield from _read_object(document, index, section, reader)
+
+
+def add_mandatory(
+    document: Document, object_dictionary: ObjectDictionary, findings: list[EdsFinding]
+) -> None:
+    """Add the entries that every device has, where the file lacks them."""
+    information = document.section("DeviceInfo") or Section("DeviceInfo", 1)
+    vendor = EntryReader(document, 0, []).number(information, "VendorNumber", 0)
+    values = {(0x1018, 0): 1, (0x1018, 1): vendor if vendor in range(1 << 32) else 0}
+    for (index, subindex), name in _MANDATORY.items():
+        data_type = required_type(index, subindex)
+        if data_type is None or object_dictionary.find(index, subindex) is not None:
+            continue
+        value = values.get((index, subindex), 0)
+        place = f"0x{index:04X}.{subindex:02X}"
+        text = f"{place} is missing, and CiA 301 has it in every device; here it is 0x{value:X}"
+        findings.append(EdsFinding(1, f"{index:04X}", text))
+        object_dictionary.add(
+            Variable(index, subindex, name, data_type, access=Access.RO, default=value)
+        )
+
+
+def _read_object(
+    document: Document, index: int, section: Section, reader: EntryReader
+) -> Iterator[Variable]:
+    subs = document.sub_objects.get(index)
+    kind = _object_type(section, reader, has_subs=subs is not None)
+    count = reader.number(section, "CompactSubObj", 0)
+    if kind not in {_ARRAY, _RECORD}:
+        yield reader.build(index, 0, section)
+        if subs:
+            text = "its sub-indexes are passed over, for it is a VAR"
+            reader.findings.append(section.finding("ObjectType", text, Severity.ERROR))
+    elif count > 0:
+        yield from _read_compact(document, index, section, count, reader)
+    else:
+        yield from _read_record(document, index, reader)
+
+
+def _object_type(section: Section, reader: EntryReader, *, has_subs: bool) -> int:
+    """Return the object type; where the file says none or nonsense, what the sections look like."""
+    seen = _RECORD if has_subs and section.text("DataType") is None else _VARIABLE
+    text = section.text("ObjectType")
+    if text is None:
+        return seen
+    kind = reader.number(section, "ObjectType", -1)
+    if kind in _OBJECT_TYPES:
+        return kind
+    if kind >= 0:
+        wrong = f"is {text}; 0x2, 0x7, 0x8 or 0x9 is right, 0x{seen:X} is taken"
+        reader.findings.append(section.finding("ObjectType", wrong))
+    return seen
+
+
+def _read_record(document: Document, index: int, reader: EntryReader) -> Iterator[Variable]:
+    """Yield the entries of an ARRAY or RECORD, sub-index 0 included."""
+    subs = document.sub_objects.get(index, {})
+    entries = {sub: reader.build(index, sub, section) for sub, section in subs.items()}
+    count = _count(index, entries)
+    if 0 not in entries:
+        section = document.objects.get(index) or document.describing(index, min(entries))
+        text = f"[{index:04X}sub0] is missing; sub-index 0 is {count}"
+        reader.findings.append(EdsFinding(section.line, section.name, text))
+        entries[0] = _highest_subindex(index, count, "Highest sub-index supported")
+    elif given_default(subs[0])[1] is None and isinstance(entries[0].data_type, IntegerType):
+        entries[0].default = entries[0].value = min(count, int(entries[0].data_type.high or 0))
+    yield from entries.values()
+
+
+def _highest_subindex(index: int, count: int, name: str) -> Variable:
+    data_type = required_type(index, 0) or UNSIGNED8
+    access = Access.RW if index == _ERROR_HISTORY or _is_mapping(index) else Access.RO
+    return Variable(index, 0, name, data_type, access=access, default=count)
+
+
+def _count(index: int, entries: Mapping[int, Variable]) -> int:
+    """Return the value of an object's sub-index 0 from its other entries."""
+    if index == _ERROR_HISTORY:
+        return 0
+    if not _is_mapping(index):
+        return max((sub for sub in entries if sub != _STRUCTURE_SUBINDEX), default=0)
+    count = 0
+    while (entry := entries.get(count + 1)) is not None and entry.default:
+        count += 1
+    return count
+
+
+def _is_mapping(index: int) -> bool:
+    return any(index in indices for indices in _MAPPING)
+
+
+def _read_compact(
+    document: Document, index: int, section: Section, count: int, reader: EntryReader
+) -> Iterator[Variable]:
+    """Yield the entries of an object with CompactSubObj, each like the object's own section."""
+    if count > _MOST_ENTRIES:
+        text = f"is {count}; a sub-index is {_MOST_ENTRIES} at most, which is taken"
+        reader.findings.append(section.finding("CompactSubObj", text))
+        count = _MOST_ENTRIES
+    names = document.section(f"{index:04X}Name") or Section("", 1)
+    values = document.section(f"{index:04X}Value") or Section("", 1)
+    entries = {}
+    for subindex in range(1, count + 1):
+        variable = entries[subindex] = reader.build(index, subindex, section)
+        variable.name = names.text(str(subindex)) or f"{variable.name}_{subindex:x}"
+        reader.set_default(values, str(subindex), variable)
+    yield _highest_subindex(index, _count(index, entries), "NrOfObjects")
+    yield from entries.values()
+
+
+# The PDOs that an EDS gives a device by default: what works of them, and what is off instead.
+#
+# A default mapping tells what the real device carries. So an object that it names is carried even
+# where PDOMapping or AccessType deny it, and a controller written for the device finds the layout
+# that it expects. A PDO whose layout is unknown is off.
+
+_COMMUNICATION: Final = {
+    Direction.RPDO: range(0x1400, 0x1600),
+    Direction.TPDO: range(0x1800, 0x1A00),
+}
+_TO_MAPPING: Final = 0x200
+_SYNC: Final = 0x1005
+_NOT_SYNCHRONOUS: Final = 241
+"""The first transmission type that does not ask for SYNC."""
+_MULTIPLEXED: Final = frozenset({0xFE, 0xFF})
+"""Numbers of mapped objects that mean SAM-MPDO and DAM-MPDO (CiA 301)."""
+
+
+def settle_pdos(
+    document: Document, object_dictionary: ObjectDictionary, findings: list[EdsFinding]
+) -> None:
+    """Let each PDO work as the file has it, or switch it off, and tell so in `findings`."""
+    findings += _missing_sync(document, object_dictionary)
+    for direction, indices in _COMMUNICATION.items():
+        for index in object_dictionary.indices(indices):
+            name = f"{direction.value}{index - indices.start + 1}"
+            findings += _Pdo(document, object_dictionary, index, direction, name).settle()
+        mappings = range(indices.start + _TO_MAPPING, indices.stop + _TO_MAPPING)
+        for mapping in object_dictionary.indices(mappings):
+            index = mapping - _TO_MAPPING
+            if index not in object_dictionary:
+                name = f"{direction.value}{index - indices.start + 1}"
+                section = document.describing(mapping, 0)
+                text = f"0x{index:04X} with its COB-ID is missing; there is no {name}"
+                findings.append(EdsFinding(section.line, section.name, text, Severity.ERROR))
+
+
+def _missing_sync(document: Document, object_dictionary: ObjectDictionary) -> Iterator[EdsFinding]:
+    """Yield that a synchronous PDO has no SYNC; the first one tells it for all."""
+    if _SYNC in object_dictionary:
+        return
+    for indices in _COMMUNICATION.values():
+        for index in object_dictionary.indices(indices):
+            if object_dictionary.number(index, 2, absent=_NOT_SYNCHRONOUS) < _NOT_SYNCHRONOUS:
+                section = document.describing(index, 2)
+                text = f"is synchronous, and 0x{_SYNC:04X} is missing; SYNC is 0x080 here"
+                yield section.finding(given_default(section)[0], text)
+                return
+
+
+class _Pdo:
+    """One PDO as the file describes it."""
+
+    def __init__(
+        self,
+        document: Document,
+        object_dictionary: ObjectDictionary,
+        index: int,
+        direction: Direction,
+        name: str,
+    ) -> None:
+        self._document = document
+        self._object_dictionary = object_dictionary
+        self._index = index
+        self._mapping = index + _TO_MAPPING
+        self._direction = direction
+        self._name = name
+
+    def settle(self) -> Iterator[EdsFinding]:
+        """Yield what is wrong, and let the PDO be what it then is."""
+        cob_id = self._object_dictionary.find(self._index, 1)
+        yield from self._identifier_findings(cob_id)
+        if self._object_dictionary.find(self._index, 2) is None:
+            text = "is missing; the transmission type is 255"
+            yield self._finding(self._index, 2, text, Severity.WARNING)
+        unmapped = list(self._unmapped())
+        if not unmapped:
+            yield from self._carried()
+            unmapped = list(self._faults())
+        if unmapped:
+            self._switch_off(cob_id)
+            yield from unmapped
+
+    def _identifier_findings(self, cob_id: Variable | None) -> Iterator[EdsFinding]:
+        if cob_id is None:
+            text = f"is missing; {self._name} has no COB-ID, and is off"
+            yield self._finding(self._index, 1, text)
+        elif not cob_id.default & DISABLED and can_id(cob_id.default) is None:
+            text = f"is 0x{cob_id.default:X}, which no PDO may have; {self._name} is off"
+            _disable(cob_id)
+            yield self._finding(self._index, 1, text)
+
+    def _unmapped(self) -> Iterator[EdsFinding]:
+        """Yield why the PDO has no mapping at all."""
+        if self._object_dictionary.find(self._mapping) is None:
+            text = f"0x{self._mapping:04X} with its mapping is missing; {self._name} is off"
+            section = self._document.describing(self._index, 0)
+            yield EdsFinding(section.line, f"{self._index:04X}", text, Severity.ERROR)
+
+    def _carried(self) -> Iterator[EdsFinding]:
+        """Yield the mapped objects that their own keys exclude; they are carried all the same."""
+        for subindex, entry in self._entries():
+            variable = self._object_dictionary.find(entry.index, entry.subindex)
+            if variable is None:
+                continue
+            reason = reason_not_to_carry(variable, self._direction)
+            if reason is not None:
+                variable.is_carried = True
+                text = f"maps {entry}, which {reason}; {self._name} carries it all the same"
+                yield self._finding(self._mapping, subindex, text, Severity.WARNING)
+            if variable.data_type is BOOLEAN and entry.bits == BITS_OF_A_BYTE:
+                text = f"maps {entry}, a BOOLEAN, with 8 bit; it takes a byte, 0 or 1"
+                yield self._finding(self._mapping, subindex, text, Severity.WARNING)
+
+    def _faults(self) -> Iterator[EdsFinding]:
+        """Yield why the mapping cannot be used."""
+        count = self._object_dictionary.number(self._mapping)
+        if count > PDO_BITS:
+            what = "says that it is a multiplexed PDO" if count in _MULTIPLEXED else f"is {count}"
+            text = f"{what}; 0 to {PDO_BITS} mapped objects are supported, {self._name} is off"
+            yield self._finding(self._mapping, 0, text)
+            return
+        for fault in find_mapping_faults(self._object_dictionary, self._mapping, self._direction):
+            text = f"{fault.text}; {self._name} is off"
+            yield self._finding(self._mapping, fault.subindex or 0, text)
+            if self._object_dictionary.find(self._mapping, fault.subindex or 0) is None:
+                return  # and so are the following
+
+    def _entries(self) -> Iterator[tuple[int, MappingEntry]]:
+        for subindex in range(1, self._object_dictionary.number(self._mapping) + 1):
+            variable = self._object_dictionary.find(self._mapping, subindex)
+            if variable is not None:
+                yield subindex, MappingEntry.parse(variable.value)
+
+    def _switch_off(self, cob_id: Variable | None) -> None:
+        """Disable the PDO, and forget its mapping, until a master writes them anew."""
+        if cob_id is not None:
+            _disable(cob_id)
+        count = self._object_dictionary.find(self._mapping)
+        if count is not None:
+            count.default = count.value = 0
+            count.base = None
+
+    def _finding(
+        self, index: int, subindex: int, text: str, severity: Severity = Severity.ERROR
+    ) -> EdsFinding:
+        section = self._document.sub_objects.get(index, {}).get(subindex)
+        if section is None:
+            head = self._document.describing(index, 0)
+            return EdsFinding(
+                head.line, f"{index:04X}", f"[{index:04X}sub{subindex:X}] {text}", severity
+            )
+        return section.finding(given_default(section)[0], text, severity)
+
+
+def _disable(cob_id: Variable) -> None:
+    cob_id.default = cob_id.value = cob_id.default | DISABLED
+    if cob_id.base is not None:
+        cob_id.base |= DISABLED
+
+
+# EDS files (CiA 306) to object dictionaries.
+#
+# Real EDS files deviate from CiA 306. What is wrong in one costs no more than the limit, the text,
+# the default or the PDO that it concerns, and is told as a finding with its line and what follows.
+# Refused is only what is no EDS at all. Parameter values of a DCF take the place of the EDS
+# defaults.
+
 
 LARGEST_FILE: Final = 8 * 1024 * 1024
 """Longest file that is read [byte]; real ones are below a megabyte."""

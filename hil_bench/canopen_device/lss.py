@@ -31,8 +31,8 @@ from hil_bench.canopen_device.errors import StorageError
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.parameter_store import ParameterStore
 from hil_bench.canopen_device.service import NodeCounters, Service
+from hil_bench.canopen_device.storage import ParameterStore
 
 LSS_REQUEST: Final = 0x7E5
 """Identifier from the LSS master to its slaves."""

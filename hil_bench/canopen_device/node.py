@@ -37,14 +37,13 @@ from hil_bench.canopen_device.nmt import (
     NmtState,
 )
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary
-from hil_bench.canopen_device.parameter_store import ParameterStore
 from hil_bench.canopen_device.pdo_parameters import MOST_BYTES, limit_mapping, mapped_bytes
 from hil_bench.canopen_device.process_data import ProcessData
-from hil_bench.canopen_device.sdo_channels import SdoChannels
+from hil_bench.canopen_device.sdo import SdoChannels
 from hil_bench.canopen_device.service import NodeCounters, RouteTable, names_identifier
 from hil_bench.canopen_device.srdo import Srdos
-from hil_bench.canopen_device.storage import MemoryStorage, Storage
-from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
+from hil_bench.canopen_device.storage import MemoryStorage, ParameterStore, Storage
+from hil_bench.canopen_device.sync import TimeConsumer, TimeOfDay
 
 # NMT startup 0x1F80 (CiA 302-2), as far as it concerns a device that is no NMT master.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
-from hil_bench.bench.configuration.keys import REALTIME_KEYS
+from hil_bench.bench.configuration.loop import REALTIME_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, about_file

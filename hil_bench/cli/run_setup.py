@@ -26,8 +26,7 @@ from hil_bench.outside.bits import USUAL_BITRATE, load_of
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.can_interfaces import bitrate_of
-from hil_bench.outside.transports.joined import JoinedTransport
-from hil_bench.outside.transports.opening import open_transport
+from hil_bench.outside.transports.opening import JoinedTransport, open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport

@@ -1,8 +1,4 @@
-"""One axis of the bench: what commands it, its plant, and what measures it.
-
-A kind of device says by a `Fitting` what its device does: it commands axes by `Drive`s, measures
-them by `Measurement`s, acts in each tick, and offers numbers to other buses.
-"""
+"""An axis: a plant with its devices, and the paths of its signals."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -11,9 +7,41 @@ from operator import itemgetter
 from typing import NamedTuple, Protocol
 
 from hil_bench.devices.quantities import RegisterValue
-from hil_bench.devices.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import Influence, Quantity
+
+# The path of a signal through stages that come and go.
+
+
+Stage = Callable[[float], float]
+"""A part of the way: takes the signal, returns what it makes of it."""
+
+
+class SignalPath:
+    """The stages of one signal, in their order.
+
+    Attributes:
+        stages: each is given what the one before it returned.
+    """
+
+    __slots__ = ("stages",)
+
+    def __init__(self, stages: Iterable[Stage] = ()) -> None:
+        self.stages = tuple(stages)
+
+    def add(self, stage: Stage) -> None:
+        """Put a stage at the end."""
+        self.stages = (*self.stages, stage)
+
+    def remove(self, stage: Stage) -> None:
+        """Take a stage out, if it is there."""
+        self.stages = tuple(present for present in self.stages if present != stage)
+
+
+# One axis of the bench: what commands it, its plant, and what measures it.
+#
+# A kind of device says by a `Fitting` what its device does: it commands axes by `Drive`s, measures
+# them by `Measurement`s, acts in each tick, and offers numbers to other buses.
 
 
 class Enabled(Protocol):

@@ -9,7 +9,7 @@ ACTIVE needs the NMT state OPERATIONAL: leaving it leads to HOLD at once. Since 
 only when it arrives, one that still stands in 0x6040 does not bring ACTIVE back.
 
 An RPDO that missed its deadline, a lost heartbeat and a life guarding event are faults, for which
-the node's services send the EMCY; so is a control deviation that lasts (`deviation_monitor`). The
+the node's services send the EMCY; so is a control deviation that lasts (`position_control`). The
 error code 0x604E shows it until the fault is reset. A reset is not obeyed while the heartbeat or
 the guarding is still missing.
 
@@ -31,8 +31,13 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.demand_generator import DemandGenerator, Dither
-from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
-from hil_bench.devices.position_control import AXIS_DEVIATION_EMCY, POSITION, PositionControl
+from hil_bench.devices.position_control import (
+    AXIS_DEVIATION_EMCY,
+    DEVIATION_EMCY,
+    POSITION,
+    DeviationMonitor,
+    PositionControl,
+)
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW, PressureControl
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required, saturate
 from hil_bench.devices.valve_state_machine import (

@@ -19,7 +19,7 @@ from hil_bench.config.settings import (
     read_table,
 )
 from hil_bench.config.values import Value, choice
-from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
+from hil_bench.devices.measurement.low_pass import ChainParameters, OverRange
 
 # The keys of `[nodes.NAME.chain]`, a sensor's measuring chain, and the presets for them.
 #

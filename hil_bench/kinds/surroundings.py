@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.low_pass import random_stream
-from hil_bench.devices.measurement.parameters import ChainParameters
+from hil_bench.devices.measurement.low_pass import ChainParameters, random_stream
 from hil_bench.plants.kind import AxisConfig
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeVar
 
 from hil_bench.abilities.faults.stages import Growth, SensorStage
-from hil_bench.devices.signal_path import SignalPath, Stage
+from hil_bench.devices.axis import SignalPath, Stage
 from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import Influence
 

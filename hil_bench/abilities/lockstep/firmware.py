@@ -20,8 +20,7 @@ from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepBus
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.transports.joined import JoinedTransport
-from hil_bench.outside.transports.opening import open_transport
+from hil_bench.outside.transports.opening import JoinedTransport, open_transport
 from hil_bench.outside.transports.transport import PATIENCE, Transport
 from hil_bench.session.paced import frames_per_tick
 from hil_bench.session.session import Session

@@ -18,7 +18,7 @@ from hil_bench.abilities.shadow.sample_clock import (
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.measurement.parameters import ChainParameters
+from hil_bench.devices.measurement.low_pass import ChainParameters
 
 # The twin: a bench that hears the machine's bus, and what sets it apart from the machine.
 #

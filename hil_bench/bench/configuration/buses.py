@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 from hil_bench.ability import bus_tables
-from hil_bench.bench.configuration.keys import BUS_KEYS
+from hil_bench.bench.configuration.loop import BUS_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig, Carrier
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table

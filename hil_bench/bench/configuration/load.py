@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.ability import own_tables, table_sections
-from hil_bench.bench.configuration.axes import AxesSection
+from hil_bench.bench.configuration.axes import AxesSection, SuppliesSection
 from hil_bench.bench.configuration.buses import BusesSection
-from hil_bench.bench.configuration.keys import TABLES
-from hil_bench.bench.configuration.loop import LoopSection
+from hil_bench.bench.configuration.loop import TABLES, LoopSection
 from hil_bench.bench.configuration.nodes import needs_axis
 from hil_bench.bench.configuration.nodes_section import NodesSection, Whole, warn_of_nodes
 from hil_bench.bench.configuration.records import BenchConfig
-from hil_bench.bench.configuration.supplies import SuppliesSection
 from hil_bench.config.document import Sort, check_tables, merge, read_document
 from hil_bench.config.sections import build_sections
 from hil_bench.config.settings import Problems

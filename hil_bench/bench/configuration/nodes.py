@@ -5,19 +5,18 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from hil_bench.bench.configuration.axes import Axes
-from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
-from hil_bench.bench.configuration.scripts import is_script
+from hil_bench.bench.configuration.bindings import is_script
+from hil_bench.bench.configuration.loop import PROFILE_KEY, node_keys
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number, parse_object
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
 from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig
 from hil_bench.kinds.chains import CHAIN_TABLE, build_chain, read_chain
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.registry import GENERIC, KINDS, VALVE, kind_of
-from hil_bench.kinds.scripts import ScriptConfig
 from hil_bench.plants.kind import AxisSettings
 
 # Tables of devices beside the CANopen nodes, which abilities read before the nodes.

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from hil_bench.bench.configuration.axes import AxesSection
-from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
+from hil_bench.bench.configuration.bindings import build_bindings, read_bindings, read_scripts
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.nodes import (
     Bindings,
@@ -18,7 +18,6 @@ from hil_bench.bench.configuration.nodes import (
     read_nodes,
     resolve_nodes,
 )
-from hil_bench.bench.configuration.scripts import read_scripts
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.config.document import Document

@@ -15,17 +15,18 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from hil_bench.devices.measurement.low_pass import (
+    ChainParameters,
     Draw,
     FirstOrderLowPass,
     FirstOrderNoise,
     LowPass,
+    OverRange,
     SecondOrderLowPass,
     SecondOrderNoise,
     Unlimited,
     WhiteNoise,
     normal_numbers,
 )
-from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 
 if TYPE_CHECKING:
     from numpy.random import Generator

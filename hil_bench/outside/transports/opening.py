@@ -1,21 +1,228 @@
 """Opens a bus by python-can's names for it, and says in one line why it could not be opened."""
 
 import errno
+import logging
+import select
 import socket
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from operator import attrgetter
 from typing import Any, cast
 
 import can
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.config.values import close_names
 from hil_bench.errors import BusError, first_line
+from hil_bench.frame import BUS_SHIFT, bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
+from hil_bench.outside.messages import frame_of, message_of
 from hil_bench.outside.transports.can_interfaces import has_fd
-from hil_bench.outside.transports.python_can import PythonCanTransport
 from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport
 from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
-from hil_bench.outside.transports.transport import Transport
+from hil_bench.outside.transports.transport import Transport, TransportCounters
+
+# Several buses as one transport: each frame says by its number on which of them it is.
+
+
+_CAN_ID_MASK = (1 << BUS_SHIFT) - 1
+_LOOK = 1e-3
+"""How long one bus is waited for while others may have something [s]."""
+
+
+class JoinedTransport:
+    """The buses of a bench that has more than one.
+
+    Frames of one bus keep their order; between buses there is none.
+
+    Args:
+        transports: the buses, two or more, in the order of their numbers.
+
+    Attributes:
+        transports: as passed in.
+        description: the buses in words.
+        has_exact_wait: whether all of them can be waited on exactly, together.
+    """
+
+    def __init__(self, transports: Sequence[Transport]) -> None:
+        self.transports = tuple(transports)
+        self.description = ", ".join(transport.description for transport in transports)
+        self._sockets = [t for t in transports if isinstance(t, SocketCanTransport)]
+        self.has_exact_wait = len(self._sockets) == len(self.transports) and all(
+            socket.has_exact_wait for socket in self._sockets
+        )
+        self._first = 0
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return at most `limit` frames that have arrived; each bus may take an equal share.
+
+        What one bus leaves of its share is for those after it; another one begins each time.
+        """
+        frames: list[Frame] = []
+        count = len(self.transports)
+        for place in range(count):
+            number = (self._first + place) % count
+            share = -(-(limit - len(frames)) // (count - place))
+            frames += [
+                frame._replace(bus=number) for frame in self.transports[number].receive(share)
+            ]
+        self._first = (self._first + 1) % count
+        return frames
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a frame has arrived on any bus, at most `timeout` [s]; return whether so."""
+        if self.has_exact_wait:
+            return bool(select.select(self._sockets, [], [], timeout)[0])
+        end = time.monotonic() + timeout
+        if any(transport.wait(0.0) for transport in self.transports):
+            return True
+        while (remaining := end - time.monotonic()) > 0.0:
+            for transport in self.transports:
+                if transport.wait(min(_LOOK, remaining)):
+                    return True
+        return False
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send each frame on its bus, in order; what a bus does not take, it keeps by itself."""
+        for number, transport in enumerate(self.transports):
+            transport.send([frame for frame in frames if frame.bus == number])
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Let frames with these identifiers through, each on its bus: see `frame.address_of`."""
+        wanted: list[list[int]] = [[] for _ in self.transports]
+        for address in can_ids:
+            wanted[address >> BUS_SHIFT].append(address & _CAN_ID_MASK)
+        for transport, identifiers in zip(self.transports, wanted, strict=True):
+            transport.listen_to(identifiers)
+
+    def counters(self) -> TransportCounters:
+        """Return the counters of all buses together; one that is down counts as down."""
+        parts = [transport.counters() for transport in self.transports]
+        totals = {
+            item.name: sum(map(attrgetter(item.name), parts)) for item in fields(TransportCounters)
+        }
+        return TransportCounters(**totals | {"is_down": any(part.is_down for part in parts)})
+
+    def close(self) -> None:
+        """Release all buses."""
+        for transport in self.transports:
+            transport.close()
+
+
+# Any bus that python-can knows, through its `can.BusABC`.
+
+
+logger = logging.getLogger(__name__)
+
+
+class PythonCanTransport:
+    """A transport over an open `can.BusABC`.
+
+    Args:
+        bus: the bus; the transport shuts it down when it is closed.
+        description: the bus in words, for messages.
+        has_exact_wait: whether this bus' `recv` keeps its time-out to some 10 us.
+        speedup: how many times faster the data phase of CAN FD is; 0 for a classical bus.
+
+    Attributes:
+        description: the bus in words.
+        has_exact_wait: as passed in.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        description: str,
+        *,
+        has_exact_wait: bool = False,
+        speedup: float = 0.0,
+    ) -> None:
+        self.description = description
+        self.has_exact_wait = has_exact_wait
+        self._speedup = speedup
+        self._has_warned = False
+        self._bus = bus
+        self._waiting: can.Message | None = None
+        self._counters = TransportCounters()
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return the frames in at most `limit` messages that have arrived, without waiting."""
+        frames: list[Frame] = []
+        for _ in range(limit):
+            message, self._waiting = self._waiting or self._read(0), None
+            if message is None:
+                break
+            frame = frame_of(message)
+            if frame is None or (frame.fd and not self._speedup):
+                self._counters.ignored += 1
+                self._warn(message)
+            else:
+                frames.append(frame)
+                self._counters.bits += bits_of(frame, self._speedup or 1.0)
+        self._counters.received += len(frames)
+        return frames
+
+    def _warn(self, message: can.Message) -> None:
+        """Say once that frames of CAN FD are ignored."""
+        if message.is_fd and not self._has_warned:
+            self._has_warned = True
+            logger.warning(
+                "%s: frames of CAN FD arrive and are ignored; fd = true in bench.toml, or --fd, "
+                "makes it a bus of CAN FD",
+                self.description,
+            )
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a message has arrived, at most `timeout` [s]; return whether one has."""
+        self._waiting = self._waiting or self._read(timeout)
+        return self._waiting is not None
+
+    def _read(self, timeout: float) -> can.Message | None:
+        """Return the next message, None where none comes in time [s].
+
+        Not by `recv`, which looks at the system's clock between two messages: where that was set
+        back by an hour, it would wait for an hour.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        try:
+            message, is_filtered = self._bus._recv_internal(timeout)  # noqa: SLF001 - see above
+            is_wanted = is_filtered or message is None or self._bus._matches_filters(message)  # noqa: SLF001
+        except (can.CanError, OSError, ValueError) as error:
+            raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
+        return message if is_wanted else None
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames in order; one that python-can refuses is counted as failed.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        for frame in frames:
+            try:
+                self._bus.send(message_of(frame))
+            except can.CanOperationError:
+                self._counters.send_failures += 1
+            except (can.CanError, OSError, ValueError) as error:
+                raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
+            else:
+                self._counters.sent += 1
+                self._counters.bits += bits_of(frame, self._speedup or 1.0)
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Leave the filters open: python-can filters most buses in Python, which saves nothing."""
+
+    def counters(self) -> TransportCounters:
+        """Return the counters so far; python-can does not report losses in the kernel."""
+        return replace(self._counters)
+
+    def close(self) -> None:
+        """Shut the bus down; a second call does nothing."""
+        self._bus.shutdown()
+
 
 _HUB_HINT = "'hil-bench run --hub' makes a bus that needs none"
 _ANSWER_TIMEOUT = 5.0

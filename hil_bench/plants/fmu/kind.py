@@ -8,9 +8,9 @@ from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.fmu.archive import unpack
 from hil_bench.plants.fmu.child import Child
 from hil_bench.plants.fmu.configuration import (
+    FMU_KEYS,
     FULL_SCALE,
     Bound,
     FmuBinding,
@@ -21,8 +21,7 @@ from hil_bench.plants.fmu.configuration import (
     parameters_of,
     quantities_of,
 )
-from hil_bench.plants.fmu.description import FmuDescription, read_fmu
-from hil_bench.plants.fmu.keys import FMU_KEYS
+from hil_bench.plants.fmu.description import FmuDescription, read_fmu, unpack
 from hil_bench.plants.fmu.slave import Instance, Setup, SlaveError
 from hil_bench.plants.hydraulic_cylinder.quantities import SPOOL_POSITION, SPOOL_SETPOINT
 from hil_bench.plants.kind import PlantKind

@@ -6,7 +6,7 @@ import can
 import can.cli
 import pytest
 
-from hil_bench.bench.configuration.keys import interface
+from hil_bench.bench.configuration.loop import interface
 from hil_bench.cli.arguments import add_bus_arguments
 
 

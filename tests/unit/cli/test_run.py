@@ -93,7 +93,7 @@ def test_it_says_join_when_the_nodes_have_booted(monkeypatch, capsys):
         printed.append(capsys.readouterr().out)
         sent.extend(frames)
 
-    monkeypatch.setattr("hil_bench.outside.transports.python_can.PythonCanTransport.send", note)
+    monkeypatch.setattr("hil_bench.outside.transports.opening.PythonCanTransport.send", note)
     assert main(["run", *BUS, "--duration", "0.01"]) == 0
     assert [frame.can_id for frame in sent[:4]] == [0x701, 0x702, 0x703, 0x704]
     assert printed[0] == ""

@@ -17,14 +17,14 @@ from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.axes import KIND_KEY
-from hil_bench.bench.configuration.keys import (
+from hil_bench.bench.configuration.bindings import SCRIPT_KEYS
+from hil_bench.bench.configuration.loop import (
     BENCH_KEYS,
     BUS_KEYS,
     SINK_KEYS,
     SOURCE_KEYS,
     node_keys,
 )
-from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chains import CHAIN_KEYS

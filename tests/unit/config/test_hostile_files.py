@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from device_profiles import VALVE_408
 from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.bench.configuration import BenchConfig, load, load_config
-from hil_bench.bench.configuration.keys import (
+from hil_bench.bench.configuration.loop import (
     BENCH_KEYS,
     BUS_KEYS,
     SINK_KEYS,

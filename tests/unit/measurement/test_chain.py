@@ -7,8 +7,12 @@ import pytest
 from scipy import signal
 
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.low_pass import natural_frequency, random_stream
-from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
+from hil_bench.devices.measurement.low_pass import (
+    ChainParameters,
+    OverRange,
+    natural_frequency,
+    random_stream,
+)
 
 MS = 1_000_000
 US = 1_000

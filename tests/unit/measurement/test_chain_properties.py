@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.devices.measurement.chain import MeasuringChain
-from hil_bench.devices.measurement.low_pass import random_stream
-from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
+from hil_bench.devices.measurement.low_pass import ChainParameters, OverRange, random_stream
 
 US = 1_000
 microseconds = st.integers(1, 5000)

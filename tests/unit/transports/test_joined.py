@@ -9,8 +9,7 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import address_of
-from hil_bench.outside.transports.joined import JoinedTransport
-from hil_bench.outside.transports.python_can import PythonCanTransport
+from hil_bench.outside.transports.opening import JoinedTransport, PythonCanTransport
 from hil_bench.outside.transports.transport import TransportCounters
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.opening import open_transport
-from hil_bench.outside.transports.python_can import PythonCanTransport
+from hil_bench.outside.transports.opening import PythonCanTransport, open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 
 

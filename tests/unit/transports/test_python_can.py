@@ -7,7 +7,7 @@ from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import FD_LENGTHS
 from hil_bench.outside.messages import frame_of, message_of
-from hil_bench.outside.transports.python_can import PythonCanTransport
+from hil_bench.outside.transports.opening import PythonCanTransport
 from hil_bench.outside.transports.transport import TransportCounters
 
 

@@ -13,9 +13,9 @@ from hil_bench.abilities.controllers.seam import Surroundings
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.plants.fmu.archive import unpack
 from hil_bench.plants.fmu.child import Child
 from hil_bench.plants.fmu.configuration import Bound
+from hil_bench.plants.fmu.description import unpack
 from hil_bench.plants.fmu.slave import Setup, SlaveError
 from hil_drivers import Network, ProportionalValve
 from hil_drivers.device import Device

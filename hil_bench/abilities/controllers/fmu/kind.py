@@ -10,7 +10,7 @@ from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Sur
 from hil_bench.config.settings import Key
 from hil_bench.config.values import as_table, describe, number, text
 from hil_bench.errors import ConfigError
-from hil_bench.plants.fmu.keys import bindings
+from hil_bench.plants.fmu.configuration import bindings
 from hil_bench.units import MILLISECOND
 
 _QUANTITY: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}(\.[A-Za-z][A-Za-z0-9_]{0,31})?")

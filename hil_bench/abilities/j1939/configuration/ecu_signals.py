@@ -18,8 +18,12 @@ from hil_bench.abilities.j1939.kinds.signal_table import (
 from hil_bench.abilities.j1939.protocol.signals import Signal
 from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
 from hil_bench.bench.configuration.axes import Axes
-from hil_bench.bench.configuration.bindings import find_quantity, find_unit
-from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, build_course
+from hil_bench.bench.configuration.bindings import (
+    SCRIPT_KEYS,
+    build_course,
+    find_quantity,
+    find_unit,
+)
 from hil_bench.config.settings import (
     Given,
     Key,

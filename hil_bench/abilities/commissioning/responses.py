@@ -8,11 +8,11 @@ import numpy.typing as npt
 from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
-from hil_bench.abilities.commissioning.procedure import REST, Procedure, moving_mass
+from hil_bench.abilities.commissioning.procedure import REST, Procedure
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_bench.shown_units import display_unit
 
 # Steps and sweeps in frequency: how fast valve and piston answer.
@@ -91,7 +91,7 @@ def chirp(procedure: Procedure, step: Step) -> StepResult:
     )
     mode = measures.fit_mode(measured)
     position = float(swept["position"].mean())
-    sheet = hydraulic_frequency(procedure.axis, position)
+    sheet = eigenfrequency(procedure.axis, position)
     modulus = procedure.parameters.E * (mode.frequency / sheet) ** 2
     share = values["frequency_tolerance"]
     result.measures += [
@@ -104,18 +104,6 @@ def chirp(procedure: Procedure, step: Step) -> StepResult:
         result.findings.append(_soft_oil(mode.frequency, sheet, modulus, procedure.parameters.E))
     result.curves += _bode(measured, mode)
     return result
-
-
-def hydraulic_frequency(axis: CylinderConfig, position: float) -> float:
-    """Return the frequency of all that moves on the oil of both chambers [Hz].
-
-    ω₀² = E (A_A² / V_A + A_B² / V_B) / m, with the volumes at a position [m] from mid-stroke.
-    """
-    parameters = axis.parameters
-    volume_a = parameters.V_A0 + parameters.A_A * position
-    volume_b = parameters.V_B0 - parameters.A_B * position
-    stiffness = parameters.E * (parameters.A_A**2 / volume_a + parameters.A_B**2 / volume_b)
-    return math.sqrt(stiffness / moving_mass(axis)) / (2.0 * math.pi)
 
 
 def _soft_oil(frequency: float, sheet: float, modulus: float, expected: float) -> Diagnosis:

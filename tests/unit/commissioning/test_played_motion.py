@@ -11,10 +11,11 @@ import pytest
 
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.procedure import Procedure
-from hil_bench.abilities.commissioning.responses import chirp, hydraulic_frequency, steps
+from hil_bench.abilities.commissioning.responses import chirp, steps
 from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 
 PERIOD = 0.002  # [s]
 EDGES, GAINS = (0.2, 0.1), (0.30, 0.20)  # extending and retracting: [-], [m/s]
@@ -192,7 +193,7 @@ def test_the_mass_of_a_load_slows_the_oscillation(measured):
     own = measured.procedure.axis
     loads = {"load_mass_kg": 3.0 * own.parameters.m}
     heavy = load_config(tables={"plant": {"axis1": loads}}).axes[0]
-    assert hydraulic_frequency(heavy, 0.0) == pytest.approx(hydraulic_frequency(own, 0.0) / 2.0)
+    assert eigenfrequency(heavy, 0.0) == pytest.approx(eigenfrequency(own, 0.0) / 2.0)
 
 
 def test_friction_is_judged_by_the_data_sheet(measured):
@@ -206,7 +207,7 @@ def test_friction_is_judged_by_the_data_sheet(measured):
 @pytest.mark.parametrize("share", [0.8, 1.1])
 def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     """The machine swings at a share of the data sheet's frequency: E is as its square."""
-    sheet = hydraulic_frequency(load_config().axes[0], 0.0)
+    sheet = eigenfrequency(load_config().axes[0], 0.0)
     measured.machine.mode = (2.0 * math.pi * share * sheet, 0.1)
     values = {"opening": 0.3, "amplitude": 0.05, "start": 20.0, "end": 120.0, "duration": 4.0}
     values |= {"frequency_tolerance": 0.15, "smallest_damping": 0.05}
@@ -223,6 +224,28 @@ def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     assert measured.curves
     soft = [finding.name for finding in measured.findings]
     assert soft == (["air in the oil"] if share < 0.85 else [])
+
+
+def test_the_oil_in_hoses_is_no_air(measured):
+    """Far below its quarter wave a shut hose is a spring beside that of its chamber."""
+    hoses = {"line_model": "waves", "load_mass_kg": 380.0}
+    for side in "ab":
+        hoses[f"line_{side}_length_m"], hoses[f"line_{side}_inner_mm"] = 1.0, 35.0
+        hoses[f"line_{side}_modulus_mpa"] = 100.0
+    axis = measured.procedure.axis = load_config(tables={"plant": {"axis1": hoses}}).axes[0]
+    p, hose = axis.parameters, math.pi / 4.0 * 0.035**2 * 1.0 / 100e6  # [m³/Pa]
+    lumped, stiff = (
+        math.sqrt(p.A_A**2 / (p.V_A0 / p.E + c) + p.A_B**2 / (p.V_B0 / p.E + c))
+        / (2.0 * math.pi * math.sqrt(p.m + 380.0))
+        for c in (hose, 0.0)
+    )
+    assert lumped < 0.85 * stiff  # who forgets the hoses finds air
+    measured.machine.mode = (2.0 * math.pi * lumped, 0.1)
+    values = {"opening": 0.3, "amplitude": 0.05, "start": 5.0, "end": 60.0, "duration": 4.0}
+    values |= {"frequency_tolerance": 0.15, "smallest_damping": 0.05}
+    found = measured(chirp, StepKind.CHIRP, **values)["eigenfrequency"]
+    assert (found.low, found.high) == pytest.approx((0.85 * lumped, 1.15 * lumped), rel=0.03)
+    assert not measured.findings
 
 
 def test_a_sweep_through_zero_finds_both_edges(measured):

@@ -15,6 +15,8 @@ class Job(NamedTuple):
         crystal_hz: frequency of its crystal [Hz].
         can: numbers of the CAN controllers, from 1, in the order of the buses.
         bit_ns: duration of a bit on each bus [ns].
+        jitter_ns: the longest that a frame to the chip comes late [ns].
+        seed: from which its delays are drawn.
     """
 
     path: Path
@@ -23,6 +25,8 @@ class Job(NamedTuple):
     crystal_hz: int
     can: tuple[int, ...]
     bit_ns: tuple[int, ...]
+    jitter_ns: int = 0
+    seed: str = ""
 
 
 def write_job(job: Job) -> str:
@@ -32,5 +36,5 @@ def write_job(job: Job) -> str:
 
 def read_job(text: str) -> Job:
     """Return the job of a text."""
-    path, chip, instructions_per_ms, crystal_hz, can, bit_ns = json.loads(text)
-    return Job(Path(path), chip, instructions_per_ms, crystal_hz, tuple(can), tuple(bit_ns))
+    path, chip, instructions_per_ms, crystal_hz, can, bit_ns, *drawn = json.loads(text)
+    return Job(Path(path), chip, instructions_per_ms, crystal_hz, tuple(can), tuple(bit_ns), *drawn)

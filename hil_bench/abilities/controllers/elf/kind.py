@@ -45,6 +45,7 @@ class ElfKind(ControllerKind):
         Key("can", can_numbers, ()),
         Key("crystal_mhz", number(_MHZ, low=1.0, high=50.0), 8.0, _MHZ),
         Key("instructions_per_ms", integer(1_000, 1_000_000), 20_000),
+        Key("jitter_us", integer(0, 10_000), 0),
     )
 
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:
@@ -92,6 +93,8 @@ class ElfKind(ControllerKind):
             round(settings["crystal_mhz"]),
             can,
             tuple(bits),
+            settings["jitter_us"] * 1000,
+            f"{surroundings.config.seed} {surroundings.name}",
         )
         return ElfController(job, surroundings.tick_ns)
 

@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Sequence
 from functools import partial
+from random import Random
 from typing import Any, Final
 
 import unicorn
@@ -188,8 +189,10 @@ class Machine:
         layout = NEW if family.is_new_uart else OLD
         for address, interrupt in family.uarts.values():
             self._put(address, Uart(cpu, interrupt, layout, self._print))
+        draw = Random(job.seed).randint  # noqa: S311 - the same at each run is meant
+        delay = partial(draw, 0, job.jitter_ns) if job.jitter_ns else (lambda: 0)
         wires = {
-            number: Wire(cpu, at, bit_ns)
+            number: Wire(cpu, at, bit_ns, delay=delay)
             for at, (number, bit_ns) in enumerate(zip(job.can, job.bit_ns, strict=True))
         }
         words = None

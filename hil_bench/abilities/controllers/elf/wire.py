@@ -23,6 +23,7 @@ class Wire:
         number: of the bus, as its controller counts.
         bit_ns: duration of a bit [ns]; 0 for a bus that takes no time.
         is_shared: whether another controller of the chip shares its filters.
+        delay: returns how much later than it could the next frame to the chip begins [ns].
 
     Attributes:
         receive: takes a frame that has passed; returns False where it has no room and may wait.
@@ -30,8 +31,16 @@ class Wire:
         sent: what the chip has sent, each with the time at which it had passed.
     """
 
-    def __init__(self, core: Core, number: int, bit_ns: int, *, is_shared: bool = False) -> None:
-        self._core, self._number, self._bit_ns = core, number, bit_ns
+    def __init__(
+        self,
+        core: Core,
+        number: int,
+        bit_ns: int,
+        *,
+        is_shared: bool = False,
+        delay: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self._core, self._number, self._bit_ns, self._delay = core, number, bit_ns, delay
         self.is_shared = is_shared
         self.receive: Callable[[Frame], bool] = lambda _: True
         self.may_wait = bit_ns == 0
@@ -84,7 +93,7 @@ class Wire:
             self._going = None
             self._core.alarm(self._core.now() + self.duration(going[0]), lambda: self._went(*going))
             return
-        begin = max(self._core.now(), self._free_at)
+        begin = max(self._core.now(), self._free_at) + self._delay()
         self._core.alarm(begin + self.duration(self._coming[0]), self._came)
 
     def _went(self, frame: Frame, done: Callable[[], None]) -> None:

@@ -10,6 +10,7 @@ from support.chip_programs import CAN_BUILD, WHY_NOT, build_example, build_for_c
 from hil_bench.abilities.controllers.elf import kind as elf_kind
 from hil_bench.abilities.controllers.elf.controller import ElfController
 from hil_bench.abilities.controllers.elf.job import Job
+from hil_bench.abilities.controllers.elf.machine import Machine
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
@@ -35,6 +36,7 @@ needs_compiler = pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
         ('chip = "STM32F407"\ncan = [1, 1]', "can: [1, 1] has one twice; write them as [1] or"),
         ('chip = "STM32F407"\ncan = "1"', 'can: "1" is no list of CAN controllers; write them'),
         ('chip = "STM32F407"\ninstructions_per_ms = 10', "give an integer from 1000 to 1000000"),
+        ('chip = "STM32F407"\njitter_us = -1', "give an integer from 0 to 10000"),
         ("", "chip: missing"),
     ],
 )
@@ -88,6 +90,26 @@ def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
     again, _ = drive(built, name, 0.4)
     assert again == frames[: len(again)]
     assert len(again) > 100
+
+
+@needs_compiler
+def test_jitter_is_drawn_from_the_seed(built: Path) -> None:
+    """The chip answers a SYNC's TPDOs when they come: the same times with the same seed alone."""
+    job = Job(built / "stm32f4.elf", "STM32F407", 20_000, 8_000_000, (1,), (0,))
+    jobs = [job, *(job._replace(jitter_ns=400_000, seed=seed) for seed in ("1", "1", "2"))]
+    still, first, again, other = map(boot_times, jobs)
+    assert first == again
+    assert len({*map(tuple, (still, first, other))}) == 3
+
+
+def boot_times(job: Job) -> list[int]:
+    """When a chip sends in its first 20 ms; two nodes say each millisecond that they boot."""
+    machine, sent = Machine(job), list[TimedFrame]()
+    for now in range(MS, 20 * MS, MS):
+        sent += machine.advance(
+            now, [TimedFrame(now - MS, Frame(0x700 + node, b"\0")) for node in (1, 4)]
+        )
+    return [time for time, _ in sent]
 
 
 @needs_compiler

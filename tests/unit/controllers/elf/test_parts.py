@@ -335,6 +335,19 @@ def test_the_lesser_identifier_wins_the_bus() -> None:
     assert [time for time, _ in wire.sent] == [141_000]
 
 
+def test_frames_come_later_by_what_is_drawn() -> None:
+    """On a bus that takes no time: 20 us, then 50 us behind it and 30 us; then 40 us anew."""
+    core, came = Core(), []
+    delays = iter((20_000, 30_000, 40_000))
+    wire = Wire(core, 0, 0, delay=lambda: next(delays))
+    wire.receive = lambda frame: not came.append((core.now(), frame.can_id))
+    wire.bring([Frame(1), Frame(2)])
+    core.run(1_000_000)
+    wire.bring([Frame(3)])
+    core.run(2_000_000)
+    assert came == [(20_000, 1), (100_000, 2), (1_040_000, 3)]
+
+
 def test_extended_frames_take_longer_and_lose_to_base_frames() -> None:
     """ISO 11898-1: 20 bits more; of the same first 11 bits the base frame wins."""
     wire = Wire(Core(), 0, 1000)

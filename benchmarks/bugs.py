@@ -31,7 +31,8 @@ FOLDER: Final = ROOT / "benchmarks" / "bugs"
 FIRMWARE: Final = ROOT / "examples" / "firmware"
 KINDS: Final = ("library", "program", "process", "elf")
 SCENARIOS: Final = ("drives", "stopped", "restarted", "endures")
-TARGETS: Final = ",".join(["50,-20"] * 8)
+TARGETS: Final = "50,-20"
+MANY: Final = ",".join([TARGETS] * 8)
 AS_IT_IS: Final = "as it is"
 TIMEOUT: Final = 300.0  # [s]
 
@@ -52,8 +53,13 @@ def build(bug: Mapping[str, Any], folder: Path) -> None:
         if text.count(change["old"]) != 1:
             sys.exit(f"{bug['id']}: its place is {text.count(change['old'])} times in {path.name}")
         path.write_text(text.replace(change["old"], change["new"]), encoding="utf-8")
-    names = ("position_control", "libposition_control.so", "stm32f4.elf")
-    flags = ["CFLAGS=-O2 -g -Wno-error -Wno-unused", f"BUILD={folder}", f"TARGETS_MM={TARGETS}"]
+    make(bug, copy, folder, TARGETS, "position_control", "libposition_control.so", "stm32f4.elf")
+    make(bug, copy, folder / "endures", MANY, "stm32f4.elf")
+
+
+def make(bug: Mapping[str, Any], copy: Path, folder: Path, targets: str, *names: str) -> None:
+    """Build programs of a copy of the firmware into a folder."""
+    flags = ["CFLAGS=-O2 -g -Wno-error -Wno-unused", f"BUILD={folder}", f"TARGETS_MM={targets}"]
     words = ["make", "--silent", *flags, *(str(folder / name) for name in names)]
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -67,18 +73,21 @@ def build(bug: Mapping[str, Any], folder: Path) -> None:
 
 def controller(kind: str, folder: Path, scenario: str) -> str:
     """Return the table of the controller."""
-    words = [str(folder / "position_control"), "--bus", "{bus}", "--targets-mm", TARGETS]
+    endures = scenario == "endures"
+    targets = MANY if endures else TARGETS
+    words = [str(folder / "position_control"), "--bus", "{bus}", "--targets-mm", targets]
     match kind:
         case "library":
             library = f'library = "{folder}/libposition_control.so"'
-            return f'{library}\nsettings = {{ targets_mm = "{TARGETS}" }}'
+            return f'{library}\nsettings = {{ targets_mm = "{targets}" }}'
         case "program":
             return f"command = {words}"
         case "process":
             return f"command = {[*words, '--lockstep']}"
         case _:
-            short = "jitter_us = 150\ninstructions_per_ms = 8000" if scenario == "endures" else ""
-            return f'program = "{folder}/stm32f4.elf"\nchip = "STM32F407"\n{short}'
+            program = folder / ("endures/stm32f4.elf" if endures else "stm32f4.elf")
+            short = "jitter_us = 150\ninstructions_per_ms = 8000" if endures else ""
+            return f'program = "{program}"\nchip = "STM32F407"\n{short}'
 
 
 def runs(kind: str, folder: Path) -> Iterator[RunSpec]:

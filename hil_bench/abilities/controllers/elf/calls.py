@@ -20,6 +20,17 @@ from hil_bench.abilities.controllers.program.preload import compiled_once
 LIBRARY: Final = ctypes.CDLL(uclib._name)  # noqa: SLF001 - a handle of our own, with types of our own
 """Unicorn."""
 
+SLEEPS: Final = -1
+"""A start has ended behind WFI."""
+WAITS: Final = -2
+"""A start has ended behind WFE."""
+DIVIDES: Final = -3
+"""A start has ended in front of a division by zero."""
+UNALIGNED: Final = -4
+"""A start has ended in front of an access that is not aligned."""
+ERRORS: Final = 1000
+"""Unicorn's numbers of errors begin behind it."""
+
 _NAME = "_calls"
 _SOURCE = Path(__file__).with_name(f"{_NAME}.c")
 _INCLUDE = sysconfig.get_path("include")
@@ -39,19 +50,60 @@ class Registers(Protocol):
         """Set them, in their order."""
 
 
-class Instructions(Protocol):
-    """The instructions of a core, which the caller keeps as long as its engine."""
+class Core(Protocol):
+    """A core, which the caller keeps as long as its engine: its time, its exceptions' frames."""
 
-    count: int
-    """Since the last start, also in the middle of them."""
+    at: int
+    """The address where it goes on."""
+    reached: int
+    """The address of the access that was not aligned."""
     traps_all: bool
     """True if words and halfwords are to be aligned, too, beside those that always are."""
 
-    def start(self, address: int, count: int) -> int:
-        """Do up to a number of them; an exception of a function that is called ends it."""
+    def start(self, count: int) -> int:
+        """Do up to a number of instructions; return why it ended, 0 for nothing to do.
 
-    def add_code(self, address: int, size: int, place: int) -> None:
-        """Look at the accesses of those in a range, whose bytes are at a place of this process."""
+        A number above 0 is unicorn's of a trap, or behind `ERRORS` of an error; others are
+        `SLEEPS`, `WAITS`, `UNALIGNED` and what `trap` was given. An exception of a function that
+        is called ends it, too.
+        """
+
+    def interrupt(self) -> None:
+        """Have a start return behind the write that the program is doing, with its effect."""
+
+    def trap(self, number: int) -> None:
+        """Have a start return a number."""
+
+    def now(self) -> int:
+        """Return the time, to the instruction [ns]."""
+
+    def set_time(self, time: int) -> None:
+        """Go on from a time [ns]."""
+
+    def enter(self, number: int, vectors: int) -> int | None:
+        """Enter an exception by the table of vectors; return where the stack has no room."""
+
+    def chain(self, number: int, vectors: int) -> None:
+        """Enter an exception behind the end of another."""
+
+    def end_exception(self) -> None:
+        """Clear FAULTMASK."""
+
+    def leave(self) -> int | None:
+        """Return to what the stack has kept; return the stack's address where nothing is."""
+
+    def map(
+        self,
+        address: int,
+        size: int,
+        read: Callable[[int, int], int],
+        write: Callable[[int, int, int], None],
+        cells: tuple[object, ...] | None,
+    ) -> int:
+        """Have functions answer for a range, but for registers of `Cells`."""
+
+    def add_memory(self, address: int, size: int, place: int, is_fixed: bool) -> None:
+        """Know the bytes of memory at a place of this process; fixed ones never change."""
 
 
 class Calls(Protocol):
@@ -60,34 +112,23 @@ class Calls(Protocol):
     def use(self, *addresses: int) -> None:
         """Take unicorn's functions by their addresses."""
 
-    def stop(self, handle: int) -> None:
-        """Have a start return."""
-
     def read(self, handle: int, address: int, size: int) -> bytes | int:
         """Return bytes of memory, 256 at most."""
 
     def write(self, handle: int, address: int, data: bytes) -> int:
         """Write bytes to memory."""
 
-    def map_functions(
-        self,
-        handle: int,
-        address: int,
-        size: int,
-        functions: tuple[Callable[[int, int], int], Callable[[int, int, int], None]],
-    ) -> int:
-        """Have functions read and write a range; the caller keeps their tuple."""
-
-    def hook_traps(self, handle: int, take: Callable[[int], None]) -> int:
-        """Have a function, which the caller keeps, take the number of each trap."""
-
     def Registers(self, handle: int, numbers: tuple[int, ...]) -> Registers:  # noqa: N802 - a class
         """Return some registers by unicorn's numbers."""
 
-    def Instructions(  # noqa: N802 - likewise
-        self, handle: int, take: Callable[[int], None], registers: tuple[int, ...]
-    ) -> Instructions:
-        """Have a function take the address of an access that is not aligned, in front of it."""
+    def Core(  # noqa: N802 - likewise
+        self,
+        handle: int,
+        per_ms: int,
+        has_masks: bool,
+        has_floats: bool,
+    ) -> Core:
+        """Return a core that does so many instructions in a millisecond."""
 
 
 @cache

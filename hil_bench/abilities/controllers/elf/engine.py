@@ -3,13 +3,12 @@
 import ctypes
 from collections.abc import Callable
 from ctypes import CFUNCTYPE, byref, c_int, c_size_t, c_uint32, c_uint64, c_void_p
-from functools import partial
 from typing import Any, Final
 
 import unicorn
-from unicorn import arm_const as arm
 
 from hil_bench.abilities.controllers.elf.calls import LIBRARY, Registers, find_calls
+from hil_bench.abilities.controllers.elf.cells import Cells
 
 _CODE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint32, c_void_p)
 _MISS = CFUNCTYPE(ctypes.c_bool, c_void_p, c_int, c_uint64, c_int, ctypes.c_int64, c_void_p)
@@ -22,7 +21,6 @@ _PERIPHERALS = 0x4000_0000  # from here on nothing can be executed (Armv7-M ARM,
 READ_EXECUTE: Final = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC
 ALL: Final = unicorn.UC_PROT_ALL
 _TRANSLATED = 1 << 25  # bytes for code of the host, which unicorn makes anew where they are full
-INVALID_INSTRUCTION: Final = unicorn.UC_ERR_INSN_INVALID
 
 
 class EngineError(Exception):
@@ -38,15 +36,16 @@ class Engine:
 
     Args:
         model: unicorn's number of the core.
-        take_unaligned: takes the address of an access that is not aligned, in front of it.
+        per_ms: instructions that it does in a millisecond.
+        has_masks: whether it has BASEPRI and FAULTMASK.
+        has_floats: whether it has an FPU.
 
     Attributes:
         handle: of unicorn.
-        instructions: of the core.
-        stop: has their start return.
+        core: what runs.
     """
 
-    def __init__(self, model: int, take_unaligned: Callable[[int], None]) -> None:
+    def __init__(self, model: int, per_ms: int, *, has_masks: bool, has_floats: bool) -> None:
         # Opened by the wrapper, which knows how a model is chosen.
         self._wrapper = unicorn.Uc(
             unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
@@ -56,10 +55,7 @@ class Engine:
         self.handle = _address(self._wrapper)
         self._kept: list[object] = []  # functions that unicorn calls
         self._calls = calls = find_calls()
-        self.stop: Callable[[], None] = partial(calls.stop, self.handle)
-        registers = tuple(range(arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R12 + 1))
-        registers += arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC
-        self.instructions = calls.Instructions(self.handle, take_unaligned, registers)
+        self.core = calls.Core(self.handle, per_ms, has_masks, has_floats)
 
     def registers(self, numbers: tuple[int, ...]) -> Registers:
         """Return some registers by unicorn's numbers, to read and write them together."""
@@ -73,7 +69,8 @@ class Engine:
         """Map memory that stays the caller's."""
         at = ctypes.addressof(memory)
         if address < _PERIPHERALS:
-            self.instructions.add_code(address, len(memory), at)
+            is_fixed = not protection & unicorn.UC_PROT_WRITE
+            self.core.add_memory(address, len(memory), at, is_fixed)
         _check(_map_pointer(self.handle, address, len(memory), protection, at))
 
     def map_functions(
@@ -82,16 +79,10 @@ class Engine:
         size: int,
         read: Callable[[int, int], int],
         write: Callable[[int, int, int], None],
+        cells: Cells | None,
     ) -> None:
         """Have functions answer for a range of addresses; see `Cpu.map_peripheral`."""
-        functions = read, write
-        self._kept.append(functions)
-        _check(self._calls.map_functions(self.handle, address, size, functions))
-
-    def hook_traps(self, take: Callable[[int], None]) -> None:
-        """Have a function take the number of each trap."""
-        self._kept.append(take)
-        _check(self._calls.hook_traps(self.handle, take))
+        _check(self.core.map(address, size, read, write, cells))
 
     def hook_address(self, address: int, take: Callable[[], None]) -> None:
         """Have a function called in front of the instruction at an address."""

@@ -185,7 +185,9 @@ class Machine:
         )
         for timer in family.timers:
             frequency = partial(clocks.timer, timer.bus)
-            self._put(timer.address, Timer(cpu, timer.interrupt, frequency, timer.width))
+            model = Timer(cpu, timer.interrupt, frequency, timer.width)
+            clocks.followers.append(model.follow)
+            self._put(timer.address, model)
         layout = NEW if family.is_new_uart else OLD
         for address, interrupt in family.uarts.values():
             self._put(address, Uart(cpu, interrupt, layout, self._print))
@@ -216,7 +218,7 @@ class Machine:
 
     def _put(self, address: int, peripheral: Peripheral, size: int = PAGE) -> None:
         self._peripherals[address] = peripheral
-        self._cpu.map_peripheral(address, size, peripheral.read, peripheral.write)
+        self._cpu.map_peripheral(address, size, peripheral.read, peripheral.write, peripheral.cells)
 
     def _map_rest(self, family: Family) -> None:
         if family.has_bit_band:

@@ -178,6 +178,33 @@ void program(void)
     assert lines(machine, 3 * MS) == ["update", "compare", "update", "compare"]
 
 
+def test_a_timer_is_read_while_it_counts_and_while_it_stands(make: Make) -> None:
+    machine = make("""
+#define SYSTICK tick
+#define COUNT 0x40000024
+static unsigned turn;
+static void tick(void)
+{
+    uint32_t due = ++turn * 1000 % 2500;
+    if (turn == 5) R32(0x40000000) = 0;
+    if (turn >= 5) due = 0;
+    uint32_t word = R32(COUNT) - due, half = *(volatile uint16_t *)COUNT - due;
+    uint8_t byte = *(volatile uint8_t *)COUNT - due;
+    say(word < 3 && half < 3 && byte < 3 ? "right" : "wrong");
+}
+void program(void)
+{
+    turn = 0;
+    R32(0x40000028) = 15; R32(0x4000002C) = 2499; R32(0x40000014) = 1; R32(0x40000010) = 0;
+    R32(0xE000E014) = 15999; R32(0xE000E018) = 0;
+    R32(0x40000000) = 1; R32(0xE000E010) = 7;
+    rest();
+}
+""")
+    # 16 MHz / 16 counts microseconds, 0 to 2499; it is read up to 3 us behind each of seven ms.
+    assert lines(machine, 7 * MS + MS // 2) == ["right"] * 7
+
+
 def test_a_bit_band_reaches_memory_and_registers(make: Make) -> None:
     said = lines(
         make("""

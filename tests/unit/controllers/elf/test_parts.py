@@ -6,6 +6,7 @@ Reference Manual (priorities).
 
 import itertools
 import os
+import random
 import struct
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 from support.chip_core import Core
 
+from hil_bench.abilities.controllers.elf.cells import COUNTED
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.nvic import (
@@ -311,6 +313,33 @@ def test_a_timer_loses_no_time_while_its_compare_is_written() -> None:
         timer.store(0x34, timer.load(0x24) + 100)
     # 8 MHz / 8 counts microseconds: 1000 times 0.7 us.
     assert timer.load(0x24) == 700
+
+
+def test_the_count_that_a_core_reads_by_itself_is_that_of_the_timer() -> None:
+    """Whatever a program does to it: start and stop, UG with and without UDIS, ARR, OPM, clocks."""
+    core, draw = Core(), random.Random(29)  # noqa: S311 - the same at each run is meant
+    clock = [8_000_000]
+    timer = Timer(core, 28, lambda: clock[0])
+    cells, seen = timer.cells, set()
+    assert cells is not None
+    assert cells.kinds[0x24 // 4] == COUNTED
+    for _ in range(2000):
+        core.run(core.time + draw.randrange(30_000))
+        offset = draw.choice((0x00, 0x00, 0x14, 0x24, 0x28, 0x2C, 0x34))
+        most = {0x14: 1, 0x28: 9}.get(offset, 99)
+        value = draw.choice((0, 1, 1, 3, 9)) if offset == 0 else draw.randrange(most) + 1
+        timer.store(offset, value)
+        if draw.random() < 0.1:
+            clock[0] = draw.choice((8_000_000, 84_000_000))
+            timer.follow()
+        begin, counts, nanoseconds, most = cells.ramp
+        count = cells.words[0x24 // 4]
+        if nanoseconds:
+            count = max(min((core.time - begin) * counts // nanoseconds, most), 0)
+        assert count == timer.load(0x24)
+        assert cells.words[0x10 // 4] == timer.load(0x10)
+        seen.add((count > 0, nanoseconds > 0))
+    assert len(seen) == 4
 
 
 def test_the_least_identifier_goes_first_unless_in_order_of_request() -> None:

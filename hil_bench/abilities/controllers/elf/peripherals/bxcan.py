@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
+from hil_bench.abilities.controllers.elf.cells import READ, WRITTEN, make_cells
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.timeline import Core
 from hil_bench.abilities.controllers.elf.wire import Wire
@@ -27,6 +28,13 @@ _FMPIE, _FFIE, _FOVIE = 2, 4, 8
 _FULL, _FOVR, _RFOM = 8, 16, 32
 _LBKM, _SILM = 1 << 30, 1 << 31
 _FINIT = 1
+
+_EMPTY = (0, 0, 0, 0)
+_KINDS = (
+    dict.fromkeys((_TSR, _RF0R, _RF0R + 4, *range(_RX, FILTERS_AT, 4)), READ)
+    | dict.fromkeys(range(_TX, _RX, 16), READ)
+    | {_TX + at: READ | WRITTEN for at in range(48) if at % 16 in {4, 8, 12}}
+)
 
 
 class Filters:
@@ -134,14 +142,18 @@ class BxCan(Peripheral):
     ) -> None:
         self._core, self._wire, self._interrupts = core, wire, interrupts
         self._filters, self._is_second = filters, is_second
+        self.cells = make_cells(FILTERS_AT // 4, _KINDS)
+        self._words = self.cells.words
         wire.receive = self._receive
         self.reset()
 
     def reset(self) -> None:
         """Go to the state behind power on."""
-        self._mcr, self._tsr, self._ier, self._esr = _MCR_RESET, _TSR_RESET, 0, 0
+        self._mcr, self._ier, self._esr = _MCR_RESET, 0, 0
+        for place in range(len(self._words)):
+            self._words[place] = 0
+        self._tsr = self._words[_TSR >> 2] = _TSR_RESET
         self._btr = _BTR_RESET
-        self._mailboxes = [[0, 0, 0, 0] for _ in range(3)]
         self._fifos: tuple[deque[tuple[int, int, int, int]], ...] = (deque(), deque())
         self._overruns = [False, False]
         self._waiting: list[int] = []
@@ -156,27 +168,20 @@ class BxCan(Peripheral):
 
     def load(self, offset: int) -> int:
         """Return a register."""
-        if offset >= _RX:
-            if offset >= FILTERS_AT:
-                return self._filters.load(offset)
-            fifo = self._fifos[offset - _RX >> 4 & 1]
-            return fifo[0][offset >> 2 & 3] if fifo else 0
-        if offset >= _TX:
-            return self._mailboxes[offset - _TX >> 4][offset >> 2 & 3]
-        if offset in {_RF0R, _RF0R + 4}:
-            return self._fifo_register(offset - _RF0R >> 2)
-        registers = {_MCR: self._mcr, _MSR: self._state(), _TSR: self._tsr, _IER: self._ier}
-        return (registers | {_ESR: self._esr, _BTR: self._btr}).get(offset, 0)
+        if offset >= FILTERS_AT:
+            return self._filters.load(offset)
+        registers = {_MCR: self._mcr, _MSR: self._state(), _IER: self._ier}
+        registers |= {_ESR: self._esr, _BTR: self._btr}
+        return registers.get(offset, self._words[offset >> 2])
 
     def store(self, offset: int, value: int) -> None:
         """Write a register."""
         if offset >= FILTERS_AT:
             self._filters.store(offset, value)
         elif _TX <= offset < _RX:
-            number, place = offset - _TX >> 4, offset >> 2 & 3
-            self._mailboxes[number][place] = value
-            if place == 0 and value & _TXRQ:
-                self._request(number)
+            self._words[offset >> 2] = value
+            if offset & 0xC == 0 and value & _TXRQ:
+                self._request(offset - _TX >> 4)
         elif offset in {_RF0R, _RF0R + 4}:
             self._release(offset - _RF0R >> 2, value)
         elif offset == _TSR:
@@ -225,10 +230,10 @@ class BxCan(Peripheral):
         if self._mcr & _TXFP:
             number = self._waiting[0]
         else:
-            number = min(self._waiting, key=lambda each: (self._mailboxes[each][0] & ~1, each))
+            number = min(self._waiting, key=lambda each: (self._mailbox(each)[0] & ~1, each))
         self._waiting.remove(number)
         self._sending = number
-        frame = _frame(self._mailboxes[number])
+        frame = _frame(self._mailbox(number))
         if self._btr & (_LBKM | _SILM):
             self._core.alarm(self._core.now() + self._wire.duration(frame), self._sent)
             return
@@ -239,12 +244,16 @@ class BxCan(Peripheral):
         if number is None:  # reset meanwhile
             return
         if self._btr & _LBKM:
-            self._receive(_frame(self._mailboxes[number]))
+            self._receive(_frame(self._mailbox(number)))
         self._finish(number, _RQCP | _TXOK)
         self._send_next()
 
+    def _mailbox(self, number: int) -> Sequence[int]:
+        at = (_TX >> 2) + 4 * number
+        return self._words[at : at + 4]
+
     def _finish(self, number: int, flags: int) -> None:
-        self._mailboxes[number][0] &= ~_TXRQ
+        self._words[(_TX >> 2) + 4 * number] &= ~_TXRQ
         self._tsr |= 1 << 26 + number | flags << 8 * number
         self._raise_lines()
 
@@ -271,11 +280,6 @@ class BxCan(Peripheral):
         self._raise_fifo(number)
         return True
 
-    def _fifo_register(self, number: int) -> int:
-        count = len(self._fifos[number])
-        full = _FULL if count == DEPTH else 0
-        return count | full | (_FOVR if self._overruns[number] else 0)
-
     def _release(self, number: int, value: int) -> None:
         if value & _FOVR:
             self._overruns[number] = False
@@ -285,6 +289,7 @@ class BxCan(Peripheral):
         self._raise_fifo(number)
 
     def _raise_lines(self) -> None:
+        self._words[_TSR >> 2] = self._tsr
         is_done = bool(self._tsr & 0x010101) and bool(self._ier & _TMEIE)
         self._core.hold_line(self._interrupts[0], is_active=is_done)
         self._raise_fifo(0)
@@ -292,7 +297,12 @@ class BxCan(Peripheral):
 
     def _raise_fifo(self, number: int) -> None:
         enabled = self._ier >> 3 * number
-        count = len(self._fifos[number])
+        words, fifo = self._words, self._fifos[number]
+        count = len(fifo)
+        full = _FULL if count == DEPTH else 0
+        words[(_RF0R >> 2) + number] = count | full | (_FOVR if self._overruns[number] else 0)
+        at = (_RX >> 2) + 4 * number
+        words[at], words[at + 1], words[at + 2], words[at + 3] = fifo[0] if fifo else _EMPTY
         is_due = (
             (count and enabled & _FMPIE)
             or (count == DEPTH and enabled & _FFIE)
@@ -317,7 +327,7 @@ def _short(frame: Frame) -> int:
     return frame.can_id << 5 | remote
 
 
-def _frame(mailbox: list[int]) -> Frame:
+def _frame(mailbox: Sequence[int]) -> Frame:
     identifier, length, low, high = mailbox
     is_extended, is_remote = bool(identifier & _IDE), bool(identifier & _RTR)
     data = (low | high << 32).to_bytes(8, "little")[: min(length & 0xF, 8)]

@@ -44,10 +44,14 @@ class Clocks(Followers):
     Args:
         tree: of the family.
         crystal_hz: frequency of HSE [Hz].
+
+    Attributes:
+        followers: are called when a clock may have changed.
     """
 
     def __init__(self, tree: Tree, crystal_hz: int) -> None:
         self._tree, self._crystal_hz = tree, crystal_hz
+        self.followers: list[Callable[[], None]] = []
         super().__init__(tree.follows, tree.initial)
 
     def store(self, offset: int, value: int) -> None:
@@ -92,6 +96,8 @@ class Clocks(Followers):
         self._core = max(system // _AHB[config >> ahb & 0xF], 1)
         dividers = [_APB[config >> place & 7] for place in apb]
         self._timers = (0, *(max(self._core // each * (1 + (each > 1)), 1) for each in dividers))
+        for follow in self.followers:
+            follow()
 
 
 def _f4(values: Registers, crystal: int) -> int:

@@ -4,9 +4,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from hil_bench.abilities.controllers.elf.cells import Cells
+
 
 class Peripheral(ABC):
-    """A model that answers for a range of addresses."""
+    """A model that answers for a range of addresses.
+
+    Attributes:
+        cells: registers that need it not, where it has some.
+    """
+
+    cells: Cells | None = None
 
     @abstractmethod
     def load(self, offset: int) -> int:

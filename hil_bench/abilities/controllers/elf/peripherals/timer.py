@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
+from hil_bench.abilities.controllers.elf.cells import COUNTED, READ, make_cells
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 from hil_bench.abilities.controllers.elf.timeline import Alarm, Core
 
@@ -14,7 +15,8 @@ _CEN, _UDIS, _URS, _OPM = 1, 2, 4, 8
 _UIF = 1
 _CCR = (0x34, 0x38, 0x3C, 0x40)
 _PLACES = (_ARR, *_CCR)  # whose counts are alarms
-_FLAGS = 0x1F  # of the update and the four compares
+_FOLLOWED = (_CR1, _EGR, _CNT, _ARR)  # that its count follows
+_MEANT = 0x1F  # flags of the update and the four compares
 
 
 class Timer(Peripheral):
@@ -32,6 +34,8 @@ class Timer(Peripheral):
     ) -> None:
         self._core, self._interrupt, self._frequency = core, interrupt, frequency
         self._most = (1 << width) - 1
+        self.cells = cells = make_cells(_ARR // 4, {_SR: READ, _CNT: COUNTED})
+        self._words, self._ramp = cells.words, cells.ramp
         self._matches = {each: partial(self._match, place) for place, each in enumerate(_CCR)}
         self.reset()
 
@@ -43,23 +47,28 @@ class Timer(Peripheral):
         self._held = 0  # its count while it stands
         self._is_counting = False
         self._alarms: dict[int, Alarm] = {}  # by the register that is reached
+        self._set_flags(0)
+        self.follow()
 
-    def read(self, offset: int, size: int) -> int:
-        """Return some bytes of a register; of all that a program reads, most is the whole count."""
-        if offset == _CNT and size == 4:
-            return self._count()
-        return super().read(offset, size)
+    def follow(self) -> None:
+        """Have the count that a core reads be that of now, and of the clock; see `Cells`."""
+        self._words[_CNT >> 2] = self._held
+        ramp = self._ramp
+        ramp[0], ramp[1] = self._begin, self._frequency()
+        ramp[2] = 1_000_000_000 * (self._prescaler + 1) if self._is_counting else 0
+        ramp[3] = self._values[_ARR]
 
     def load(self, offset: int) -> int:
         """Return a register."""
+        if offset == _SR:
+            return self._flags
         return self._count() if offset == _CNT else self._values.get(offset, 0)
 
     def store(self, offset: int, value: int) -> None:
         """Write a register."""
         values = self._values
         if offset == _SR:
-            values[_SR] = values.get(_SR, 0) & value
-            self._raise_line()
+            self._set_flags(self._flags & value)
         elif offset == _EGR:
             if value & 1:
                 self._held = 0
@@ -76,6 +85,9 @@ class Timer(Peripheral):
             elif offset in _PLACES and self._is_counting:
                 self._set_alarm(offset, self._count())
 
+        if offset in _FOLLOWED:
+            self.follow()
+
     def _control(self, value: int) -> None:
         is_counting = bool(value & _CEN)
         if self._is_counting and not is_counting:
@@ -89,7 +101,8 @@ class Timer(Peripheral):
         if not self._is_counting:
             return self._held
         passed = (self._core.now() - self._begin) * self._frequency()
-        return min(passed // (1_000_000_000 * (self._prescaler + 1)), self._values[_ARR])
+        count = passed // (1_000_000_000 * (self._prescaler + 1))
+        return max(min(count, self._values[_ARR]), 0)  # below, where a clock has become slower
 
     def _duration(self, counts: int) -> int:
         """Return the time of some counts, so that they are over then [ns]."""
@@ -112,6 +125,7 @@ class Timer(Peripheral):
             held: its count now.
         """
         self._begin = begin
+        self.follow()
         for register in _PLACES:
             self._set_alarm(register, held)
 
@@ -137,8 +151,7 @@ class Timer(Peripheral):
             self._alarms[register] = self._core.alarm(time, action)
 
     def _match(self, place: int) -> None:
-        self._values[_SR] = self._values.get(_SR, 0) | 2 << place
-        self._raise_line()
+        self._set_flags(self._flags | 2 << place)
 
     def _overflow(self) -> None:
         begin = self._begin + self._duration(self._values[_ARR] + 1)
@@ -147,6 +160,7 @@ class Timer(Peripheral):
             self._values[_CR1] &= ~_CEN
             self._is_counting = False
             self._held = 0
+            self.follow()
             return
         self._turn(begin, -1)
 
@@ -156,13 +170,16 @@ class Timer(Peripheral):
             return
         self._prescaler = self._values.get(_PSC, 0) & 0xFFFF
         if not (is_forced and control & _URS):
-            self._values[_SR] = self._values.get(_SR, 0) | _UIF
-            self._raise_line()
+            self._set_flags(self._flags | _UIF)
         if is_forced:
             self._start()
 
+    def _set_flags(self, flags: int) -> None:
+        self._flags = self._words[_SR >> 2] = flags
+        self._raise_line()
+
     def _raise_line(self) -> None:
-        is_active = bool(self._values.get(_SR, 0) & self._values.get(_DIER, 0) & _FLAGS)
+        is_active = bool(self._flags & self._values.get(_DIER, 0) & _MEANT)
         self._core.hold_line(self._interrupt, is_active=is_active)
 
 

@@ -29,12 +29,11 @@ from time import sleep
 
 import occasion
 from hil_bench.abilities.campaign.dask import DaskBackend
-from hil_bench.abilities.campaign.executing import Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
-from hil_bench.abilities.campaign.records import RunResult, RunSpec
+from hil_bench.abilities.campaign.records import RunResult, RunSpec, read_campaign
 from hil_bench.abilities.campaign.snapshot import Backend, run_pool
 from hil_bench.abilities.campaign.store import Store
+from hil_bench.abilities.campaign.table import Shard, collect, execute
 
 SHORT = """\
 title = "Rest"

@@ -16,8 +16,8 @@ from j1939.j1939_21 import J1939_21
 
 import occasion
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import Name
-from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.signals import Name
+from hil_bench.abilities.j1939.protocol.transmission import MOST_BYTES
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.frame import Frame

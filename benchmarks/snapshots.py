@@ -17,10 +17,10 @@ from pathlib import Path
 
 import occasion
 from controllers import build
-from hil_bench.abilities.campaign.executing import digest_of
 from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
 from hil_bench.abilities.campaign.records import RunSpec
 from hil_bench.abilities.campaign.snapshot import Snapshots, perform
+from hil_bench.abilities.campaign.table import digest_of
 from hil_bench.abilities.scenario.load import load_scenario
 
 SCENARIO = """

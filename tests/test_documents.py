@@ -17,7 +17,7 @@ from support.feed_loop import FeedLoop
 from support.fmus import write_law
 
 import hil_drivers.modbus
-from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import read_campaign
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.fmu.export import export_axis

@@ -7,7 +7,7 @@ import can
 import pytest
 
 from hil_bench import VirtualBench, load_config
-from hil_bench.abilities.j1939.protocol.identifier import split
+from hil_bench.abilities.j1939.protocol.signals import split
 from hil_bench.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "j1939.toml"

@@ -6,7 +6,7 @@ from functools import wraps
 
 from corpus.faults import MS, Found, Scene, fault_of_j1939, merged
 from hil_bench.abilities.eyes.explain.finding import Cause
-from hil_bench.abilities.j1939.protocol.identifier import join
+from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 

@@ -7,7 +7,7 @@ from fuzz.script import Script
 from support.bus_side import BusSide
 
 from hil_bench.abilities.j1939.ecus import EcuTable
-from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, join
+from hil_bench.abilities.j1939.protocol.signals import GLOBAL, join
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds

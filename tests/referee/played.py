@@ -14,11 +14,11 @@ from fractions import Fraction
 from pathlib import Path
 
 from hil_bench import cli
-from hil_bench.abilities.campaign.executing import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import read_campaign
 from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.campaign.store import Store
+from hil_bench.abilities.campaign.table import collect, execute
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from referee.agreement import EXIT_CODES, differences, is_margin, marked

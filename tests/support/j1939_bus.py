@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import Name, split
+from hil_bench.abilities.j1939.protocol.signals import Name, split
 from hil_bench.canopen_device.frame import Frame
 
 MILLISECOND = 1_000_000

@@ -8,8 +8,7 @@ import threading
 from pathlib import Path
 
 from hil_bench.abilities.live.places import Place
-from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.server import FeedPlan
+from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed, feed_parts
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.guard import Secret

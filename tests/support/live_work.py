@@ -4,8 +4,7 @@ import contextlib
 import threading
 
 from hil_bench.abilities.live.places import Place
-from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.server import FeedPlan
+from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.view import WorkFeed
 from hil_bench.outside.processes.shared_ring import SharedRing
 

@@ -17,13 +17,13 @@ from hil_bench.abilities.analysis.frequency_response import (
     measure_frequency_response,
 )
 from hil_bench.abilities.analysis.operating_point import find_operating_point
-from hil_bench.abilities.analysis.simulated_studies import measure_both_models, simulate_both_models
 from hil_bench.abilities.analysis.simulation import (
     Setup,
     Signal,
     state_trajectory,
     without_input_nonlinearities,
 )
+from hil_bench.abilities.analysis.study import measure_both_models, simulate_both_models
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
     Model,

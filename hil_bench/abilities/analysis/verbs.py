@@ -14,14 +14,15 @@ from hil_bench.abilities.analysis.linear_studies import (
 from hil_bench.abilities.analysis.model_statements import run_paper
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.paper import check_paper, write_paper
-from hil_bench.abilities.analysis.simulated_studies import (
+from hil_bench.abilities.analysis.simulation import Setup
+from hil_bench.abilities.analysis.study import (
+    Study,
     measure_both_models,
     measured_responses_study,
     simulate_both_models,
     trajectories_study,
+    write_study,
 )
-from hil_bench.abilities.analysis.simulation import Setup
-from hil_bench.abilities.analysis.study import Study, write_study
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from hil_bench.abilities.campaign.executing import Note
 from hil_bench.abilities.campaign.plan import (
     fix_parameters,
     make_spec,
@@ -39,6 +38,7 @@ from hil_bench.abilities.campaign.shrink import (
 from hil_bench.abilities.campaign.snapshot import Backend
 from hil_bench.abilities.campaign.store import Store, run_key
 from hil_bench.abilities.campaign.summary import show_point, tally_of
+from hil_bench.abilities.campaign.table import Note
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.errors import ConfigError

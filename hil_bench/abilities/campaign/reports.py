@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.campaign.executing import Outcome
 from hil_bench.abilities.campaign.falsify import Falsification
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
@@ -28,6 +27,7 @@ from hil_bench.abilities.campaign.summary import (
     summarise,
     worst_runs,
 )
+from hil_bench.abilities.campaign.table import Outcome
 from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
 from hil_bench.errors import HilBenchError, about_file, whole_file

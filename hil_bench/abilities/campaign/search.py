@@ -17,11 +17,11 @@ from hil_bench.abilities.campaign.distributions import (
     points_at,
     unit_points,
 )
-from hil_bench.abilities.campaign.executing import Note
 from hil_bench.abilities.campaign.plan import make_spec
 from hil_bench.abilities.campaign.records import Case, RunResult, RunSpec, Verdict
 from hil_bench.abilities.campaign.snapshot import Backend
 from hil_bench.abilities.campaign.summary import Tally, size_of, tally_of
+from hil_bench.abilities.campaign.table import Note
 
 # The cost that a search minimises: the margin of the requirement of its turn.
 

@@ -18,10 +18,9 @@ from hil_bench.abilities.campaign.distributions import Point
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
 from hil_bench.abilities.campaign.search import Method, Trial
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.places import LocatedProblems
 from hil_bench.abilities.scenario.reach import survives_a_cut
 from hil_bench.abilities.scenario.reading import read_scenario, seconds
-from hil_bench.abilities.scenario.records import Scenario, SetStep
+from hil_bench.abilities.scenario.records import LocatedProblems, Scenario, SetStep
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.abilities.scenario.usage import unused_parameters
 from hil_bench.abilities.scenario.writing import to_toml

@@ -1,8 +1,7 @@
 """NMT slave: commands, states, what lives in which state (CiA 301, 7.2.8 and 7.3.2)."""
 
 from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
-from hil_bench.abilities.conformance.device import BOOT_PATIENCE, DeviceUnderTest
-from hil_bench.abilities.conformance.fall import find_fall
+from hil_bench.abilities.conformance.device import BOOT_PATIENCE, DeviceUnderTest, find_fall
 from hil_bench.abilities.conformance.scratch import scratch
 from hil_bench.abilities.conformance.sdo_client import upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable

@@ -21,8 +21,12 @@ from hil_bench.abilities.conformance import (
     tpdo_checks,
 )
 from hil_bench.abilities.conformance.check import Chapter, Check, Degree, Impact
-from hil_bench.abilities.conformance.device import DeviceUnderTest
-from hil_bench.abilities.conformance.fall import absence_after, fall_after, is_there
+from hil_bench.abilities.conformance.device import (
+    DeviceUnderTest,
+    absence_after,
+    fall_after,
+    is_there,
+)
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.canopen_device.nmt import NmtCommand
 

@@ -20,9 +20,11 @@ from hil_bench.abilities.evidence.content import (
     summarise,
     trace,
 )
-from hil_bench.abilities.evidence.devices import Examination, examine_determinism, examine_devices
 from hil_bench.abilities.evidence.pack import (
+    Examination,
     check_folder,
+    examine_determinism,
+    examine_devices,
     examine_software,
     verify_pack,
     write_pack,

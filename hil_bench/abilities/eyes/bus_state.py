@@ -9,7 +9,7 @@ from statistics import median
 from typing import Final
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.heartbeats import LATE
+from hil_bench.abilities.eyes.explain.silence import LATE
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.values import Reading

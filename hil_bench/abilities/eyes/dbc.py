@@ -9,7 +9,7 @@ from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.abilities.eyes.known_node import PdoOwner
 from hil_bench.abilities.eyes.pdos import PdoField
 from hil_bench.abilities.j1939.protocol.ecu import USUAL_PRIORITY
-from hil_bench.abilities.j1939.protocol.identifier import join
+from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.errors import ConfigError, about_file, whole_file

@@ -7,8 +7,7 @@ from typing import Protocol
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.eyes.known_node import nodes_of
-from hil_bench.abilities.eyes.scaling import CONTROL_WORD, STATUS_WORD
-from hil_bench.abilities.eyes.values import Reading
+from hil_bench.abilities.eyes.values import CONTROL_WORD, STATUS_WORD, Reading
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame

@@ -15,7 +15,7 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     FLOW_COMMAND,
     ExitReason,
 )
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
     COMPONENT,

@@ -9,18 +9,19 @@ from hil_bench.abilities.eyes.j1939 import content_of, group_name
 from hil_bench.abilities.eyes.j1939_transfers import LongMessage, LongMessages
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ADDRESS_CLAIMED,
     COMMANDED_ADDRESS,
     GLOBAL,
     NAME_BYTES,
+    NOT_AVAILABLE,
     NULL,
     REQUEST,
     TRANSPORT_CONNECTION,
     TRANSPORT_DATA,
+    Signal,
     split,
 )
-from hil_bench.abilities.j1939.protocol.signals import NOT_AVAILABLE, Signal
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
 
-from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, HIGHEST_GROUP
-from hil_bench.abilities.j1939.protocol.transport_protocol import (
+from hil_bench.abilities.j1939.protocol.signals import GLOBAL, HIGHEST_GROUP
+from hil_bench.abilities.j1939.protocol.transmission import (
     LEAST_BYTES,
     MOST_BYTES,
     PACKET_BYTES,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
-from hil_bench.abilities.eyes.scaling import UNIT_OBJECTS, Scale, number_in, profile_of
-from hil_bench.abilities.eyes.values import Reader
+from hil_bench.abilities.eyes.values import UNIT_OBJECTS, Reader, Scale, number_in, profile_of
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.cob_id import DISABLED, can_id

@@ -4,8 +4,7 @@ import struct
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from hil_bench.abilities.eyes.scaling import Scale, number_in
-from hil_bench.abilities.eyes.values import Reader, Reading
+from hil_bench.abilities.eyes.values import Reader, Reading, Scale, number_in
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary

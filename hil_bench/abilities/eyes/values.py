@@ -1,7 +1,7 @@
-"""The value of an object as people read it."""
+"""Values of objects in words, and their scale."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.manager_objects import (
     CONCISE_DCF,
@@ -9,19 +9,169 @@ from hil_bench.abilities.eyes.manager_objects import (
     dcf_text,
     manager_text,
 )
-from hil_bench.abilities.eyes.scaling import (
-    CONTROL_WORD,
-    STATUS_WORD,
-    Scale,
-    profile_of,
-    scale_of,
-    word_text,
-)
 from hil_bench.canopen_device.datatypes import UNSIGNED32, DataType, Value
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
+from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
+from hil_bench.devices.valve_state_machine import STATUS_BITS
 from hil_bench.errors import printable
+from hil_bench.units import (
+    BAR,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    ONE,
+    PERCENT,
+    REVOLUTION,
+    REVOLUTION_PER_MINUTE,
+    Unit,
+)
+
+# Scales of an object's numbers: the units of CiA 404, 406 and 408.
+#
+# An EDS has no units. The profiles do: in objects of their own, whose present values count.
+
+
+MEASURING, ENCODER, VALVE = 404, 406, 408
+"""Profile numbers in the low word of 0x1000."""
+
+
+class Scale(NamedTuple):
+    """The scale from a raw value to a quantity: (raw - offset) * factor, in the unit.
+
+    Attributes:
+        factor: of the unit for an increment.
+        unit: that people read.
+        offset: raw value of a quantity of 0.
+    """
+
+    factor: float
+    unit: Unit
+    offset: float = 0.0
+
+
+_CELSIUS: Final = Unit("°C", "_c")
+_PSI: Final = Unit("psi", "_psi", 6894.757293168361)
+_PASCAL: Final = 0x22
+_BASES: Final = {0x4E: BAR, 0xAB: _PSI, 0x2D: _CELSIUS, _PASCAL: Unit("Pa", "_pa")}
+_PREFIXES: Final = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}
+
+_REAL_PROCESS: Final = {0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149}
+_INTEGER_FORMATS: Final = (0x1000, 0x2000, 0x3000)
+_DIGITS: Final = range(10)
+
+_POSITIONS: Final = {0x6004, 0x6020}
+_SPEED: Final = 0x6030
+_STEPS: Final = 0x6005
+_PER_TURN: Final = 0x6001
+_RESOLUTION: Final = 0x6501
+_SPEED_PARAMETERS: Final = 0x6031
+
+_SPOOL: Final = {0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350}
+_AXIS: Final = {0x6600, 0x6601, 0x6610, 0x6614, 0x6620, 0x6621, 0x6650}
+_METRE: Final = 1
+"""SI unit of an object's sub-index 2, with the power of ten in sub-index 3."""
+_PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
+
+CONTROL_WORD, STATUS_WORD = 0x6040, 0x6041
+_CONTROL_BITS: Final = "DHMR"
+
+UNIT_OBJECTS: Final = frozenset(
+    {0x1000, 0x6000, 0x6001, 0x6005, 0x6031, 0x6131, 0x6132, 0x6311, 0x6391}
+)
+"""Objects whose values decide how others are read."""
+
+
+def number_in(objects: ObjectDictionary, index: int, subindex: int = 0, absent: int = 0) -> int:
+    """Return the value of an integer object; `absent` where it is unknown or no integer."""
+    variable = objects.find(index, subindex)
+    return variable.value if variable is not None and isinstance(variable.value, int) else absent
+
+
+def profile_of(objects: ObjectDictionary) -> int:
+    """Return the number of the device profile, 0 for none."""
+    return number_in(objects, 0x1000) & 0xFFFF
+
+
+def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
+    """Return the scale of an object's numbers; None where no profile defines it."""
+    profile = profile_of(objects)
+    if profile == MEASURING:
+        return _measured(objects, index, subindex)
+    if profile == ENCODER:
+        return _encoded(objects, index)
+    if profile == VALVE:
+        return _commanded(objects, index)
+    return None
+
+
+def _measured(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
+    unit = _unit(number_in(objects, 0x6131, subindex))
+    if index in _REAL_PROCESS:
+        return Scale(1.0, unit) if unit else None
+    digits = number_in(objects, 0x6132, subindex)
+    if any(index - shift in _REAL_PROCESS for shift in _INTEGER_FORMATS) and digits in _DIGITS:
+        return Scale(10.0**-digits, unit or ONE)
+    return None
+
+
+def _unit(code: int) -> Unit | None:
+    """Return the unit of CiA 303-2: the highest byte a power of ten, the next one the unit."""
+    power = int.from_bytes((code >> 24 & 0xFF).to_bytes(1, "big"), "big", signed=True)
+    base, prefix = _BASES.get(code >> 16 & 0xFF), _PREFIXES.get(power)
+    if base is None or prefix is None or code & 0xFFFF:
+        return None
+    return Unit(prefix + base.symbol, "", base.factor * 10.0**power)
+
+
+def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
+    """Return the scale of an encoder: steps of 0.001 µm and of 0.01 mm/s, or parts of a turn."""
+    if per_turn := _steps_per_turn(objects):
+        if index in _POSITIONS:
+            return Scale(1.0 / per_turn, REVOLUTION)
+        if index == _SPEED and (multiplier := number_in(objects, _SPEED_PARAMETERS, 3)):
+            divider = number_in(objects, _SPEED_PARAMETERS, 4)
+            return Scale(60.0 * divider / multiplier / per_turn, REVOLUTION_PER_MINUTE)
+        return None
+    if index in _POSITIONS and (step := number_in(objects, _STEPS, 1)):
+        return Scale(step * 1e-6, MILLIMETRE)
+    if index == _SPEED and (step := number_in(objects, _STEPS, 2)):
+        return Scale(step * 1e-2, MILLIMETRE_PER_SECOND)
+    return None
+
+
+def _steps_per_turn(objects: ObjectDictionary) -> int:
+    """Return the steps that a rotary encoder has in one revolution; 0 for a linear one."""
+    if objects.find(_PER_TURN) is None:
+        return 0
+    is_scaled = number_in(objects, 0x6000) & SCALING_BIT
+    return number_in(objects, _PER_TURN if is_scaled else _RESOLUTION)
+
+
+def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
+    places = ((_SPOOL, 0x6311), (_PRESSURE_MODE, 0x6391))
+    for indices, reference_object in places:
+        if index in indices and (reference := number_in(objects, reference_object, 1)):
+            return Scale(100.0 / reference, PERCENT)
+    if index in _AXIS and number_in(objects, index, 2) == _METRE:
+        return Scale(10.0 ** (number_in(objects, index, 3) + 3), MILLIMETRE)
+    return None
+
+
+def word_text(profile: int, index: int, value: int) -> str:
+    """Return a control or status word of CiA 408 with what it says; any other as its digits."""
+    digits = f"0x{value:04X}"
+    if profile != VALVE:
+        return digits
+    if index == STATUS_WORD:
+        states = [state for state, bits in STATUS_BITS.items() if bits == value & 0xF]
+        return f"{digits} {' or '.join(states) or 'no state'}"
+    bits = "".join(letter for place, letter in enumerate(_CONTROL_BITS) if value >> place & 1)
+    return f"{digits} {bits}" if bits else digits
+
+
+# The value of an object as people read it.
+
 
 _WORDS = frozenset({CONTROL_WORD, STATUS_WORD})
 _COMMUNICATION = range(0x1000, 0x2000)

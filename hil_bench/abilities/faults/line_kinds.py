@@ -11,9 +11,16 @@ from hil_bench.abilities.faults.checks import (
 )
 from hil_bench.abilities.faults.effects import Acts, listed
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import CAN_ID, DIRECTION, LARGEST, Site, fault_kind, percent
+from hil_bench.abilities.faults.kind import (
+    CAN_ID,
+    DIRECTION,
+    LARGEST,
+    NODES,
+    Site,
+    fault_kind,
+    percent,
+)
 from hil_bench.abilities.faults.line import Meeting, Rule
-from hil_bench.abilities.faults.points import NODES
 from hil_bench.config.settings import Key
 from hil_bench.config.values import integer, number, zero_or
 from hil_bench.units import MILLISECOND

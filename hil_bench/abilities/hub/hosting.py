@@ -5,8 +5,7 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 
-from hil_bench.abilities.hub.process import HubProcess
-from hil_bench.abilities.hub.transport import HubTransport
+from hil_bench.abilities.hub.process import HubProcess, HubTransport
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.run_setup import OpenBus, bus_lines, joined
 from hil_bench.outside.bits import USUAL_BITRATE

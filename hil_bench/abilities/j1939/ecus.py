@@ -10,9 +10,8 @@ from typing import Any, Protocol
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
 from hil_bench.abilities.j1939.protocol.diagnostics import TroubleCode
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import COMPONENT
 from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
-from hil_bench.abilities.j1939.protocol.signals import EcuValue
+from hil_bench.abilities.j1939.protocol.signals import COMPONENT, EcuValue
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Emit, Frame, Handler

@@ -29,8 +29,7 @@ from hil_bench.abilities.live.messages import (
     pack_value,
     unpack_value,
 )
-from hil_bench.abilities.live.process import FeedProcess
-from hil_bench.abilities.live.server import FeedPlan
+from hil_bench.abilities.live.server import FeedPlan, FeedProcess
 from hil_bench.ability import load
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch

@@ -27,10 +27,8 @@ from hil_bench.abilities.live.messages import (
     WANTS_ROWS,
     encode,
 )
-from hil_bench.abilities.live.options import NAME, check_panel_argument
-from hil_bench.abilities.live.places import HAS_SOCKETS, Place
-from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.server import FeedPlan
+from hil_bench.abilities.live.places import HAS_SOCKETS, NAME, Place, check_panel_argument
+from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed, Shown, feed_parts
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hil_bench.abilities.recording.foreign_table import (
+from hil_bench.abilities.recording.reading import (
     Columns,
     Values,
     as_recording,
+    in_own_units,
     read_columns,
 )
-from hil_bench.abilities.recording.reading import in_own_units
 from hil_bench.config.document import read_document
 from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text

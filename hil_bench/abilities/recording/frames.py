@@ -23,10 +23,9 @@ from can.io.blf import (
     BLFWriter,
 )
 
-from hil_bench.abilities.recording.candump_lines import CompleteLines
 from hil_bench.abilities.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.abilities.recording.mdf_reader import ForeignMdfError, read_mdf
-from hil_bench.abilities.recording.text_readers import TEXT_READERS, Reader
+from hil_bench.abilities.recording.text_readers import TEXT_READERS, CompleteLines, Reader
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame

@@ -12,9 +12,8 @@ from pathlib import Path
 import can
 
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
-from hil_bench.abilities.recording.evening import make_even
 from hil_bench.abilities.recording.frames import message_of, read_frames
-from hil_bench.abilities.recording.quantities import check_quantities, find_doubts
+from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.replay.drive import (
     FrameDirection,

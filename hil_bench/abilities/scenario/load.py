@@ -6,9 +6,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from hil_bench.abilities.scenario.places import LocatedProblems, Spot, Spots, find_spots
 from hil_bench.abilities.scenario.reading import read_requirements, read_scenario
-from hil_bench.abilities.scenario.records import RequirementsFile, Scenario
+from hil_bench.abilities.scenario.records import (
+    LocatedProblems,
+    RequirementsFile,
+    Scenario,
+    Spot,
+    Spots,
+    find_spots,
+)
 from hil_bench.abilities.scenario.spreadsheet import Cell, Sheet, read_cells
 from hil_bench.config.document import Document, Sort, read_document
 from hil_bench.config.values import find_nearest, quote

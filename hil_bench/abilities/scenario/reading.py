@@ -9,19 +9,20 @@ from hil_bench.abilities.controllers.kinds import find_kind
 from hil_bench.abilities.faults.registry import find_fault_kind, kind_name
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
-from hil_bench.abilities.scenario.places import LocatedProblems, Spot
 from hil_bench.abilities.scenario.records import (
     Amount,
     Controller,
     Expectation,
     FaultStep,
     FirmwareStep,
+    LocatedProblems,
     NmtStep,
     Parameter,
     Reference,
     RequirementsFile,
     Scenario,
     SetStep,
+    Spot,
     Step,
     SyncStep,
     TextPlace,

@@ -15,7 +15,7 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     PRIORITY,
     pack_command,
 )
-from hil_bench.abilities.j1939.protocol.identifier import join
+from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding, Trace, judge_trace

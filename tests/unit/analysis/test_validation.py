@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.abilities.analysis.validation import subject as subjects
-from hil_bench.abilities.analysis.validation.closed_forms import closed_form_checks
-from hil_bench.abilities.analysis.validation.subject import (
+from hil_bench.abilities.analysis.validation import closed_forms as subjects
+from hil_bench.abilities.analysis.validation.closed_forms import (
     CheckVerdict,
     Subject,
     ValidationCheck,
+    closed_form_checks,
     closed_pressures,
     friction,
     held_displacement,

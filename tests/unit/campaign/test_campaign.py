@@ -14,14 +14,12 @@ from support.campaigns import REST, margin_of, rest_pressures, write_rest
 import hil_bench
 from hil_bench import cli
 from hil_bench.abilities.campaign import store
-from hil_bench.abilities.campaign.executing import Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_pool
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.campaign.summary import compare, correlations, summarise
-from hil_bench.abilities.campaign.table import to_table
+from hil_bench.abilities.campaign.table import Shard, collect, execute, to_table
 from hil_bench.errors import ConfigError
 
 RUNS = 8
@@ -208,7 +206,7 @@ def test_a_bench_that_changes_under_a_campaign_is_refused(tmp_path):
 
 def test_a_full_disk_is_said_once_and_earlier_runs_are_kept(plan, tmp_path, monkeypatch):
     # However slow the machine is, no time passes that would begin another file.
-    monkeypatch.setattr("hil_bench.abilities.campaign.executing.monotonic", lambda: 0.0)
+    monkeypatch.setattr("hil_bench.abilities.campaign.table.monotonic", lambda: 0.0)
     store = Store(tmp_path / "out", {})
     execute(plan, store, perform_here, Shard(1, 2))
 

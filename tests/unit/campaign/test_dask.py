@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from support.campaigns import write_rest
 
-from hil_bench.abilities.campaign.executing import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import read_campaign
 from hil_bench.abilities.campaign.snapshot import perform_here
 from hil_bench.abilities.campaign.store import Store
+from hil_bench.abilities.campaign.table import collect, execute
 
 RUNS = 24
 
@@ -24,9 +24,9 @@ from pathlib import Path
 import dask
 from distributed import LocalCluster
 from hil_bench.abilities.campaign.dask import DaskBackend
-from hil_bench.abilities.campaign.executing import collect, execute
+from hil_bench.abilities.campaign.table import collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
+from hil_bench.abilities.campaign.records import read_campaign
 from hil_bench.abilities.campaign.store import Store
 
 def main():

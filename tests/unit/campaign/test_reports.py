@@ -13,8 +13,7 @@ from support.campaigns import REST, margin_of, write_rest
 
 from hil_bench import cli
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.reports import beyond, replay, svg_of
 from hil_bench.abilities.campaign.snapshot import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs

@@ -11,8 +11,7 @@ from support.campaigns import write_rest
 
 from hil_bench.abilities.campaign.distributions import Sampler
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.sensitivity import sobol_indices
 from hil_bench.errors import ConfigError
 

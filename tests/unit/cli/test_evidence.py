@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 from support.documents import ROOT
 
-from hil_bench.abilities.analysis.validation import subject
+from hil_bench.abilities.analysis.validation import closed_forms
 from hil_bench.abilities.analysis.validation.suite import validate
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
-from hil_bench.abilities.evidence import devices
+from hil_bench.abilities.evidence import pack
 from hil_bench.abilities.evidence.content import classification, page_html
 from hil_bench.abilities.evidence.pack import examine_software
 from hil_bench.abilities.faults.section import FaultsPart
@@ -107,7 +107,7 @@ def test_the_runs_agree_and_another_seed_does_not(made, tmp_path):
     assert found["runs"][0]["rows"] == 1010  # 1.01 s at 1 kHz
     noisy = tmp_path / "bench.toml"
     noisy.write_bytes((ROOT / "examples" / "real_sensors.toml").read_bytes())
-    traces = {devices.run_once(noisy, seed) for seed in (1, 1, 2)}
+    traces = {pack.run_once(noisy, seed) for seed in (1, 1, 2)}
     assert len(traces) == 2
     assert digest not in {trace.digest for trace in traces}
 
@@ -119,8 +119,8 @@ def test_the_run_of_the_determinism_moves_the_axis(monkeypatch):
         benches.append(VirtualBench(config))
         return benches[-1]
 
-    monkeypatch.setattr(devices, "VirtualBench", keep)
-    devices.run_once(None, 1)
+    monkeypatch.setattr(pack, "VirtualBench", keep)
+    pack.run_once(None, 1)
     positions = benches[0].signals["axis1.position"]
     assert positions.max() - positions.min() > 0.02
 
@@ -140,9 +140,9 @@ def quick(monkeypatch):
     """Leave out what the test does not look at."""
     monkeypatch.setattr("hil_bench.abilities.evidence.verbs.examine_devices", lambda _config: [])
     monkeypatch.setattr("hil_bench.abilities.evidence.verbs.validate", lambda _axes, _dt: iter(()))
-    trace = devices.Trace("0" * 64, 1, 1)
-    monkeypatch.setattr(devices, "run_once", lambda _path, _seed: trace)
-    monkeypatch.setattr(devices, "ProcessPoolExecutor", SameProcess)
+    trace = pack.Trace("0" * 64, 1, 1)
+    monkeypatch.setattr(pack, "run_once", lambda _path, _seed: trace)
+    monkeypatch.setattr(pack, "ProcessPoolExecutor", SameProcess)
 
 
 class SameProcess:
@@ -173,7 +173,7 @@ def test_a_wrong_plant_is_shown_as_failed(monkeypatch, tmp_path, capsys):
     def wider(parameters, **rest):
         return FullOrderPlant(replace(parameters, C_d=0.66), **rest)
 
-    monkeypatch.setattr(subject, "FullOrderPlant", wider)
+    monkeypatch.setattr(closed_forms, "FullOrderPlant", wider)
     assert main(["evidence", str(tmp_path / "pack"), "--seconds", "0"]) == 1
     assert "plant          failed" in capsys.readouterr().out
     assert main(["-q", "evidence", "--verify", str(tmp_path / "pack")]) == 0
@@ -185,8 +185,8 @@ def test_a_wrong_plant_is_shown_as_failed(monkeypatch, tmp_path, capsys):
 def test_a_device_that_breaks_a_clause_is_shown_as_failed(monkeypatch):
     (check, *_) = CHAPTERS[0].checks
     broken = Result("NMT", check, Outcome.FAILED, "no boot-up message")
-    monkeypatch.setattr(devices, "run_suite", lambda _dut, _allowed: [broken])
-    found = [device.content for device in devices.examine_devices(load_config())]
+    monkeypatch.setattr(pack, "run_suite", lambda _dut, _allowed: [broken])
+    found = [device.content for device in pack.examine_devices(load_config())]
     assert [device["verdict"] for device in found] == ["failed"] * 4
     page = page_html({**EMPTY, "conformance": found})
     assert "no boot-up message" in page
@@ -201,9 +201,9 @@ def test_faults_of_the_bench_do_not_count_against_its_devices(monkeypatch):
         benches.append(sound)
         return VirtualBench(sound)
 
-    monkeypatch.setattr(devices, "VirtualBench", keep)
-    monkeypatch.setattr(devices, "run_suite", lambda _dut, _allowed: [])
-    devices.examine_devices(config)
+    monkeypatch.setattr(pack, "VirtualBench", keep)
+    monkeypatch.setattr(pack, "run_suite", lambda _dut, _allowed: [])
+    pack.examine_devices(config)
     assert [sound.of(FaultsPart).faults for sound in benches] == [()] * 4
 
 
@@ -214,17 +214,15 @@ def test_stored_parameters_are_not_overwritten(monkeypatch, tmp_path, storage, a
     text = f'[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n{line}'
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
     asked = []
-    monkeypatch.setattr(devices, "run_suite", lambda _dut, most: asked.append(most) or [])
-    devices.examine_devices(load_config(tmp_path / "bench.toml"))
+    monkeypatch.setattr(pack, "run_suite", lambda _dut, most: asked.append(most) or [])
+    pack.examine_devices(load_config(tmp_path / "bench.toml"))
     assert asked == [allowed]
 
 
 @pytest.mark.usefixtures("quick")
 def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path):
     digests = iter("123")
-    monkeypatch.setattr(
-        devices, "run_once", lambda _path, _seed: devices.Trace(next(digests), 1, 1)
-    )
+    monkeypatch.setattr(pack, "run_once", lambda _path, _seed: pack.Trace(next(digests), 1, 1))
     assert main(["-q", "evidence", str(tmp_path / "pack"), "--seconds", "0"]) == 1
 
 

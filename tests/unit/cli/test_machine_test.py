@@ -7,7 +7,7 @@ import pytest
 from support.machines import WRONG_REVISION
 
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.scenario.on_machine import SetPoints, lay_samples
+from hil_bench.abilities.scenario.recorded import SetPoints, lay_samples
 from hil_bench.abilities.scenario.resolve import SetAction
 from hil_bench.abilities.scenario.verbs import machine_test
 from hil_bench.bench.configuration import load_config

@@ -8,7 +8,7 @@ import pytest
 import uvicorn
 from support.feed_loop import FeedLoop
 
-from hil_bench.abilities.live import ctl, options, view
+from hil_bench.abilities.live import ctl, places, view
 from hil_bench.abilities.panel import server
 from hil_bench.cli import main
 from hil_bench.session.commands import Stop
@@ -68,7 +68,7 @@ def test_a_panel_needs_a_feed(capsys):
 
 
 def test_a_panel_needs_its_extra(monkeypatch, capsys):
-    monkeypatch.setattr(options.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(places.importlib.util, "find_spec", lambda _name: None)
     assert main(["run", "-i", "virtual", "-c", "x", "--panel"]) == 2
     assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "hil_bench.abilities.panel.server", None)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.conformance.sdo_block_client import BlockUpload
+from hil_bench.abilities.conformance.sdo_block_checks import BlockUpload
 from hil_bench.abilities.conformance.sdo_client import MOST_BYTES
 from hil_bench.abilities.conformance.verdicts import Deviation
 

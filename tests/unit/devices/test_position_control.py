@@ -8,7 +8,7 @@ import pytest
 from support.valves import ACTIVE, FAULT_HOLD, HOLD, activate, control, fit_valve, set_up, status
 
 from device_profiles import VALVE_408
-from hil_bench.abilities.eyes.scaling import scale_of
+from hil_bench.abilities.eyes.values import scale_of
 from hil_bench.canopen_device.eds import load_eds
 
 AXIS_POSITION, SPOOL = 9, 2

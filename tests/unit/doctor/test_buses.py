@@ -1,14 +1,14 @@
 import pytest
 
 from hil_bench.abilities.doctor.machine import Verdict
-from hil_bench.abilities.doctor.software import examine_buses
+from hil_bench.abilities.doctor.verbs import examine_buses
 from hil_bench.outside.transports.can_interfaces import CanInterface
 
 
 @pytest.fixture
 def examine(monkeypatch):
     def examine_with(*interfaces, has_socketcan=True, rmem_max="212992", modules=""):
-        place = "hil_bench.abilities.doctor.software."
+        place = "hil_bench.abilities.doctor.verbs."
         monkeypatch.setattr(place + "has_socketcan", lambda: has_socketcan)
         monkeypatch.setattr(place + "can_interfaces", lambda: list(interfaces))
 
@@ -52,7 +52,7 @@ def test_without_an_interface_there_is_a_way_to_one(examine):
     ],
 )
 def test_a_module_that_can_be_loaded_is_there(examine, monkeypatch, modules, verdict):
-    monkeypatch.setattr("hil_bench.abilities.doctor.software.Path.exists", lambda _path: False)
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.Path.exists", lambda _path: False)
     assert examine(modules=modules)["vcan"].verdict == verdict
 
 
@@ -63,6 +63,6 @@ def test_a_small_receive_buffer_is_a_hint(examine):
 
 
 def test_elsewhere_there_is_the_hub_too(monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.doctor.software.IS_LINUX", False)
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.IS_LINUX", False)
     (item,) = examine_buses(lambda _path: "").findings
     assert (item.verdict, item.value) == (Verdict.ABSENT, "Linux only")

@@ -6,7 +6,7 @@ import json
 from support.distribution import declare
 
 from hil_bench.abilities.doctor.machine import Verdict, absent, good
-from hil_bench.abilities.doctor.software import examine_extensions
+from hil_bench.abilities.doctor.verbs import examine_extensions
 from hil_bench.cli import main
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.registry import PLANTS

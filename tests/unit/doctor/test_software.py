@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.doctor import software
+from hil_bench.abilities.doctor import verbs
 from hil_bench.abilities.doctor.machine import Verdict
 from hil_bench.plants.hydraulic_cylinder.model.machine_code import MachineCode
 
@@ -16,8 +16,8 @@ from hil_bench.plants.hydraulic_cylinder.model.machine_code import MachineCode
     ],
 )
 def test_a_kernel_that_costs_time_is_a_hint(monkeypatch, code, has_numba, verdict, advice):
-    monkeypatch.setattr(software, "find_machine_code", lambda: code)
-    monkeypatch.setattr(software, "IS_COMPILED", has_numba)
-    (item,) = [each for each in software.examine_software().findings if each.name == "plant kernel"]
+    monkeypatch.setattr(verbs, "find_machine_code", lambda: code)
+    monkeypatch.setattr(verbs, "IS_COMPILED", has_numba)
+    (item,) = [each for each in verbs.examine_software().findings if each.name == "plant kernel"]
     assert item.verdict is verdict
     assert advice in item.advice

@@ -6,7 +6,7 @@ import can
 import pytest
 
 from hil_bench import VirtualBench, load_config
-from hil_bench.abilities.j1939.protocol.identifier import ADDRESS_CLAIMED, split
+from hil_bench.abilities.j1939.protocol.signals import ADDRESS_CLAIMED, split
 from hil_drivers import AddressClaimError, BusLostError, DriverTimeoutError, Network
 from hil_drivers.j1939 import AuxiliaryValve, ClaimState, J1939Port, Name
 

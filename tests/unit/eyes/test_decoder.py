@@ -11,8 +11,8 @@ from device_profiles import ENCODER_406, PRESSURE_404, ROTARY_ENCODER_406, VALVE
 from hil_bench.abilities.eyes.dbc import write_dbc
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_node import KnownNode
-from hil_bench.abilities.eyes.scaling import Scale, scale_of, word_text
 from hil_bench.abilities.eyes.sight import Service
+from hil_bench.abilities.eyes.values import Scale, scale_of, word_text
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.units import REVOLUTION, REVOLUTION_PER_MINUTE

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.abilities.eyes.j1939 import _valve_command, describe
-from hil_bench.abilities.j1939.protocol.identifier import GLOBAL, split
+from hil_bench.abilities.j1939.protocol.signals import GLOBAL, split
 
 NAME = (0x12345 | 0x123 << 21 | 0x81 << 40).to_bytes(8, "little")
 

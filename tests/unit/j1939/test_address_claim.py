@@ -5,7 +5,7 @@ from support.j1939_bus import J1939Bus, make_ecu
 
 from hil_bench.abilities.j1939.protocol.address_claim import ClaimState
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import Name
+from hil_bench.abilities.j1939.protocol.signals import Name
 
 NAME_1, NAME_2 = "01 00 00 00 00 00 00 00", "02 00 00 00 00 00 00 00"
 

@@ -11,7 +11,7 @@ from support.j1939_bus import MILLISECOND, collect, make_ecu
 
 from hil_bench.abilities.j1939.protocol.diagnostics import Lamp
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import Name
+from hil_bench.abilities.j1939.protocol.signals import Name
 from hil_bench.canopen_device.frame import Frame
 
 OURS, THEIRS = 100, 101

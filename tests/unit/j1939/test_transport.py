@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.j1939_bus import MILLISECOND, J1939Bus, collect, make_ecu
 
-from hil_bench.abilities.j1939.protocol.identifier import split
 from hil_bench.abilities.j1939.protocol.reception import MOST_SESSIONS
-from hil_bench.abilities.j1939.protocol.transmission import MOST_WAITING
-from hil_bench.abilities.j1939.protocol.transport_protocol import AbortReason
+from hil_bench.abilities.j1939.protocol.signals import split
+from hil_bench.abilities.j1939.protocol.transmission import MOST_WAITING, AbortReason
 from hil_bench.canopen_device.frame import Frame
 
 COMPONENT = 0xFEEB

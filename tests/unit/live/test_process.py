@@ -18,8 +18,7 @@ from hil_bench.abilities.live.places import (
     place_of,
     runtime_folder,
 )
-from hil_bench.abilities.live.process import CAPACITY, MOST_COMMANDS, FeedProcess
-from hil_bench.abilities.live.server import FeedPlan
+from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.bench.configuration import load_config
@@ -108,7 +107,7 @@ def test_a_server_that_cannot_start_is_tried_again(monkeypatch, caplog):
     def refuse(_self):
         raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
-    monkeypatch.setattr("hil_bench.abilities.live.process.HelperProcess.start", refuse)
+    monkeypatch.setattr("hil_bench.abilities.live.server.HelperProcess.start", refuse)
     place, now = Place("a"), [0]
     ring = SharedRing(64)
     process = FeedProcess(place.listener, FeedPlan({}, 1, ring, ring), clock=lambda: now[0])

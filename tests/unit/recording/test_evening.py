@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.analysis.study import make_table
-from hil_bench.abilities.recording.evening import make_even
+from hil_bench.abilities.recording.quantities import make_even
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from hil_bench.abilities.recording import foreign_table
-from hil_bench.abilities.recording.foreign_table import read_columns
+from hil_bench.abilities.recording import reading
+from hil_bench.abilities.recording.reading import read_columns
 from hil_bench.errors import ConfigError
 
 
@@ -39,7 +39,7 @@ def test_a_table_of_numbers_is_read_by_rows_of_c(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """10^6 rows take 8 s field by field in Python, and 2 s by NumPy's reader."""
-    monkeypatch.setattr(foreign_table, "_read_slowly", None)
+    monkeypatch.setattr(reading, "_read_slowly", None)
     text = "# logger\n\nt;s [mm]\n0;1,5\n\n0,1;2,5\n"
 
     columns, _ = read_columns(write(tmp_path, text))

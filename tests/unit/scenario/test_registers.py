@@ -8,7 +8,7 @@ from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.protocol.register_map import DATA_TYPES, Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.on_machine import prepare_for_machine
+from hil_bench.abilities.scenario.recorded import prepare_for_machine
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.abilities.scenario.targets import name_registers
 from hil_bench.errors import ConfigError

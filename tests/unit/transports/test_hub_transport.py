@@ -9,9 +9,8 @@ import can
 import pytest
 from support.patience import GUARD
 
-from hil_bench.abilities.hub import transport as hub_transport
-from hil_bench.abilities.hub.process import HubProcess
-from hil_bench.abilities.hub.transport import HubTransport
+from hil_bench.abilities.hub import process as hub_transport
+from hil_bench.abilities.hub.process import HubProcess, HubTransport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import frame_bits

@@ -4,8 +4,11 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from hil_bench.abilities.analysis.validation.closed_forms import closed_form_checks
-from hil_bench.abilities.analysis.validation.subject import Subject, ValidationCheck
+from hil_bench.abilities.analysis.validation.closed_forms import (
+    Subject,
+    ValidationCheck,
+    closed_form_checks,
+)
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantInput, Solver, paper_parameters

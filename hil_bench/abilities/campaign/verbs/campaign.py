@@ -8,10 +8,8 @@ from pathlib import Path
 
 from hil_bench.abilities.campaign.dask import DaskBackend
 from hil_bench.abilities.campaign.distributions import Sampler
-from hil_bench.abilities.campaign.executing import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.reading import read_campaign
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, read_campaign
 from hil_bench.abilities.campaign.reports import replay, write_campaign_report
 from hil_bench.abilities.campaign.sensitivity import Sensitivity, sobol_indices
 from hil_bench.abilities.campaign.snapshot import local_backend, perform
@@ -26,6 +24,7 @@ from hil_bench.abilities.campaign.summary import (
     summarise,
     worst_runs,
 )
+from hil_bench.abilities.campaign.table import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.abilities.campaign.verbs.campaign_view import (
     CampaignView,
     add_jobs_argument,

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from time import monotonic
 
-from hil_bench.abilities.campaign.executing import Note
 from hil_bench.abilities.campaign.records import RunResult, Verdict
 from hil_bench.abilities.campaign.reports import bin_margins
 from hil_bench.abilities.campaign.summary import show_point, size_of, smallest_margin
+from hil_bench.abilities.campaign.table import Note
 from hil_bench.abilities.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.cli.parser import count_from_zero
 from hil_bench.cli.status_line import Work

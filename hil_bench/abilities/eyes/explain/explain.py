@@ -6,24 +6,22 @@ from typing import Final, NamedTuple
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, seconds
-from hil_bench.abilities.eyes.explain.heartbeats import Heartbeats
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
 from hil_bench.abilities.eyes.explain.j1939_addresses import Addresses, Names, Restarts
 from hil_bench.abilities.eyes.explain.j1939_changes import Changes
 from hil_bench.abilities.eyes.explain.j1939_cycles import Cycles
 from hil_bench.abilities.eyes.explain.j1939_doubles import Doubles
-from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings
+from hil_bench.abilities.eyes.explain.pdo_settings import PdoSettings, Transfers
 from hil_bench.abilities.eyes.explain.presence import Presence
 from hil_bench.abilities.eyes.explain.process_data import ProcessData
 from hil_bench.abilities.eyes.explain.recordings import Recordings
-from hil_bench.abilities.eyes.explain.silence import Silence
+from hil_bench.abilities.eyes.explain.silence import Heartbeats, Silence
 from hil_bench.abilities.eyes.explain.syncs import Syncs
-from hil_bench.abilities.eyes.explain.transfers import Transfers
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.j1939.protocol.identifier import NULL
+from hil_bench.abilities.j1939.protocol.signals import NULL
 from hil_bench.outside.recording.channels import LoggedFrame
 
 # The time of a log whose clock does not go on evenly, or that holds the frames of two.

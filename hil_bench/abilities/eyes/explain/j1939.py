@@ -13,7 +13,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.j1939 import group_name, lamps_of, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ACKNOWLEDGEMENT,
     DM1,
     GLOBAL,

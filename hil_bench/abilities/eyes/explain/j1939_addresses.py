@@ -20,7 +20,7 @@ from hil_bench.abilities.eyes.explain.j1939 import (
 )
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ADDRESS_CLAIMED,
     DM1,
     NAME_BYTES,

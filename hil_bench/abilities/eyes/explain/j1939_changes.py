@@ -17,16 +17,16 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ADDRESS_CLAIMED,
     DM1,
     GLOBAL,
     HIGHEST_GROUP,
+    NOT_AVAILABLE,
     NULL,
     is_to_all,
     split,
 )
-from hil_bench.abilities.j1939.protocol.signals import NOT_AVAILABLE
 
 _MS: Final = 1_000_000
 _KNOWN: Final = 5

@@ -17,7 +17,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, group_title
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.abilities.j1939.protocol.identifier import (
+from hil_bench.abilities.j1939.protocol.signals import (
     ADDRESS_CLAIMED,
     DM1,
     GLOBAL,

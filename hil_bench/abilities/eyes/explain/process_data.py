@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.counters import Counters
 from hil_bench.abilities.eyes.explain.finding import (
     Cause,
     Evidence,
@@ -14,6 +13,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     seconds,
 )
 from hil_bench.abilities.eyes.explain.pdo_courses import (
+    Counters,
     Course,
     Gap,
     fell_silent,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
-from hil_bench.abilities.j1939.protocol.identifier import DM1
+from hil_bench.abilities.j1939.protocol.signals import DM1
 from hil_bench.canopen_device.frame import BRS, ESI
 from hil_bench.canopen_device.words import is_error_reset
 from hil_bench.cli.results import json_text

@@ -38,8 +38,7 @@ from hil_bench.abilities.recording.column_map import (
     read_mapped,
     take_sensors,
 )
-from hil_bench.abilities.recording.evening import make_even
-from hil_bench.abilities.recording.quantities import check_quantities, find_doubts
+from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (

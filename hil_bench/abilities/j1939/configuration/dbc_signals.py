@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from hil_bench.abilities.j1939.protocol.identifier import split
+from hil_bench.abilities.j1939.protocol.signals import split
 from hil_bench.config.values import describe, find_nearest, quote
 from hil_bench.errors import ConfigError, about_file
 

@@ -16,7 +16,7 @@ from hil_bench.abilities.j1939.kinds.signal_table import (
     TakenConfig,
 )
 from hil_bench.abilities.j1939.protocol.signals import Signal
-from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.transmission import MOST_BYTES
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.bindings import (
     SCRIPT_KEYS,

@@ -17,7 +17,7 @@ from hil_bench.abilities.j1939.ecus import EcuTable, build_ecus
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE, FLOW
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
 from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
-from hil_bench.abilities.j1939.protocol.identifier import NULL, Name
+from hil_bench.abilities.j1939.protocol.signals import NULL, Name
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.nodes import OtherDrive
 from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig

@@ -7,9 +7,8 @@ from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
-from hil_bench.abilities.j1939.protocol.identifier import Name
 from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
-from hil_bench.abilities.j1939.protocol.signals import EcuValue
+from hil_bench.abilities.j1939.protocol.signals import EcuValue, Name
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
 from hil_bench.kinds.surroundings import Surroundings

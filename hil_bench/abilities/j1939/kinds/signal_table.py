@@ -8,7 +8,6 @@ from typing import Final
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
 from hil_bench.abilities.j1939.protocol.ecu import USUAL_PRIORITY, Ecu
-from hil_bench.abilities.j1939.protocol.identifier import HIGHEST_GROUP
 from hil_bench.abilities.j1939.protocol.signal_table import (
     CommandSignal,
     Input,
@@ -17,8 +16,8 @@ from hil_bench.abilities.j1939.protocol.signal_table import (
     Show,
     SignalTable,
 )
-from hil_bench.abilities.j1939.protocol.signals import EcuValue, Signal
-from hil_bench.abilities.j1939.protocol.transport_protocol import MOST_BYTES
+from hil_bench.abilities.j1939.protocol.signals import HIGHEST_GROUP, EcuValue, Signal
+from hil_bench.abilities.j1939.protocol.transmission import MOST_BYTES
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key
 from hil_bench.config.values import choice, integer, non_negative, nonzero, number, text, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement

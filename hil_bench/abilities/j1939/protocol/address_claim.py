@@ -4,7 +4,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Final
 
-from hil_bench.abilities.j1939.protocol.identifier import NAME_BYTES, NULL, Name
+from hil_bench.abilities.j1939.protocol.signals import NAME_BYTES, NULL, Name
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER
 
 CONTENTION: Final = 250 * MILLISECOND

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from hil_bench.abilities.j1939.protocol.identifier import GLOBAL
-from hil_bench.abilities.j1939.protocol.transport_protocol import (
+from hil_bench.abilities.j1939.protocol.signals import GLOBAL
+from hil_bench.abilities.j1939.protocol.transmission import (
     MOST_AT_ONCE,
     MOST_BYTES,
     RETRANSMISSIONS,

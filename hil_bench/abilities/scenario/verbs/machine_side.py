@@ -16,7 +16,7 @@ from hil_bench.abilities.commissioning.plan import (
     load_plan,
 )
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.on_machine import MachineScenario, prepare_for_machine
+from hil_bench.abilities.scenario.recorded import MachineScenario, prepare_for_machine
 from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.bench.configuration import BenchConfig

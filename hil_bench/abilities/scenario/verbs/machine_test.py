@@ -23,8 +23,7 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.recorder import RecordingSink
 from hil_bench.abilities.recording.work import recorded_work
-from hil_bench.abilities.scenario.on_machine import MachineScenario, lay_samples
-from hil_bench.abilities.scenario.recorded import judge_trace
+from hil_bench.abilities.scenario.recorded import MachineScenario, judge_trace, lay_samples
 from hil_bench.abilities.scenario.records import ticks_of
 from hil_bench.abilities.scenario.results import ScenarioResult
 from hil_bench.abilities.scenario.verbs.machine_side import (

@@ -12,20 +12,11 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
 from hil_bench.bench.peers import peers_of
+from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up
-from hil_bench.cli.status_line import (
-    Progress,
-    StatusLine,
-    bench_status,
-    bench_status_row,
-    bus_status,
-    bus_status_row,
-    format_health,
-    format_lines,
-)
 from hil_bench.cli.terminal import ecu_text
 from hil_bench.cli.views import ShownWork, watched_run
 from hil_bench.outside.bits import BusLoad, bitrate_text, load_of
@@ -233,8 +224,8 @@ class PacedRun:
         self._clock = clock
         self._statistics = TickStatistics(is_shared=True)
         self._load = BusLoad(setup.bus.bitrate)
-        channels, fields = bench_status(self._bench)
-        bus_channels, bus_fields = bus_status()
+        channels, fields = status_line.bench_status(self._bench)
+        bus_channels, bus_fields = status_line.bus_status()
         self._snapshot = Snapshot(len(channels) + len(bus_channels))
         self._fields = (fields, bus_fields)
         self._events = BenchEvents(setup.config, self._bench, logger.warning)
@@ -249,7 +240,7 @@ class PacedRun:
             statistics=self._statistics,
             spin=0 if isinstance(self._clock, VirtualClock) else config.realtime.spin,
         )
-        line = StatusLine(
+        line = status_line.StatusLine(
             self._snapshot, self._fields, statistics=self._statistics, wanted=not args.quiet
         )
         shown = [line] if line.is_shown else []
@@ -304,25 +295,27 @@ class PacedRun:
 
     def _health(self) -> dict[str, float]:
         counters, now = self._setup.bus.transport.counters(), self._setup.session.now
-        received, sent, load = bus_status_row(counters, self._load.update(now, counters.bits))
+        received, sent, load = status_line.bus_status_row(
+            counters, self._load.update(now, counters.bits)
+        )
         return {"received": received, "sent": sent, "bus_load": load}
 
     def _row(self, now: int) -> tuple[float, ...]:
         counters = self._setup.bus.transport.counters()
-        present = bus_status_row(counters, self._load.update(now, counters.bits))
-        return (*bench_status_row(self._bench), *present)
+        present = status_line.bus_status_row(counters, self._load.update(now, counters.bits))
+        return (*status_line.bench_status_row(self._bench), *present)
 
     def _publish(self, now: int) -> None:
         self._snapshot.write(self._row(now))
 
-    def _make_progress(self) -> Progress:
+    def _make_progress(self) -> status_line.Progress:
         """Make the progress lines that replace the status lines where there are none."""
 
         def lines(now: int) -> list[str]:
-            health = format_health(self._statistics if self.is_timed else None)
-            return format_lines(self._row(now), self._fields) + health
+            health = status_line.format_health(self._statistics if self.is_timed else None)
+            return status_line.format_lines(self._row(now), self._fields) + health
 
-        return Progress(logger.warning, lines)
+        return status_line.Progress(logger.warning, lines)
 
 
 def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str]:

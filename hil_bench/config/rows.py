@@ -18,18 +18,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from hil_bench.config import values
 from hil_bench.config.settings import CLOCK_MICROSECOND, Key, Range
-from hil_bench.config.values import (
-    Reader,
-    Value,
-    boolean,
-    integer,
-    interval,
-    number,
-    points,
-    text,
-    zero_or,
-)
 from hil_bench.units import UNIT_OF, Unit
 
 HALF_MILLIMETRE: Final = Unit("mm", "_mm", 0.5e-3)
@@ -54,7 +44,7 @@ class Rows(NamedTuple):
         return tuple(key for key in self.groups["sheet"] if key.sheet == name)
 
 
-def with_words(keys: Iterable[Key], words: Mapping[str, Reader]) -> Iterator[Key]:
+def with_words(keys: Iterable[Key], words: Mapping[str, values.Reader]) -> Iterator[Key]:
     """Yield keys in which those of words have their readers."""
     for key in keys:
         read = words.get(key.name)
@@ -94,7 +84,7 @@ def _key(row: Mapping[str, str]) -> Key:
     )
 
 
-def _default(default: str, accepts: str) -> Value:
+def _default(default: str, accepts: str) -> values.Value:
     match accepts:
         case "points":
             return ()
@@ -108,17 +98,19 @@ def _default(default: str, accepts: str) -> Value:
             return float(default) if default else None
 
 
-def _reader(unit: Unit, accepts: str) -> Reader:
+def _reader(unit: Unit, accepts: str) -> values.Reader:
     if accepts.startswith("0 or "):
-        return zero_or(_reader(unit, accepts.removeprefix("0 or ")))
+        return values.zero_or(_reader(unit, accepts.removeprefix("0 or ")))
     if accepts.startswith("whole "):
         first, _, last = accepts.removeprefix("whole ").partition("..")
-        return integer(int(first), int(last) if last else None)
+        return values.integer(int(first), int(last) if last else None)
     if ".." in accepts:
         low, high = _limits(accepts)
-        return number(unit, low=low, high=high)
-    plain = {"text": text, "a word": text, "true or false": boolean}.get(accepts)
-    of_unit = {"points": points, "interval": interval}.get(accepts, number)
+        return values.number(unit, low=low, high=high)
+    plain = {"text": values.text, "a word": values.text, "true or false": values.boolean}.get(
+        accepts
+    )
+    of_unit = {"points": values.points, "interval": values.interval}.get(accepts, values.number)
     return plain or of_unit(unit)
 
 

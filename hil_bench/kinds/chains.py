@@ -7,17 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.config import settings
 from hil_bench.config.rows import read_rows, with_words
-from hil_bench.config.settings import (
-    Given,
-    Key,
-    Origin,
-    Problems,
-    Settings,
-    convert,
-    open_table,
-    read_table,
-)
 from hil_bench.config.values import Value, choice
 from hil_bench.devices.measurement.low_pass import ChainParameters, OverRange
 
@@ -51,12 +42,12 @@ _PRESETS_OF: Final = {"Pa": PressurePreset, "m": PositionPreset, "rad": AnglePre
 _GROUPS: Final = read_rows(Path(__file__).with_name("chain.tsv")).groups
 
 
-def _keys(unit: str, presets: type[StrEnum]) -> tuple[Key, ...]:
+def _keys(unit: str, presets: type[StrEnum]) -> tuple[settings.Key, ...]:
     keys = (*_GROUPS[unit], *_GROUPS["all"], *(() if unit == "Pa" else _GROUPS["speed"]))
     return tuple(with_words(keys, {"preset": choice(presets), "over_range": choice(OverRange)}))
 
 
-CHAIN_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
+CHAIN_KEYS: Final[Mapping[str, tuple[settings.Key, ...]]] = MappingProxyType(
     {unit: _keys(unit, presets) for unit, presets in _PRESETS_OF.items()}
 )
 """By the SI unit of what the chain carries; what is in another unit has no chain."""
@@ -101,8 +92,8 @@ _MOST_WARMTH = 1000  # [K]
 
 
 def read_chain(
-    node: str, unit: str | None, given: Given | None, problems: Problems
-) -> Settings | None:
+    node: str, unit: str | None, given: settings.Given | None, problems: settings.Problems
+) -> settings.Settings | None:
     """Return the settings of a chain; None where nothing has one, or where there is a problem.
 
     Args:
@@ -116,18 +107,18 @@ def read_chain(
         return None
     keys = CHAIN_KEYS[unit]
     if given is None:
-        return read_table(table, {}, keys, problems)
-    values = open_table(table, given, problems)
-    return _with_preset(read_table(table, values, keys, problems))
+        return settings.read_table(table, {}, keys, problems)
+    values = settings.open_table(table, given, problems)
+    return _with_preset(settings.read_table(table, values, keys, problems))
 
 
-def check_chains(chains: Mapping[str, Settings], problems: Problems) -> None:
+def check_chains(chains: Mapping[str, settings.Settings], problems: settings.Problems) -> None:
     """Note values of the nodes' chains, given by node, that do not go together."""
     for name, chain in chains.items():
         check_chain(f"nodes.{name}.{CHAIN_TABLE}", chain, problems)
 
 
-def check_chain(table: str, chain: Settings, problems: Problems) -> None:
+def check_chain(table: str, chain: settings.Settings, problems: settings.Problems) -> None:
     """Note values of the chain in `table` that do not go together."""
     period, phase = (chain[f"sampling_{name}_us"].value for name in ("period", "phase"))
     if phase and phase >= period:
@@ -141,33 +132,37 @@ def check_chain(table: str, chain: Settings, problems: Problems) -> None:
     _check_warming(table, chain["warming_s_k"].value, problems)
 
 
-def build_chain(unit: str, chain: Settings) -> ChainParameters:
+def build_chain(unit: str, chain: settings.Settings) -> ChainParameters:
     """Return the record of a checked chain."""
     keys = [key for key in CHAIN_KEYS[unit] if key.name != "preset"]
-    return ChainParameters(**convert(chain, keys))
+    return ChainParameters(**settings.convert(chain, keys))
 
 
 def preset_chain(unit: str, preset: StrEnum) -> ChainParameters:
     """Return the measuring chain of a preset, for an SI unit, without further values."""
-    problems = Problems(f"preset {preset}")
-    given = Given({"preset": preset.value}, Origin.FILE, problems.place(CHAIN_TABLE))
+    problems = settings.Problems(f"preset {preset}")
+    given = settings.Given(
+        {"preset": preset.value}, settings.Origin.FILE, problems.place(CHAIN_TABLE)
+    )
     chain = read_chain("nodes.sensor", unit, given, problems)
     problems.raise_any()
     return build_chain(unit, chain or {})
 
 
-def _with_preset(chain: Settings) -> Settings:
+def _with_preset(chain: settings.Settings) -> settings.Settings:
     """Return the settings in which the preset's values take the place of the keys' defaults."""
     preset = PRESETS[chain["preset"].value] if "preset" in chain else {}
     return {
         name: setting._replace(value=preset[name])
-        if setting.origin is Origin.DEFAULT and name in preset
+        if setting.origin is settings.Origin.DEFAULT and name in preset
         else setting
         for name, setting in chain.items()
     }
 
 
-def _check_warming(table: str, points: tuple[tuple[float, float], ...], problems: Problems) -> None:
+def _check_warming(
+    table: str, points: tuple[tuple[float, float], ...], problems: settings.Problems
+) -> None:
     for (before, _), (after, _) in itertools.pairwise(points):
         if after < before:
             place = problems.place(table, "warming_s_k")

@@ -20,17 +20,7 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from hil_bench.pytest_plugin.options import (
-    OPTIONS,
-    SWITCHES,
-    add_options,
-    chosen_options,
-    is_on,
-    option,
-    path_option,
-    shown_path,
-    versions,
-)
+from hil_bench.pytest_plugin import options
 
 if TYPE_CHECKING:
     import can
@@ -51,7 +41,7 @@ def pytest_addoption(parser: pytest.Parser, pluginmanager: pytest.PytestPluginMa
 
     from hil_bench.ability import own_abilities
 
-    add_options(parser, OPTIONS, SWITCHES)
+    options.add_options(parser, options.OPTIONS, options.SWITCHES)
     for ability in own_abilities():
         if ability.fixtures:
             pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
@@ -72,7 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
         "hil_requires(profile, ..., axes=1): needs nodes of these profiles on the first axis, and "
         "as many axes; skipped on a bench without",
     )
-    if path_option(config, "config"):
+    if options.path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
 
@@ -86,8 +76,8 @@ def _load_config(config: pytest.Config) -> "BenchConfig":
     from hil_bench.bench.configuration import load_config
     from hil_bench.errors import ConfigError
 
-    path = config.getoption("hil_config") or path_option(config, "config")
-    seed = option(config, "seed")
+    path = config.getoption("hil_config") or options.path_option(config, "config")
+    seed = options.option(config, "seed")
     try:
         return load_config(path, seed=None if seed is None else int(seed))
     except ConfigError as error:
@@ -129,8 +119,8 @@ def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Col
 
 def pytest_report_header(config: pytest.Config) -> str | None:
     """Return the chosen options and the versions for the header; None without chosen options."""
-    chosen = chosen_options(config)
-    return f"hil-bench: {chosen}; {versions()}" if chosen else None
+    chosen = options.chosen_options(config)
+    return f"hil-bench: {chosen}; {options.versions()}" if chosen else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -138,7 +128,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("hil_requires"):
             item.fixturenames.append("_hil_requirements")  # type: ignore[attr-defined]
-    if option(config, "interface"):
+    if options.option(config, "interface"):
         return
     skip = pytest.mark.skip(reason="needs the physical bench: --hil-interface names its bus")
     for item in items:
@@ -177,7 +167,7 @@ def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> 
     markers = list(request.node.iter_markers("hil"))
     if not markers:
         return hil_config
-    if option(request.config, "interface"):
+    if options.option(request.config, "interface"):
         pytest.skip("@pytest.mark.hil needs the virtual bench, which --hil-interface turns off")
     from hil_bench.bench.configuration import load_config
     from hil_bench.config.document import merge
@@ -204,7 +194,7 @@ def bench(
 ) -> "Iterator[VirtualBench | PhysicalBench]":
     """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
     request.node.user_properties.extend(_properties(request.config, _bench_config))
-    if option(request.config, "interface"):
+    if options.option(request.config, "interface"):
         from hil_bench.pytest_plugin.devices import PhysicalBench
 
         yield PhysicalBench(_bench_config)
@@ -214,7 +204,7 @@ def bench(
     from hil_bench.outside.realtime.pacer import Pacer
     from hil_bench.session.virtual_bench import VirtualBench
 
-    directory = path_option(request.config, "artifacts")
+    directory = options.path_option(request.config, "artifacts")
     request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")
     pacer = Pacer(MonotonicClock(), _bench_config.tick_ns) if hil_realtime else None
     recorder = next(iter(given_to("pytest")), None)
@@ -228,7 +218,10 @@ def bench(
 @pytest.fixture(scope="session")
 def hil_realtime(pytestconfig: pytest.Config) -> bool:
     """Return True if bench time passes with the clock: --hil-realtime, or a physical bus."""
-    return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
+    return (
+        options.is_on(pytestconfig, "realtime")
+        or options.option(pytestconfig, "interface") is not None
+    )
 
 
 @pytest.fixture
@@ -238,7 +231,7 @@ def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Ite
     Raises:
         BusError: the physical one cannot be opened; later tests are then skipped.
     """
-    interface = option(pytestconfig, "interface")
+    interface = options.option(pytestconfig, "interface")
     if not interface:
         yield request.getfixturevalue("bench").bus
         return
@@ -248,7 +241,7 @@ def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Ite
     from hil_bench.outside.transports.opening import open_can_bus
 
     try:
-        bus, _ = open_can_bus(interface, option(pytestconfig, "channel"), None, {})
+        bus, _ = open_can_bus(interface, options.option(pytestconfig, "channel"), None, {})
     except BusError as error:
         pytestconfig.stash[_BROKEN] = str(error)
         raise
@@ -269,7 +262,7 @@ def network(
 
     hide_drivers_from_tracebacks()
     bench = request.getfixturevalue("bench")
-    is_physical = bool(option(pytestconfig, "interface"))
+    is_physical = bool(options.option(pytestconfig, "interface"))
     network = Network(can_bus) if is_physical else Network(can_bus, clock=bench.now)
     bench.pump = network.pump
     with ExitStack() as stack:
@@ -297,7 +290,7 @@ def _networks(
     with ExitStack() as stack:
 
         def make(name: str) -> Network:
-            if option(request.config, "interface"):
+            if options.option(request.config, "interface"):
                 bus = _bench_config.buses[name]
                 settings = (bus.interface, bus.channel, bus.bitrate, bus.options)
                 made = Network(stack.enter_context(open_can_bus(*settings)[0]))
@@ -379,10 +372,10 @@ def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: s
 
 def _properties(config: pytest.Config, bench: "BenchConfig") -> list[tuple[str, object]]:
     """List the properties of a test's bench for a JUnit file."""
-    bus = [option(config, name) for name in ("interface", "channel")]
+    bus = [options.option(config, name) for name in ("interface", "channel")]
     return [
-        ("hil_config", shown_path(config, bench.path) if bench.path else "built-in bench"),
+        ("hil_config", options.shown_path(config, bench.path) if bench.path else "built-in bench"),
         ("hil_seed", bench.seed),
         ("hil_interface", " ".join(filter(None, bus)) or "virtual bench"),
-        ("hil_versions", versions()),
+        ("hil_versions", options.versions()),
     ]

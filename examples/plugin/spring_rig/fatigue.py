@@ -1,8 +1,9 @@
 """A kind of fault: a spring loses a part of its stiffness."""
 
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import GROWTH, PLANTS, Site, fault_kind, percent
+from hil_bench.abilities.faults.kind import GROWTH, Site, fault_kind, percent
 from hil_bench.abilities.faults.plant_kinds import wear
+from hil_bench.abilities.faults.points import PLANTS
 
 
 @fault_kind(

@@ -7,15 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.campaign.distributions import (
-    Distribution,
-    Normal,
-    Point,
-    Sampler,
-    Uniform,
-    sample,
-    size_of_sample,
-)
+from hil_bench.abilities.campaign import distributions
 from hil_bench.abilities.campaign.records import Campaign, Case, RunSpec
 from hil_bench.abilities.campaign.store import (
     case_digest,
@@ -33,7 +25,7 @@ from hil_bench.errors import ConfigError
 
 _FEWEST_BLOCKS = 8  # of Saltelli's design: fewer say nothing
 
-Space = dict[str, Distribution]
+Space = dict[str, distributions.Distribution]
 """The distribution of each parameter."""
 
 
@@ -73,7 +65,7 @@ class Plan:
     def __len__(self) -> int:
         campaign = self.campaign
         points = sum(
-            size_of_sample(
+            distributions.size_of_sample(
                 list(self._varied(group).values()), campaign.sampler, campaign.runs, campaign.levels
             )
             for group in self.groups
@@ -87,7 +79,7 @@ class Plan:
     def runs_of(self, group: Group) -> Iterator[RunSpec]:
         """Yield the runs of a case."""
         campaign = self.campaign
-        points = sample(
+        points = distributions.sample(
             self._varied(group),
             campaign.sampler,
             campaign.runs,
@@ -147,7 +139,11 @@ def make_case(scenario: Scenario, name: str, bench: str = "", firmware: str = ""
 
 
 def make_spec(
-    case: Case, point: Point, space: Mapping[str, object], seed: int | None, timeout: float
+    case: Case,
+    point: distributions.Point,
+    space: Mapping[str, object],
+    seed: int | None,
+    timeout: float,
 ) -> RunSpec:
     """Return a run.
 
@@ -188,7 +184,7 @@ def fix_parameters(scenario: Scenario, given: Mapping[str, float]) -> Scenario:
 
 def space_of(
     scenario: Scenario,
-    given: Mapping[str, Distribution] | None = None,
+    given: Mapping[str, distributions.Distribution] | None = None,
     source: Path | str = "",
 ) -> Space:
     """Return the distributions of a scenario's parameters, of those that vary.
@@ -204,7 +200,7 @@ def space_of(
         if found is not None:
             space[each.name] = _within(found, each, f"{source}: parameters.{each.name}", scenario)
         elif each.span is not None:
-            space[each.name] = Uniform(*each.span)
+            space[each.name] = distributions.Uniform(*each.span)
     return space
 
 
@@ -214,7 +210,7 @@ def no_range(scenario: Scenario) -> str:
     return f"{scenario.path}: no parameter has a range; give one, as in {example}"
 
 
-def nested(tolerances: Point) -> dict[str, object]:
+def nested(tolerances: distributions.Point) -> dict[str, object]:
     """Return keys such as ``plant.axis1.mass_kg`` as tables in tables."""
     tables: dict[str, Any] = {}
     for name, value in tolerances.items():
@@ -236,12 +232,12 @@ def short_names(paths: "list[Path] | tuple[Path, ...] | Mapping[Path, object]") 
 
 
 def _within(
-    found: Distribution, parameter: Parameter, place: str, scenario: Scenario
-) -> Distribution:
+    found: distributions.Distribution, parameter: Parameter, place: str, scenario: Scenario
+) -> distributions.Distribution:
     if parameter.span is None:
         return found
     low, high = parameter.span
-    if isinstance(found, Normal):
+    if isinstance(found, distributions.Normal):
         return replace(found, low=low, high=high)
     if found.bounds[0] < low or found.bounds[1] > high:
         wrong = f"{found.bounds[0]:g} to {found.bounds[1]:g} leaves the range {low:g} to {high:g}"
@@ -256,7 +252,7 @@ def _check_design(campaign: Campaign) -> None:
     Raises:
         ConfigError: the number of points is no power of two, or a point has several seeds.
     """
-    if campaign.sampler is not Sampler.SALTELLI:
+    if campaign.sampler is not distributions.Sampler.SALTELLI:
         return
     runs = campaign.runs
     if runs & (runs - 1) or runs < _FEWEST_BLOCKS:
@@ -298,7 +294,9 @@ def _variants(
             yield bench, controller
 
 
-def _try_ends(case: Case, space: Space, tolerances: Mapping[str, Distribution]) -> None:
+def _try_ends(
+    case: Case, space: Space, tolerances: Mapping[str, distributions.Distribution]
+) -> None:
     """Refuse what varies where its least or largest value makes no bench or no run."""
     for name, each in chain(space.items(), tolerances.items()):
         for bound in each.bounds:

@@ -6,12 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from hil_bench.abilities.campaign.distributions import (
-    Distribution,
-    Point,
-    Sampler,
-    read_distribution,
-)
+from hil_bench.abilities.campaign import distributions
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.records import LocatedProblems, Scenario, find_spots
 from hil_bench.config.document import Sort, Tables, read_document
@@ -53,7 +48,7 @@ class Campaign:
     path: Path
     scenarios: tuple[Path, ...]
     title: str = ""
-    sampler: Sampler = Sampler.SOBOL
+    sampler: distributions.Sampler = distributions.Sampler.SOBOL
     runs: int = 64
     levels: int = 5
     seed: int = 0
@@ -61,10 +56,10 @@ class Campaign:
     seed_each: bool = False
     benches: tuple[Path, ...] = ()
     firmware: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    parameters: Mapping[str, Distribution] = field(default_factory=dict)
-    tolerances: Mapping[str, Distribution] = field(default_factory=dict)
+    parameters: Mapping[str, distributions.Distribution] = field(default_factory=dict)
+    tolerances: Mapping[str, distributions.Distribution] = field(default_factory=dict)
     timeout: float = 60.0
-    given: Point = field(default_factory=dict)
+    given: distributions.Point = field(default_factory=dict)
 
     def changed(
         self,
@@ -83,7 +78,7 @@ class Campaign:
             given: values of parameters.
         """
         changes: dict[str, Any] = {"runs": runs, "seed": seed, "given": given}
-        changes["sampler"] = None if sampler is None else Sampler(sampler)
+        changes["sampler"] = None if sampler is None else distributions.Sampler(sampler)
         return replace(self, **{k: value for k, value in changes.items() if value is not None})
 
 
@@ -119,13 +114,13 @@ class RunSpec(NamedTuple):
 
     key: str
     case: Case
-    parameters: Point
-    tolerances: Point
+    parameters: distributions.Point
+    tolerances: distributions.Point
     seed: int | None
     timeout: float
 
     @property
-    def values(self) -> Point:
+    def values(self) -> distributions.Point:
         """All that was varied."""
         return {**self.parameters, **self.tolerances}
 
@@ -205,7 +200,7 @@ class RunResult(NamedTuple):
     bench: str
     firmware: str
     seed: int | None
-    values: Point
+    values: distributions.Point
     outcome: RunOutcome
     problem: str = ""
     duration: float = 0.0
@@ -243,8 +238,8 @@ def read_campaign(path: Path) -> Campaign:
     file = Tables(document, problems)
     found = file.head(_KEYS, _TABLES)
     firmware = file.entries("firmware", _command)
-    parameters = file.entries("parameters", read_distribution)
-    tolerances = file.entries("tolerances", read_distribution)
+    parameters = file.entries("parameters", distributions.read_distribution)
+    tolerances = file.entries("tolerances", distributions.read_distribution)
     problems.raise_any()
     value = {name: setting.value for name, setting in found.items()}
     seeds = value["seeds"]
@@ -295,7 +290,7 @@ def _seeds(value: object) -> tuple[int, ...] | str:
 _KEYS: Sequence[Key] = (
     Key("title", text, ""),
     Key("scenarios", _some, example='["sag.scenario.toml"]'),
-    Key("sampler", choice(Sampler), Sampler.SOBOL),
+    Key("sampler", choice(distributions.Sampler), distributions.Sampler.SOBOL),
     Key("runs", integer(1, _MOST_RUNS), 64),
     Key("levels", integer(1, _MOST_LEVELS), 5),
     Key("seed", integer(0), 0),

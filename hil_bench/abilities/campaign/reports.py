@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil_bench.abilities.campaign import summary
 from hil_bench.abilities.campaign.falsify import Falsification
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
@@ -15,18 +16,6 @@ from hil_bench.abilities.campaign.search import Method, SearchResult
 from hil_bench.abilities.campaign.sensitivity import Sensitivity
 from hil_bench.abilities.campaign.snapshot import play_spec, verdicts_of
 from hil_bench.abilities.campaign.store import program_identity
-from hil_bench.abilities.campaign.summary import (
-    Change,
-    bounds_of,
-    command_of,
-    correlations,
-    count_outcomes,
-    show_point,
-    size_of,
-    smallest_margin,
-    summarise,
-    worst_runs,
-)
 from hil_bench.abilities.campaign.table import Outcome
 from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
@@ -239,7 +228,7 @@ def replay(spec: RunSpec, result: RunResult) -> Replay:
         return Replay(b"", f"played again it fails otherwise: {error}")
     if verdicts_of(run) != result.verdicts or run.evidence is None:
         return Replay(b"", "played again it has other margins: the controller is not deterministic")
-    sizes = [size_of(each) for each in result.verdicts]
+    sizes = [summary.size_of(each) for each in result.verdicts]
     return Replay(make_exhibit(run.findings[sizes.index(min(sizes))], run.evidence).picture)
 
 
@@ -252,7 +241,7 @@ def write_campaign_report(
     path: Path,
     plan: Plan,
     outcome: Outcome,
-    changes: Sequence[Change],
+    changes: Sequence[summary.Change],
     sensitivity: Sensitivity,
 ) -> None:
     """Write the report of a campaign.
@@ -274,21 +263,21 @@ def write_campaign_report(
             "tally": each.tally,
             "smallest": min(each.margins, default=None),
             "median": sorted(each.margins)[len(each.margins) // 2] if each.margins else None,
-            "worst": show_point(each.worst.values) if each.worst else "",
+            "worst": summary.show_point(each.worst.values) if each.worst else "",
             "seen": each.seen,
             "figure": margin_figure(each.margins) if each.margins else "",
         }
-        for each in summarise(results)
+        for each in summary.summarise(results)
     ]
-    worst_results = worst_runs(results)
+    worst_results = summary.worst_runs(results)
     pictures = _pictures(plan, worst_results)
     worst = [
         {
             "result": each,
-            "margin": smallest_margin(each),
-            "point": show_point(each.values),
+            "margin": summary.smallest_margin(each),
+            "point": summary.show_point(each.values),
             "reasons": [one for one in each.verdicts if one.outcome != "passed"],
-            "command": command_of(plan, each),
+            "command": summary.command_of(plan, each),
             "replay": pictures[each.key],
         }
         for each in worst_results
@@ -296,12 +285,12 @@ def write_campaign_report(
     content = {
         "title": campaign.title or campaign.path.name,
         "campaign": campaign,
-        "outcomes": count_outcomes(results),
+        "outcomes": summary.count_outcomes(results),
         "outcome": outcome,
         "requirements": requirements,
-        "correlations": correlations(results)[:_SHOWN],
+        "correlations": summary.correlations(results)[:_SHOWN],
         "sensitivity": sensitivity,
-        "bounds": list(bounds_of(plan, results)),
+        "bounds": list(summary.bounds_of(plan, results)),
         "worst": worst,
         "changes": changes,
     }
@@ -327,7 +316,7 @@ def write_search_report(path: Path, found: Falsification) -> None:
     requirements = [
         {
             "find": each,
-            "point": show_point(each.worst.point) if each.worst else "",
+            "point": summary.show_point(each.worst.point) if each.worst else "",
             "first": {method: each.first.get(method) for method in methods},
             "figure": search_figure(search, each.id) if each.worst else "",
         }

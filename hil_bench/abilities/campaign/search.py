@@ -9,14 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hil_bench.abilities.campaign.distributions import (
-    Distribution,
-    Floats,
-    Point,
-    Sampler,
-    points_at,
-    unit_points,
-)
+from hil_bench.abilities.campaign import distributions
 from hil_bench.abilities.campaign.plan import make_spec
 from hil_bench.abilities.campaign.records import Case, RunResult, RunSpec, Verdict
 from hil_bench.abilities.campaign.snapshot import Backend
@@ -108,7 +101,7 @@ class Trial(NamedTuple):
 
     method: Method
     number: int
-    point: Point
+    point: distributions.Point
     result: RunResult
 
     def margin(self, requirement: str) -> float | None:
@@ -181,10 +174,10 @@ _FLAT = 1e-9
 class Search(Protocol):
     """A way to choose runs."""
 
-    def ask(self) -> Floats:
+    def ask(self) -> distributions.Floats:
         """Return the next points of the unit cube, shape (points, parameters)."""
 
-    def tell(self, points: Floats, results: Sequence[RunResult]) -> None:
+    def tell(self, points: distributions.Floats, results: Sequence[RunResult]) -> None:
         """Take what came of them."""
 
 
@@ -198,14 +191,16 @@ class Sampled:
         seed: of the random generator.
     """
 
-    def __init__(self, sampler: Sampler, count: int, dimensions: int, seed: int) -> None:
-        self._batches = iter(_batches(unit_points(sampler, count, dimensions, seed)))
+    def __init__(
+        self, sampler: distributions.Sampler, count: int, dimensions: int, seed: int
+    ) -> None:
+        self._batches = iter(_batches(distributions.unit_points(sampler, count, dimensions, seed)))
 
-    def ask(self) -> Floats:
+    def ask(self) -> distributions.Floats:
         """Return the next points."""
         return next(self._batches)
 
-    def tell(self, points: Floats, results: Sequence[RunResult]) -> None:
+    def tell(self, points: distributions.Floats, results: Sequence[RunResult]) -> None:
         """Forget them."""
 
 
@@ -225,23 +220,25 @@ class Evolution:
         self._requirements = tuple(requirements)
         self._dimensions = dimensions
         self._generator = np.random.default_rng(seed)
-        self._known: list[tuple[Floats, RunResult]] = []
+        self._known: list[tuple[distributions.Floats, RunResult]] = []
         self._failed: set[str] = set()
         self._starts = 0
         self._wanted: Sequence[str] = self._requirements
         self._best, self._stale = math.inf, 0
         self._cma: Any = None
         first_seed = int(self._generator.integers(2**31))
-        self._first = unit_points(Sampler.SOBOL, _FIRST, dimensions, first_seed)
+        self._first = distributions.unit_points(
+            distributions.Sampler.SOBOL, _FIRST, dimensions, first_seed
+        )
 
-    def ask(self) -> Floats:
+    def ask(self) -> distributions.Floats:
         """Return the next generation."""
         if self._cma is None:
             return self._first
         size = self._cma.population_size
         return np.array([self._cma.ask() for _ in range(size)])
 
-    def tell(self, points: Floats, results: Sequence[RunResult]) -> None:
+    def tell(self, points: distributions.Floats, results: Sequence[RunResult]) -> None:
         """Take what came of them; start anew where that leads nowhere."""
         costs = [cost_of(each, self._wanted) for each in results]
         self._known += zip(points, results, strict=True)
@@ -269,11 +266,11 @@ class Evolution:
         else:
             self._start(self._best_known())
 
-    def _best_known(self) -> Floats:
+    def _best_known(self) -> distributions.Floats:
         """Return the best point for the requirements of this turn."""
         return min(self._known, key=lambda each: cost_of(each[1], self._wanted))[0]
 
-    def _start(self, mean: Floats) -> None:
+    def _start(self, mean: distributions.Floats) -> None:
         from cmaes import CMA  # noqa: PLC0415 - an extra
 
         self._best, self._stale = math.inf, 0
@@ -296,9 +293,9 @@ def build_search(
     """
     match method:
         case Method.RANDOM:
-            return Sampled(Sampler.MONTE_CARLO, count, dimensions, seed)
+            return Sampled(distributions.Sampler.MONTE_CARLO, count, dimensions, seed)
         case Method.SOBOL:
-            return Sampled(Sampler.SOBOL, count, dimensions, seed)
+            return Sampled(distributions.Sampler.SOBOL, count, dimensions, seed)
         case Method.CMA_ES:
             return Evolution(requirements, dimensions, seed)
 
@@ -311,7 +308,7 @@ def failures(results: Sequence[RunResult]) -> Iterator[str]:
                 yield verdict.id
 
 
-def _batches(points: Floats) -> Iterator[Floats]:
+def _batches(points: distributions.Floats) -> Iterator[distributions.Floats]:
     for start in range(0, len(points), _BATCH):
         yield points[start : start + _BATCH]
 
@@ -333,7 +330,7 @@ class Searcher:
     def __init__(
         self,
         case: Case,
-        space: dict[str, Distribution],
+        space: dict[str, distributions.Distribution],
         backend: Backend,
         timeout: float = 60.0,
         note: Note = lambda _result: None,
@@ -393,7 +390,7 @@ class Searcher:
         done = 0
         while done < runs and monotonic() < until:
             shares = search.ask()[: runs - done]
-            points = list(points_at(self._space, shares))
+            points = list(distributions.points_at(self._space, shares))
             specs = [
                 make_spec(self._case, point, self._space, None, self._timeout) for point in points
             ]
@@ -417,7 +414,7 @@ class Searcher:
 def _trials_of(
     method: Method,
     before: int,
-    points: Sequence[Point],
+    points: Sequence[distributions.Point],
     specs: Sequence[RunSpec],
     found: Mapping[str, RunResult],
 ) -> Iterator[Trial]:

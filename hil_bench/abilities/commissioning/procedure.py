@@ -4,15 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil_bench.abilities.commissioning.comparison import (
-    IDENTITY,
-    MAPPING,
-    REVISION,
-    SERIAL_NUMBER,
-    Difference,
-    Mend,
-    compare,
-)
+from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.abilities.commissioning.plan import Step, expected_speed
 from hil_bench.abilities.commissioning.rig import Rig
@@ -104,11 +96,13 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
     names = {node.node_id: node for node in procedure.members}
     differences = [
         difference
-        for difference in compare(procedure.network, procedure.config, patience=PATIENCE)
+        for difference in comparison.compare(procedure.network, procedure.config, patience=PATIENCE)
         if difference.node_id in names
     ]
-    foreign = [difference for difference in differences if difference.mend is Mend.NODE]
-    settings = [difference for difference in differences if difference.mend is Mend.WRITE]
+    foreign = [difference for difference in differences if difference.mend is comparison.Mend.NODE]
+    settings = [
+        difference for difference in differences if difference.mend is comparison.Mend.WRITE
+    ]
     remapped = [difference for difference in settings if _is_mapping(difference)]
     result.findings += [_identity_finding(difference) for difference in foreign]
     result.findings += [
@@ -129,15 +123,17 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
     return result
 
 
-def _is_mapping(difference: Difference) -> bool:
+def _is_mapping(difference: comparison.Difference) -> bool:
     """Return True if it is one of what a PDO carries."""
-    return difference.key is not None and any(difference.key[0] in block for block in MAPPING)
+    return difference.key is not None and any(
+        difference.key[0] in block for block in comparison.MAPPING
+    )
 
 
-def _identity_finding(difference: Difference) -> Diagnosis:
-    if difference.key == REVISION:
+def _identity_finding(difference: comparison.Difference) -> Diagnosis:
+    if difference.key == comparison.REVISION:
         name = "wrong EDS revision"
-    elif difference.key in {*IDENTITY, SERIAL_NUMBER}:
+    elif difference.key in {*comparison.IDENTITY, comparison.SERIAL_NUMBER}:
         name = "another device"
     else:
         name = "node missing" if difference.is_missing else "node not usable"

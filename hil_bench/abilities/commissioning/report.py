@@ -8,14 +8,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.identity import NodeDescription
-from hil_bench.abilities.commissioning.measures import (
-    Curve,
-    Diagnosis,
-    Measure,
-    StepResult,
-    Verdict,
-)
 from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.abilities.recording.plot import save_figure
 from hil_bench.errors import about_file, whole_file
@@ -54,12 +48,12 @@ _PANELS = (
 )
 
 
-def plot_step(result: StepResult, path: Path) -> None:
+def plot_step(result: measures.StepResult, path: Path) -> None:
     """Write the samples of a step, and beside them its characteristics."""
     save_figure(lambda: _draw(result), path)
 
 
-def _draw(result: StepResult) -> "Figure":
+def _draw(result: measures.StepResult) -> "Figure":
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
     figure = Figure(figsize=(11.0 if result.curves else 7.0, 6.4), layout="constrained")
@@ -94,7 +88,7 @@ def _draw_trace(places: "list[Axes]", trace: Recording) -> None:
     places[-1].set_xlabel("Time [s]")
 
 
-def _draw_curve(place: "Axes", curve: Curve) -> None:
+def _draw_curve(place: "Axes", curve: measures.Curve) -> None:
     place.plot(curve.x, curve.y, color=BLUE, linewidth=0.9, label="measured")
     if curve.fit_x.size:
         marker = "o" if curve.fit_x.size == 2 else ""
@@ -196,7 +190,7 @@ def _draw_pictures(directory: Path, found: Commissioning) -> dict[str, Path]:
     return pictures
 
 
-def _title(result: StepResult) -> str:
+def _title(result: measures.StepResult) -> str:
     return _TITLES[result.kind]
 
 
@@ -242,7 +236,7 @@ def _hex(number: int | None) -> str:
     return "-" if number is None else f"0x{number:08X}"
 
 
-def _measure_row(measure: Measure) -> Row:
+def _measure_row(measure: measures.Measure) -> Row:
     mark = "" if not measure.is_judged else "pass" if measure.is_right else "FAIL"
     return measure.name, measure.text(), measure.range_text(), mark
 
@@ -273,7 +267,7 @@ def _markdown_table(head: Row, rows: Sequence[Row]) -> list[str]:
     return [f"| {' | '.join(map(cell, row))} |" for row in (head, ["---"] * len(head), *rows)]
 
 
-def _markdown_finding(finding: Diagnosis) -> str:
+def _markdown_finding(finding: measures.Diagnosis) -> str:
     return f"**{plain(finding.name)}**: {plain(finding.evidence)}. {plain(finding.mend)}."
 
 
@@ -315,7 +309,7 @@ def _html_table(head: Row, rows: Sequence[Row]) -> str:
 
 
 def _html_cell(text: str) -> str:
-    is_verdict = text in {"pass", "FAIL", *(verdict.value for verdict in Verdict)}
+    is_verdict = text in {"pass", "FAIL", *(verdict.value for verdict in measures.Verdict)}
     return f"<td>{_badge(text) if is_verdict else escape(text)}</td>"
 
 
@@ -328,7 +322,7 @@ def _html_finding(name: str, evidence: str, mend: str) -> str:
     return f'<div class="finding"><b>{escape(name)}</b>: {escape(evidence)}. {escape(mend)}.</div>'
 
 
-def _html_picture(path: Path, result: StepResult) -> str:
+def _html_picture(path: Path, result: measures.StepResult) -> str:
     data = base64.b64encode(path.read_bytes()).decode()
     kind = "" if result.curves else ' class="narrow"'
     return f'<img{kind} alt="{escape(_title(result))}" src="data:image/png;base64,{data}">'

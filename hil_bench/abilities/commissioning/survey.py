@@ -6,14 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hil_bench.abilities.commissioning.discovery import (
-    NODE_IDS,
-    BusTraffic,
-    Method,
-    Sighting,
-    discover,
-    signs_of_operation,
-)
+from hil_bench.abilities.commissioning import discovery
 from hil_bench.abilities.commissioning.identity import NodeDescription, describe
 from hil_drivers import Network
 
@@ -184,15 +177,15 @@ class Survey:
 
     nodes: tuple[NodeDescription, ...]
     unconfigured: LssScan | None
-    traffic: BusTraffic
+    traffic: discovery.BusTraffic
     operation: tuple[str, ...] = ()
 
 
 def survey(
     network: Network,
-    method: Method,
+    method: discovery.Method,
     *,
-    node_ids: Iterable[int] = NODE_IDS,
+    node_ids: Iterable[int] = discovery.NODE_IDS,
     patience: float = 1.0,
     lss: bool = False,
     insists: bool = False,
@@ -209,13 +202,13 @@ def survey(
         insists: whether to ask a bus in operation, too.
     """
     wanted = list(node_ids)
-    heard, traffic = _observed(network, Method.HEARTBEAT, wanted, patience)
-    if method is not Method.HEARTBEAT or lss:
-        operation = () if insists else signs_of_operation(traffic)
+    heard, traffic = _observed(network, discovery.Method.HEARTBEAT, wanted, patience)
+    if method is not discovery.Method.HEARTBEAT or lss:
+        operation = () if insists else discovery.signs_of_operation(traffic)
         if operation:
             return Survey(tuple(map(_only_heard, heard)), None, traffic, operation)
     sightings = heard
-    if method is not Method.HEARTBEAT:
+    if method is not discovery.Method.HEARTBEAT:
         sightings, traffic = _observed(network, method, wanted, patience)
         states = {seen.node_id: seen.nmt_state for seen in heard}
         found = {seen.node_id for seen in sightings}
@@ -229,21 +222,21 @@ def survey(
 
 
 def _observed(
-    network: Network, method: Method, node_ids: list[int], patience: float
-) -> tuple[list[Sighting], BusTraffic]:
+    network: Network, method: discovery.Method, node_ids: list[int], patience: float
+) -> tuple[list[discovery.Sighting], discovery.BusTraffic]:
     """Look for nodes, and return them with the traffic meanwhile."""
-    traffic = BusTraffic()
+    traffic = discovery.BusTraffic()
     network.observe = traffic.take
     begin = network.now()
     try:
-        sightings = discover(network, method, node_ids=node_ids, patience=patience)
+        sightings = discovery.discover(network, method, node_ids=node_ids, patience=patience)
     finally:
         network.observe = None
     traffic.duration = network.now() - begin
     return sightings, traffic
 
 
-def _only_heard(sighting: Sighting) -> NodeDescription:
+def _only_heard(sighting: discovery.Sighting) -> NodeDescription:
     """Describe a node by its heartbeat alone."""
     state = sighting.nmt_state
     name = None if state is None else state.name

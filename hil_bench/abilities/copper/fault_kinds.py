@@ -3,9 +3,10 @@
 from hil_bench.abilities.faults.checks import FaultDirection, bounded, choose, identifier
 from hil_bench.abilities.faults.effects import Acts
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import CAN_ID, DIRECTION, WIRED, Site, fault_kind
+from hil_bench.abilities.faults.kind import CAN_ID, DIRECTION, Site, fault_kind
 from hil_bench.abilities.faults.line import disturbance
 from hil_bench.abilities.faults.line_kinds import SHARE
+from hil_bench.abilities.faults.points import WIRED
 
 
 @fault_kind(WIRED, keys=(SHARE, DIRECTION, CAN_ID))

@@ -16,19 +16,9 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.realtime import linux
+from hil_bench.outside.realtime import linux, scheduling
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.realtime.scheduling import (
-    CAP_SYS_NICE,
-    GRANT_DEADLINE,
-    GRANT_LATENCY,
-    GRANT_MEMORY,
-    GRANT_PRIORITY,
-    format_cpus,
-    has_capability,
-    may_lock_memory,
-)
 from hil_bench.outside.realtime.statistics import TickSummary
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.paced import run_paced
@@ -353,14 +343,16 @@ def examine_permissions(read: Read) -> Topic:
     if not IS_LINUX:
         names = ("SCHED_FIFO", "SCHED_DEADLINE", "memory lock", "wake-up latency")
         return Topic("Permissions", tuple(absent(name, "Linux only") for name in names))
-    processors = good("processors", f"{format_cpus(linux.processors())} permitted")
+    processors = good("processors", f"{scheduling.format_cpus(linux.processors())} permitted")
     throttling = _throttling(read("/proc/sys/kernel/sched_rt_runtime_us"))
     permitted = (_fifo(), _deadline(), _memory_lock(), _wake_latency())
     return Topic("Permissions", (*permitted, throttling, _timer_slack(), processors))
 
 
 def _fifo() -> Finding:
-    finding = _policy("SCHED_FIFO", lambda: linux.set_fifo_policy(_PRIORITY), GRANT_PRIORITY)
+    finding = _policy(
+        "SCHED_FIFO", lambda: linux.set_fifo_policy(_PRIORITY), scheduling.GRANT_PRIORITY
+    )
     return replace(finding, value=f"{finding.value}; RLIMIT_RTPRIO {linux.priority_limit()}")
 
 
@@ -368,7 +360,7 @@ def _deadline() -> Finding:
     return _policy(
         "SCHED_DEADLINE",
         lambda: linux.set_deadline_policy(_PERIOD // 10, _PERIOD),
-        GRANT_DEADLINE,
+        scheduling.GRANT_DEADLINE,
     )
 
 
@@ -387,7 +379,7 @@ def _policy(name: str, take: Callable[[], None], grant: str) -> Finding:
     thread.join()
     if not refusals:
         return good(name, "permitted")
-    if has_capability(CAP_SYS_NICE):
+    if scheduling.has_capability(scheduling.CAP_SYS_NICE):
         grant = "leave the cgroup, which gives no real-time time (cpu.rt_runtime_us), or give it"
     return Finding(name, Verdict.HINT, f"refused: {refusals[0].strerror}", grant)
 
@@ -395,16 +387,16 @@ def _policy(name: str, take: Callable[[], None], grant: str) -> Finding:
 def _memory_lock() -> Finding:
     limit = linux.memory_limit()
     text = "unlimited" if limit is None else f"{limit / 2**20:g} MiB"
-    if may_lock_memory():
+    if scheduling.may_lock_memory():
         return good("memory lock", f"permitted; RLIMIT_MEMLOCK {text}")
-    return Finding("memory lock", Verdict.HINT, f"RLIMIT_MEMLOCK {text}", GRANT_MEMORY)
+    return Finding("memory lock", Verdict.HINT, f"RLIMIT_MEMLOCK {text}", scheduling.GRANT_MEMORY)
 
 
 def _wake_latency() -> Finding:
     name = "wake-up latency"
     if linux.may_hold_wake_latency():
         return good(name, "may be held at 0 us, as a run with --realtime does")
-    return Finding(name, Verdict.HINT, "left to the idle states", GRANT_LATENCY)
+    return Finding(name, Verdict.HINT, "left to the idle states", scheduling.GRANT_LATENCY)
 
 
 def _throttling(runtime: str) -> Finding:

@@ -8,21 +8,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from hil_bench.abilities.eyes.frame_sights import (
-    LENGTH_OF_SDO,
-    emcy_sight,
-    error_sight,
-    extended_sight,
-    fd_sight,
-    heartbeat_sight,
-    nmt_sight,
-    pdo_sight,
-    plain_sight,
-    stray_sdo_sight,
-    sync_sight,
-    transfer_sight,
-    unknown_pdo_sight,
-)
+from hil_bench.abilities.eyes import frame_sights
 from hil_bench.abilities.eyes.j1939_bus import J1939Reader
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
@@ -78,12 +64,12 @@ class Decoder:
         sights = self.expire(logged.now) if logged.now >= self._look_at else []
         frame = logged.frame
         if frame.can_id >= ERROR_FLAG and not frame.is_extended:
-            return [*sights, error_sight(logged)]
+            return [*sights, frame_sights.error_sight(logged)]
         if frame.fd:
-            return [*sights, fd_sight(logged)]
+            return [*sights, frame_sights.fd_sight(logged)]
         if frame.is_extended:
             read = self._j1939.take(logged)
-            return [*sights, *([extended_sight(logged)] if read is None else read)]
+            return [*sights, *([frame_sights.extended_sight(logged)] if read is None else read)]
         key = frame.can_id | frame.bus << BUS_SHIFT
         handler = self._routes.get(key)
         if handler is None:
@@ -146,7 +132,7 @@ class Decoder:
                 self.pdos.setdefault(owner.address, []).append(owner)
             emcy = node.identifier_of(0x1014)
             if emcy is not None:
-                self._routes[address_of(emcy, node.bus)] = partial(emcy_sight, node)
+                self._routes[address_of(emcy, node.bus)] = partial(frame_sights.emcy_sight, node)
             sync = node.identifier_of(0x1005)
             if sync is not None:
                 self._routes[address_of(sync, node.bus)] = self._hear_sync
@@ -165,15 +151,15 @@ class Decoder:
         if node_id is None:
             service = Service.LSS if name.startswith("LSS") else Service.OTHER
             service = Service.TIME if name == "TIME" else service
-            return partial(plain_sight, service)
+            return partial(frame_sights.plain_sight, service)
         node = self._node(frame.bus, node_id)
         if name.startswith("SDO"):
             return partial(self._hear_sdo, node, is_request=name == "SDO request")
         if name == "heartbeat":
             return partial(self._hear_heartbeat, node)
         if name == "EMCY":
-            return partial(emcy_sight, node)
-        return partial(unknown_pdo_sight, node, name)
+            return partial(frame_sights.emcy_sight, node)
+        return partial(frame_sights.unknown_pdo_sight, node, name)
 
     def _hear_nmt(self, logged: LoggedFrame) -> Sight:
         frame = logged.frame
@@ -183,7 +169,7 @@ class Decoder:
             self._follow_command(request, frame.bus)
             if request.node_id in _NODE_IDS:
                 node = self._node(frame.bus, request.node_id)
-        return nmt_sight(node, logged)
+        return frame_sights.nmt_sight(node, logged)
 
     def _follow_command(self, request: NmtRequest, bus: int) -> None:
         addressed = [
@@ -207,13 +193,13 @@ class Decoder:
             and node.produces_sync
             and node.identifier_of(0x1005) == frame.can_id
         ]
-        return sync_sight(producers, logged)
+        return frame_sights.sync_sight(producers, logged)
 
     def _hear_heartbeat(self, node: KnownNode, logged: LoggedFrame) -> Sight:
         frame = logged.frame
         if not frame.is_remote and len(frame.data) == 1:
             self._follow_state(node, frame.data[0] & _STATE_BITS)
-        return heartbeat_sight(node, logged)
+        return frame_sights.heartbeat_sight(node, logged)
 
     def _follow_state(self, node: KnownNode, told: int) -> None:
         if told not in frozenset(NmtState):
@@ -225,19 +211,19 @@ class Decoder:
             self._route((node,))
 
     def _hear_pdo(self, logged: LoggedFrame) -> Sight:
-        return pdo_sight(self.owners(logged.frame), logged)
+        return frame_sights.pdo_sight(self.owners(logged.frame), logged)
 
     def _hear_sdo(self, node: KnownNode, logged: LoggedFrame, *, is_request: bool) -> list[Sight]:
         frame, now = logged.frame, logged.now
-        if len(frame.data) != LENGTH_OF_SDO:
-            return [stray_sdo_sight(node, logged)]
+        if len(frame.data) != frame_sights.LENGTH_OF_SDO:
+            return [frame_sights.stray_sdo_sight(node, logged)]
         key = node.bus, node.node_id
         channel = self._channels.setdefault(key, SdoChannel())
         had_current = channel.current is not None
         ended = channel.hear(frame.data, now, is_request=is_request)
         self._last_frames[key] = frame
         if not ended and not had_current and channel.current is None:
-            return [stray_sdo_sight(node, logged)]
+            return [frame_sights.stray_sdo_sight(node, logged)]
         return [self._end(node, transfer, now, frame) for transfer in ended]
 
     def _end(self, node: KnownNode, transfer: Transfer, now: int, frame: Frame) -> Sight:
@@ -246,4 +232,4 @@ class Decoder:
             transfer.index, transfer.subindex, bytes(transfer.data)
         ):
             self._route((node,))
-        return transfer_sight(node, transfer, now, frame)
+        return frame_sights.transfer_sight(node, transfer, now, frame)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol import signals
 from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     COMMAND,
     ESTIMATED_FLOW,
@@ -15,36 +16,22 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     FLOW_COMMAND,
     ExitReason,
 )
-from hil_bench.abilities.j1939.protocol.signals import (
-    ACKNOWLEDGEMENT,
-    ADDRESS_CLAIMED,
-    COMPONENT,
-    DM1,
-    DM2,
-    GLOBAL,
-    NULL,
-    REQUEST,
-    SOFTWARE,
-    TRANSPORT_CONNECTION,
-    VEHICLE,
-    split,
-)
 
 _VALVE_STATES: Final = {0: "block", 1: "extend", 2: "retract", 3: "float", 14: "error"}
 _EXIT_REASONS: Final = {
     int(reason): reason.name.lower().replace("timeout", "time-out") for reason in ExitReason
 }
-_DIAGNOSES: Final = (DM1, DM2)
+_DIAGNOSES: Final = (signals.DM1, signals.DM2)
 _LAMPS: Final = ((6, "malfunction"), (4, "stop"), (2, "warning"), (0, "protect"))
 
 _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
     {
         0x0000: "TSC1, torque/speed control",
-        ACKNOWLEDGEMENT: "acknowledgement",
-        REQUEST: "request",
+        signals.ACKNOWLEDGEMENT: "acknowledgement",
+        signals.REQUEST: "request",
         0xEB00: "TP.DT, transport data",
-        TRANSPORT_CONNECTION: "TP.CM, transport connection",
-        ADDRESS_CLAIMED: "address claimed",
+        signals.TRANSPORT_CONNECTION: "TP.CM, transport connection",
+        signals.ADDRESS_CLAIMED: "address claimed",
         0xEF00: "proprietary A",
         0xF001: "EBC1, brakes",
         0xF002: "ETC1, transmission",
@@ -55,14 +42,14 @@ _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
         0xFDD7: "EJM1, extended joystick",
         0xFDD8: "BJM2, basic joystick",
         0xFDD9: "EJM2, extended joystick",
-        DM1: "DM1, active trouble codes",
-        DM2: "DM2, previous trouble codes",
+        signals.DM1: "signals.DM1, active trouble codes",
+        signals.DM2: "signals.DM2, previous trouble codes",
         0xFECC: "DM3, clear previous trouble codes",
         0xFED8: "commanded address",
-        SOFTWARE: "software identification",
+        signals.SOFTWARE: "software identification",
         0xFEE5: "engine hours",
-        COMPONENT: "component identification",
-        VEHICLE: "vehicle identification",
+        signals.COMPONENT: "component identification",
+        signals.VEHICLE: "vehicle identification",
         0xFEEE: "ET1, engine temperature",
         0xFEEF: "EFL/P1, fluid level and pressure",
         0xFEF1: "CCVS, cruise control and vehicle speed",
@@ -101,11 +88,11 @@ def group_name(group: int) -> str:
 
 def describe(can_id: int, data: bytes) -> str:
     """Describe a frame as J1939 reads it."""
-    _, group, source, destination = split(can_id)
+    _, group, source, destination = signals.split(can_id)
     name = group_name(group)
     words = f"PGN {group}" + (f" {name}" if name else "")
     way = f"from {_address(source)}" + (
-        "" if destination == GLOBAL else f" to {_address(destination)}"
+        "" if destination == signals.GLOBAL else f" to {_address(destination)}"
     )
     content = content_of(group, data)
     return f"{words}, {way}" + (f": {content}" if content else "")
@@ -132,7 +119,7 @@ def lamps_of(data: bytes) -> list[str]:
 
 
 def _address(address: int) -> str:
-    return "none" if address == NULL else str(address)
+    return "none" if address == signals.NULL else str(address)
 
 
 def _group_of(data: bytes) -> str:
@@ -213,13 +200,13 @@ def _valve_flow(data: bytes) -> str:
 
 _CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
     {
-        REQUEST: _request,
-        ACKNOWLEDGEMENT: _acknowledge,
-        ADDRESS_CLAIMED: _claim,
-        TRANSPORT_CONNECTION: _transport,
-        COMPONENT: _text,
-        VEHICLE: _text,
-        SOFTWARE: _software,
+        signals.REQUEST: _request,
+        signals.ACKNOWLEDGEMENT: _acknowledge,
+        signals.ADDRESS_CLAIMED: _claim,
+        signals.TRANSPORT_CONNECTION: _transport,
+        signals.COMPONENT: _text,
+        signals.VEHICLE: _text,
+        signals.SOFTWARE: _software,
         **dict.fromkeys(_DIAGNOSES, _diagnosis),
         **dict.fromkeys(range(COMMAND, COMMAND + 16), _valve_command),
         **dict.fromkeys(range(ESTIMATED_FLOW, ESTIMATED_FLOW + 16), _valve_flow),

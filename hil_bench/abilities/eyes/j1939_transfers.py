@@ -4,21 +4,13 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol import transmission
 from hil_bench.abilities.j1939.protocol.signals import GLOBAL, HIGHEST_GROUP
-from hil_bench.abilities.j1939.protocol.transmission import (
-    LEAST_BYTES,
-    MOST_BYTES,
-    PACKET_BYTES,
-    T1,
-    T3,
-    AbortReason,
-    Control,
-)
 
-LONGEST_PAUSE: Final = T3
+LONGEST_PAUSE: Final = transmission.T3
 """Time without a frame after which a transfer is given up [ns]; T3 is the longest of all."""
 
-_PAUSE_OF_BAM: Final = T1 + T1 // 5
+_PAUSE_OF_BAM: Final = transmission.T1 + transmission.T1 // 5
 """The same of a message to all, of which receivers wait T1 for a packet [ns]."""
 
 _MS: Final = 1_000_000
@@ -29,13 +21,15 @@ to 200 ms: J1939-21 has 50 ms to 200 ms, ISO 11783-3 from 10 ms on, as public st
 
 _FEWEST: Final = 3
 _MOST: Final = 256
-_REASONS: Final = {int(reason): reason.name.lower().replace("_", " ") for reason in AbortReason}
+_REASONS: Final = {
+    int(reason): reason.name.lower().replace("_", " ") for reason in transmission.AbortReason
+}
 _OF_SENDER: Final = frozenset(
     {
-        AbortReason.UNEXPECTED_DATA,
-        AbortReason.BAD_SEQUENCE,
-        AbortReason.DUPLICATE,
-        AbortReason.TOO_LONG,
+        transmission.AbortReason.UNEXPECTED_DATA,
+        transmission.AbortReason.BAD_SEQUENCE,
+        transmission.AbortReason.DUPLICATE,
+        transmission.AbortReason.TOO_LONG,
     }
 )
 """Reasons of a receiver that the sender of the message has given it."""
@@ -85,7 +79,7 @@ class LongMessage:
     @property
     def count(self) -> int:
         """The number of packets of the message."""
-        return -(-self.size // PACKET_BYTES)
+        return -(-self.size // transmission.PACKET_BYTES)
 
     @property
     def is_to_all(self) -> bool:
@@ -171,18 +165,18 @@ class LongMessages:
         forth, back = (bus, source, destination), (bus, destination, source)
         control = data[0] if len(data) == 8 else None
         group = int.from_bytes(data[5:8], "little") if control is not None else 0
-        if control in {Control.RTS, Control.BAM}:
+        if control in {transmission.Control.RTS, transmission.Control.BAM}:
             return self._begin(forth, group, data, now)
-        if control in {Control.CTS, Control.END}:
+        if control in {transmission.Control.CTS, transmission.Control.END}:
             found = self._open.get(back)
             if found is None or found.group != group:
                 return False, []
-            if control == Control.CTS:
+            if control == transmission.Control.CTS:
                 found.clear(data[1], data[2], now)
                 return True, []
             found.is_accepted, found.is_held, found.last = True, False, now
             return True, self._end(found)
-        if control == Control.ABORT:
+        if control == transmission.Control.ABORT:
             both = [each for key in (forth, back) if (each := self._open.get(key)) is not None]
             ended = [each for each in both if each.group == group]
             if ended:  # of two messages of one group to and fro, the one that was last at work
@@ -197,7 +191,7 @@ class LongMessages:
         what, culprit = message.stage()
         words = f"aborted by {by}, reason {reason} {_REASONS.get(reason, '')}".rstrip()
         is_of_sender = by != message.key[1] and reason in _OF_SENDER
-        if reason == AbortReason.TIMEOUT or (is_of_sender and message.misplaced):
+        if reason == transmission.AbortReason.TIMEOUT or (is_of_sender and message.misplaced):
             message.problem, message.culprit = f"{words}: {what}", culprit
         else:
             message.problem, message.culprit = words, message.key[1]
@@ -232,9 +226,9 @@ class LongMessages:
 
     def _begin(self, key: Key, group: int, data: bytes, now: int) -> tuple[bool, list[LongMessage]]:
         size, packets = data[1] | data[2] << 8, data[3]
-        is_to_all = data[0] == Control.BAM
+        is_to_all = data[0] == transmission.Control.BAM
         new = LongMessage(key, group, size, now, now, is_accepted=is_to_all)
-        if size < LEAST_BYTES or group > HIGHEST_GROUP:
+        if size < transmission.LEAST_BYTES or group > HIGHEST_GROUP:
             return False, []
         new.problem = _contradiction(new, packets, is_to_all=is_to_all)
         if new.problem:
@@ -268,8 +262,8 @@ def _contradiction(message: LongMessage, packets: int, *, is_to_all: bool) -> st
     """Return the contradiction in an announcement, in words; empty for a right one."""
     if is_to_all != message.is_to_all:
         return "BAM to one address" if is_to_all else "RTS to all"
-    if message.size > MOST_BYTES:
-        return f"announced with {message.size} bytes, {MOST_BYTES} at most are right"
+    if message.size > transmission.MOST_BYTES:
+        return f"announced with {message.size} bytes, {transmission.MOST_BYTES} at most are right"
     if packets != message.count:
         return f"announced with {packets} packets, {message.count} are right"
     return ""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from hil_bench import units
 from hil_bench.abilities.eyes.manager_objects import (
     CONCISE_DCF,
     dcf_problem,
@@ -16,16 +17,6 @@ from hil_bench.canopen_device.pdo_mapping import MappingEntry
 from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
 from hil_bench.devices.valve_state_machine import STATUS_BITS
 from hil_bench.errors import printable
-from hil_bench.units import (
-    BAR,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    ONE,
-    PERCENT,
-    REVOLUTION,
-    REVOLUTION_PER_MINUTE,
-    Unit,
-)
 
 # Scales of an object's numbers: the units of CiA 404, 406 and 408.
 #
@@ -46,14 +37,14 @@ class Scale(NamedTuple):
     """
 
     factor: float
-    unit: Unit
+    unit: units.Unit
     offset: float = 0.0
 
 
-_CELSIUS: Final = Unit("°C", "_c")
-_PSI: Final = Unit("psi", "_psi", 6894.757293168361)
+_CELSIUS: Final = units.Unit("°C", "_c")
+_PSI: Final = units.Unit("psi", "_psi", 6894.757293168361)
 _PASCAL: Final = 0x22
-_BASES: Final = {0x4E: BAR, 0xAB: _PSI, 0x2D: _CELSIUS, _PASCAL: Unit("Pa", "_pa")}
+_BASES: Final = {0x4E: units.BAR, 0xAB: _PSI, 0x2D: _CELSIUS, _PASCAL: units.Unit("Pa", "_pa")}
 _PREFIXES: Final = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}
 
 _REAL_PROCESS: Final = {0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149}
@@ -111,32 +102,32 @@ def _measured(objects: ObjectDictionary, index: int, subindex: int) -> Scale | N
         return Scale(1.0, unit) if unit else None
     digits = number_in(objects, 0x6132, subindex)
     if any(index - shift in _REAL_PROCESS for shift in _INTEGER_FORMATS) and digits in _DIGITS:
-        return Scale(10.0**-digits, unit or ONE)
+        return Scale(10.0**-digits, unit or units.ONE)
     return None
 
 
-def _unit(code: int) -> Unit | None:
+def _unit(code: int) -> units.Unit | None:
     """Return the unit of CiA 303-2: the highest byte a power of ten, the next one the unit."""
     power = int.from_bytes((code >> 24 & 0xFF).to_bytes(1, "big"), "big", signed=True)
     base, prefix = _BASES.get(code >> 16 & 0xFF), _PREFIXES.get(power)
     if base is None or prefix is None or code & 0xFFFF:
         return None
-    return Unit(prefix + base.symbol, "", base.factor * 10.0**power)
+    return units.Unit(prefix + base.symbol, "", base.factor * 10.0**power)
 
 
 def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
     """Return the scale of an encoder: steps of 0.001 µm and of 0.01 mm/s, or parts of a turn."""
     if per_turn := _steps_per_turn(objects):
         if index in _POSITIONS:
-            return Scale(1.0 / per_turn, REVOLUTION)
+            return Scale(1.0 / per_turn, units.REVOLUTION)
         if index == _SPEED and (multiplier := number_in(objects, _SPEED_PARAMETERS, 3)):
             divider = number_in(objects, _SPEED_PARAMETERS, 4)
-            return Scale(60.0 * divider / multiplier / per_turn, REVOLUTION_PER_MINUTE)
+            return Scale(60.0 * divider / multiplier / per_turn, units.REVOLUTION_PER_MINUTE)
         return None
     if index in _POSITIONS and (step := number_in(objects, _STEPS, 1)):
-        return Scale(step * 1e-6, MILLIMETRE)
+        return Scale(step * 1e-6, units.MILLIMETRE)
     if index == _SPEED and (step := number_in(objects, _STEPS, 2)):
-        return Scale(step * 1e-2, MILLIMETRE_PER_SECOND)
+        return Scale(step * 1e-2, units.MILLIMETRE_PER_SECOND)
     return None
 
 
@@ -152,9 +143,9 @@ def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
     places = ((_SPOOL, 0x6311), (_PRESSURE_MODE, 0x6391))
     for indices, reference_object in places:
         if index in indices and (reference := number_in(objects, reference_object, 1)):
-            return Scale(100.0 / reference, PERCENT)
+            return Scale(100.0 / reference, units.PERCENT)
     if index in _AXIS and number_in(objects, index, 2) == _METRE:
-        return Scale(10.0 ** (number_in(objects, index, 3) + 3), MILLIMETRE)
+        return Scale(10.0 ** (number_in(objects, index, 3) + 3), units.MILLIMETRE)
     return None
 
 

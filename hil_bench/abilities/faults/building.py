@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from hil_bench.abilities.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.abilities.faults.kind import (
+from hil_bench.abilities.faults.points import (
     ENABLES,
     NODES,
     PLANTS,

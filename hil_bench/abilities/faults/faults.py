@@ -18,16 +18,9 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from hil_bench.abilities.faults.fault import Fault, FaultSchedule
-from hil_bench.abilities.faults.kind import (
-    NODES,
-    PLANTS,
-    Board,
-    FaultKind,
-    FaultPoints,
-    Places,
-    Site,
-)
+from hil_bench.abilities.faults.kind import FaultKind, Site
 from hil_bench.abilities.faults.line import Line, Receiver
+from hil_bench.abilities.faults.points import NODES, PLANTS, Board, FaultPoints, Places
 from hil_bench.abilities.faults.registry import find_fault_kind, missing_defect
 from hil_bench.abilities.faults.verbs import Verbs
 from hil_bench.canopen_device.agenda import NEVER

@@ -7,19 +7,8 @@ from types import MappingProxyType
 from hil_bench.abilities.faults.checks import BrokenReading, LeakPath, bounded, choose, to_ns
 from hil_bench.abilities.faults.effects import Acts, DefectEffect, SensorEffect, SpoolEffect
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import (
-    ENABLES,
-    GROWTH,
-    LARGEST,
-    PLANTS,
-    SENSORS,
-    SUPPLIES,
-    VALVES,
-    Site,
-    amounts,
-    fault_kind,
-    percent,
-)
+from hil_bench.abilities.faults.kind import GROWTH, LARGEST, Site, amounts, fault_kind, percent
+from hil_bench.abilities.faults.points import ENABLES, PLANTS, SENSORS, SUPPLIES, VALVES
 from hil_bench.abilities.faults.stages import (
     Bound,
     Broken,

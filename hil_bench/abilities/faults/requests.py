@@ -9,7 +9,7 @@ def _is_number(value: object) -> bool:
     return value is None or (isinstance(value, int) and not isinstance(value, bool))
 
 
-_COMMANDS = "hil_bench.abilities.faults.faults"
+_COMMANDS = "hil_bench.abilities.faults.commands"
 
 ACTIONS: Final = {
     "begin_fault": AddedAction(

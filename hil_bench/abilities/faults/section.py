@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 from hil_bench.abilities.faults.fault import FaultConfig
-from hil_bench.abilities.faults.kind import (
+from hil_bench.abilities.faults.kind import UNITS
+from hil_bench.abilities.faults.points import (
     ENABLES,
     NODES,
     PLANTS,
     SENSORS,
     SUPPLIES,
-    UNITS,
     VALVES,
     WIRED,
 )

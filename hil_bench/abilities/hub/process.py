@@ -17,12 +17,7 @@ from hil_bench.errors import BusError
 from hil_bench.frame import bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.helper_process import ChildProcess
-from hil_bench.outside.transports.socketcand_protocol import (
-    DEFAULT_PORT,
-    MAX_COMMAND,
-    format_send,
-    parse_frame,
-)
+from hil_bench.outside.transports import socketcand_protocol as protocol
 from hil_bench.outside.transports.transport import TransportCounters, has_exact_wait, is_readable
 
 # The bench's end of a bus on its own hub.
@@ -134,7 +129,7 @@ class HubTransport:
         self._counters.bits += _bits_of(told, self._speedup)
         if link is not None:
             try:
-                link.write(b"".join(map(format_send, told)))
+                link.write(b"".join(map(protocol.format_send, told)))
             except OSError:
                 self._lose(link)
             if not link.has_room and not link.is_late:
@@ -225,9 +220,9 @@ class _Link:
             ConnectionResetError: this is no hub.
         """
         *texts, self._rest = (self._rest + data).split(b">")
-        if len(self._rest) > MAX_COMMAND:
+        if len(self._rest) > protocol.MAX_COMMAND:
             raise ConnectionResetError
-        frames = [parse_frame(text.lstrip()) for text in texts]
+        frames = [protocol.parse_frame(text.lstrip()) for text in texts]
         self.arrived.extend(frame for frame in frames if frame is not None)
         return frames.count(None)
 
@@ -248,7 +243,7 @@ class _Link:
         """
         while b">" not in self._rest:
             data = self.socket.recv(256)
-            if not data or len(self._rest) > MAX_COMMAND:
+            if not data or len(self._rest) > protocol.MAX_COMMAND:
                 raise ConnectionResetError("the hub closed the connection")
             self._rest += data
         word, _, self._rest = self._rest.partition(b">")
@@ -304,7 +299,7 @@ class HubProcess:
     def __init__(
         self,
         host: str = "127.0.0.1",
-        port: int = DEFAULT_PORT,
+        port: int = protocol.DEFAULT_PORT,
         channels: Sequence[str] = ("can0",),
         *,
         bitrate: float | None = USUAL_BITRATE,

@@ -32,19 +32,7 @@ from hil_bench.outside.reception import (
     serve_at,
     watch_over,
 )
-from hil_bench.outside.transports.socketcand_protocol import (
-    CLASSICAL,
-    JOIN_DELAY,
-    MAX_COMMAND,
-    MOST_BAD,
-    RateLimit,
-    check_channel,
-    format_frame,
-    is_fd_command,
-    is_remote_request,
-    parse_send,
-    stamp_of,
-)
+from hil_bench.outside.transports import socketcand_protocol as protocol
 
 MAX_CLIENTS = 64
 """Most programs on all channels."""
@@ -122,7 +110,7 @@ class Hub:
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         for channel in channels:
-            check_channel(channel)
+            protocol.check_channel(channel)
         self.counters = HubCounters()
         self.limits = limits
         self.clock = clock
@@ -195,7 +183,7 @@ class _Client(asyncio.Protocol):
         self._bad = 0
         self._held_back: list[bytes] | None = None
         self._commands: deque[bytes] = deque()
-        self._limit = None if hub.limits.bitrate is None else RateLimit(hub.limits.bitrate)
+        self._limit = None if hub.limits.bitrate is None else protocol.RateLimit(hub.limits.bitrate)
         self._transport: asyncio.Transport
         self._socket: socket.socket
 
@@ -219,7 +207,7 @@ class _Client(asyncio.Protocol):
         if self._commands:
             self._transport.pause_reading()
             self._hub.tell_surplus(_address(self._transport.get_extra_info("peername")))
-        if len(self._rest) > MAX_COMMAND:
+        if len(self._rest) > protocol.MAX_COMMAND:
             self._hub.counters.bad_commands += 1
             self.drop()
         elif _QUICKACK is not None:
@@ -264,14 +252,14 @@ class _Client(asyncio.Protocol):
         if self._in_raw_mode:
             self._release()
             frame = _frame_of(command, self._speedup)
-            if frame is None and is_remote_request(command):
+            if frame is None and protocol.is_remote_request(command):
                 # Nobody can be told of it, and python-can loses its bus over an error.
                 self._hub.counters.bad_commands += 1
             elif frame is None:
-                is_fd = not self._speedup and is_fd_command(command)
-                self._refuse(CLASSICAL if is_fd else b"unknown command")
+                is_fd = not self._speedup and protocol.is_fd_command(command)
+                self._refuse(protocol.CLASSICAL if is_fd else b"unknown command")
                 self._bad += 1
-                if self._bad >= MOST_BAD:
+                if self._bad >= protocol.MOST_BAD:
                     self.drop()
             else:
                 self._bad = 0
@@ -305,7 +293,7 @@ class _Client(asyncio.Protocol):
         self._held_back = []
         self._write(b"< ok >")
         bus.append(self)
-        asyncio.get_running_loop().call_later(JOIN_DELAY, self._release)
+        asyncio.get_running_loop().call_later(protocol.JOIN_DELAY, self._release)
 
     def _release(self) -> None:
         """Deliver what was held back: the client has read the answer to "rawmode"."""
@@ -356,11 +344,11 @@ def _frame_of(command: bytes, speedup: float) -> _Told | None:
         command: without its ">".
         speedup: of the bus; 0 for a classical one.
     """
-    frame = parse_send(command)
+    frame = protocol.parse_send(command)
     if frame is None or (frame.fd and not speedup):
         return None
     bits = bits_of(frame, speedup or 1.0)
-    return _Told(format_frame(frame, stamp_of(time.time_ns())), bits)
+    return _Told(protocol.format_frame(frame, protocol.stamp_of(time.time_ns())), bits)
 
 
 def _address(peer: object) -> str:

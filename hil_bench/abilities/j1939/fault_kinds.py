@@ -10,17 +10,8 @@ from typing import Any, Final
 from hil_bench.abilities.faults.checks import choose, count
 from hil_bench.abilities.faults.effects import Acts, listed
 from hil_bench.abilities.faults.fault import Effect
-from hil_bench.abilities.faults.kind import (
-    NODES,
-    SENSORS,
-    UNITS,
-    VALVES,
-    FaultPoints,
-    Group,
-    NodePoint,
-    Site,
-    fault_kind,
-)
+from hil_bench.abilities.faults.kind import UNITS, Site, fault_kind
+from hil_bench.abilities.faults.points import NODES, SENSORS, VALVES, FaultPoints, Group, NodePoint
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.abilities.j1939.protocol.signal_table import Indication, SentSignal

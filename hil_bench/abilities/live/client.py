@@ -9,16 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, Self, cast
 
-from hil_bench.abilities.live.messages import (
-    MOST_REQUEST,
-    Request,
-    RequestError,
-    check_version,
-    encode,
-    parse_request,
-    patience,
-    value_of,
-)
+from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, place_of
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
 
@@ -95,14 +86,14 @@ class FeedClient:
         """
         number = next(self._numbers)
         try:
-            line = encode({"id": number, "do": action, **fields})
+            line = messages.encode({"id": number, "do": action, **fields})
         except (TypeError, ValueError):
             sent = ", ".join(f"{name} = {value}" for name, value in fields.items())
             raise ConfigError(
                 printable(f"{action}: {sent}: give finite numbers and texts")
             ) from None
         self._send(line)
-        timeout = patience(action, self._timeout)
+        timeout = messages.patience(action, self._timeout)
         deadline = self._clock() + timeout
         while True:
             message = self._read(deadline - self._clock())
@@ -114,7 +105,7 @@ class FeedClient:
             if message.get("type") != "answer" or message.get("id") not in {number, None}:
                 self._kept.append(message)
             else:
-                return value_of(message)
+                return messages.value_of(message)
 
     def receive(self, timeout: float) -> dict[str, Any] | None:
         """Return the next message that is no answer; None where none comes in time [s].
@@ -127,7 +118,7 @@ class FeedClient:
         message = self._read(self._timeout)
         if message is None:
             raise WaitTimeoutError(f"bench {self.name}: no greeting in {self._timeout:g} s")
-        check_version(self.name, message)
+        messages.check_version(self.name, message)
         return message
 
     def _send(self, line: bytes) -> None:
@@ -249,7 +240,7 @@ class Server(Protocol):
     def leave(self, client: "ClientLink") -> None:
         """Forget a client."""
 
-    def handle(self, client: "ClientLink", request: Request) -> None:
+    def handle(self, client: "ClientLink", request: messages.Request) -> None:
         """Do what a client asks for."""
 
 
@@ -307,7 +298,7 @@ class ClientLink(asyncio.Protocol):
         """Say what it has lost, and go on."""
         self._is_slow = False
         if any(self._lost.values()):
-            self.write(encode({"type": "lost", **self._lost}))
+            self.write(messages.encode({"type": "lost", **self._lost}))
             self._lost = dict.fromkeys(self._lost, 0)
         self._take_lines()
 
@@ -319,7 +310,7 @@ class ClientLink(asyncio.Protocol):
     def answer(self, number: int, content: Mapping[str, object]) -> None:
         """Answer a request."""
         self._open -= 1
-        self.write(encode({"type": "answer", "id": number, **content}))
+        self.write(messages.encode({"type": "answer", "id": number, **content}))
         if not self._is_handling:
             self._take_lines()
 
@@ -377,24 +368,27 @@ class ClientLink(asyncio.Protocol):
         """Take the requests that are there, as many as may be open."""
         self._is_handling = True
         while self._open < MOST_OPEN and not self._is_slow and self._transport is not None:
-            end = self._buffer.find(b"\n", 0, MOST_REQUEST)
+            end = self._buffer.find(b"\n", 0, messages.MOST_REQUEST)
             if end < 0:
                 break
             line = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
             self._take(line)
         self._is_handling = False
-        if len(self._buffer) >= MOST_REQUEST and self._buffer.find(b"\n", 0, MOST_REQUEST) < 0:
+        if (
+            len(self._buffer) >= messages.MOST_REQUEST
+            and self._buffer.find(b"\n", 0, messages.MOST_REQUEST) < 0
+        ):
             self._buffer.clear()
-            text = f"a request has {MOST_REQUEST} bytes at most; this one is longer"
-            self.write(encode({"type": "error", "error": text}))
+            text = f"a request has {messages.MOST_REQUEST} bytes at most; this one is longer"
+            self.write(messages.encode({"type": "error", "error": text}))
             self.close()
         self._set_reading()
 
     def _take(self, line: bytes) -> None:
         try:
-            request = parse_request(line)
-        except RequestError as error:
+            request = messages.parse_request(line)
+        except messages.RequestError as error:
             self.has_asked = False
             self._open += 1
             self.answer(-1, {"id": error.number, "error": str(error), "kind": "usage"})

@@ -1,4 +1,4 @@
-"""Where benches are found, and the options that name one."""
+"""The places where benches are found, and the options that name one."""
 
 import argparse
 import contextlib

@@ -14,25 +14,8 @@ from multiprocessing.connection import Connection
 from time import monotonic_ns
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.client import ClientLink
-from hil_bench.abilities.live.messages import (
-    ACTED,
-    ANSWER,
-    COMMAND,
-    EVENT,
-    FRAMES,
-    HEALTH,
-    ROW,
-    STATE,
-    VERSION,
-    WANTS,
-    WANTS_FRAMES,
-    WANTS_ROWS,
-    WANTS_STATE,
-    Request,
-    encode,
-    number_text,
-)
 from hil_bench.outside.packed_frames import unpack_frames
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.outside.processes.shared_ring import SharedRing
@@ -99,15 +82,15 @@ class FeedServer:
         self._health: dict[str, Any] = {}
         self._asked: list[tuple[ClientLink, int]] = []
         self._takers: dict[int, Callable[[bytes], None]] = {
-            ROW: self._take_row,
-            FRAMES: self._take_frames,
-            STATE: self._take_state,
-            HEALTH: self._take_health,
-            ANSWER: self._take_answer,
-            EVENT: self._take_event,
-            ACTED: self._take_acted,
+            messages.ROW: self._take_row,
+            messages.FRAMES: self._take_frames,
+            messages.STATE: self._take_state,
+            messages.HEALTH: self._take_health,
+            messages.ANSWER: self._take_answer,
+            messages.EVENT: self._take_event,
+            messages.ACTED: self._take_acted,
         }
-        plan.down.put(WANTS, bytes([0]))
+        plan.down.put(messages.WANTS, bytes([0]))
 
     def admit(self, client: ClientLink) -> bool:
         """Greet a client, if there is room for it; one that does not ask makes some."""
@@ -118,10 +101,12 @@ class FeedServer:
                 idler.abort()
         if len(self.clients) >= self._seats:
             text = f"{self._seats} clients are connected already; close one"
-            client.write(encode({"type": "error", "error": text}))
+            client.write(messages.encode({"type": "error", "error": text}))
             return False
         self.clients.append(client)
-        client.write(encode({"type": "hello", "version": VERSION, **self._plan.hello}))
+        client.write(
+            messages.encode({"type": "hello", "version": messages.VERSION, **self._plan.hello})
+        )
         self.review()
         return True
 
@@ -135,18 +120,18 @@ class FeedServer:
 
     def review(self) -> None:
         """Let the loop know what clients want, where that has changed."""
-        wanted = WANTS_STATE if self.clients else 0
+        wanted = messages.WANTS_STATE if self.clients else 0
         for client in self.clients:
             if client.rows_every is not None and client.rows_every < LOOK:
-                wanted |= WANTS_ROWS
+                wanted |= messages.WANTS_ROWS
             if client.wants_frames:
-                wanted |= WANTS_FRAMES
+                wanted |= messages.WANTS_FRAMES
         if not wanted:
             self._state = self._last_row = None  # out of date when the next client comes
-        if wanted != self._wanted and self._plan.down.put(WANTS, bytes([wanted])):
+        if wanted != self._wanted and self._plan.down.put(messages.WANTS, bytes([wanted])):
             self._wanted = wanted
 
-    def handle(self, client: ClientLink, request: Request) -> None:
+    def handle(self, client: ClientLink, request: messages.Request) -> None:
         """Do what a client asks for, or pass it on to the loop."""
         if request.action == "watch":
             client.rows_every = request.fields.get("rows_every_s")
@@ -154,7 +139,7 @@ class FeedServer:
             self.review()
             client.answer(request.number, {"value": None})
             if self._state is not None:
-                client.show(encode({"type": "state", **self._state}))
+                client.show(messages.encode({"type": "state", **self._state}))
         elif request.action == "status":
             self._asked.append((client, request.number))
             self._answer_status()
@@ -171,10 +156,10 @@ class FeedServer:
             client.flush()
         self.review()
 
-    def _pass_on(self, client: ClientLink, request: Request) -> None:
+    def _pass_on(self, client: ClientLink, request: messages.Request) -> None:
         self._ticket += 1
         command = {"ticket": self._ticket, "do": request.action, "fields": request.fields}
-        if self._plan.down.put(COMMAND, encode(command)):
+        if self._plan.down.put(messages.COMMAND, messages.encode(command)):
             self._open[self._ticket] = (client, request.number)
         else:
             error = "the bench takes no command at present; too many wait, or its time stands still"
@@ -194,7 +179,7 @@ class FeedServer:
 
     def _take_row(self, message: bytes) -> None:
         values = self._row.unpack(message)
-        self._last_row = [number_text(value) for value in values]
+        self._last_row = [messages.number_text(value) for value in values]
         text = f"[{','.join(self._last_row)}]".encode()
         for client in self.clients:
             client.show_row(values[0], text)
@@ -204,7 +189,7 @@ class FeedServer:
             [time * 1e-9, frame.bus, "in" if is_received else "out", frame.can_id, *_rest(frame)]
             for frame, time, is_received in unpack_frames(message)
         ]
-        line = encode({"type": "frames", "frames": frames})
+        line = messages.encode({"type": "frames", "frames": frames})
         for client in self.clients:
             if client.wants_frames:
                 client.show(line, frames=len(frames))
@@ -231,7 +216,7 @@ class FeedServer:
             client.answer(number, content)
 
     def _show(self, message: Mapping[str, object]) -> None:
-        line = encode(message)
+        line = messages.encode(message)
         for client in self.clients:
             if client.is_watching:
                 client.show(line)
@@ -388,7 +373,7 @@ async def _serve(listener: socket.socket, plan: FeedPlan, connection: Connection
     loop.remove_reader(connection.fileno())
     server.poll()
     for client in list(server.clients):
-        client.write(encode({"type": "end"}))
+        client.write(messages.encode({"type": "end"}))
         client.close()
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_FAREWELL):

@@ -11,24 +11,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
-from hil_bench.abilities.live.messages import (
-    ACTED,
-    ANSWER,
-    COMMAND,
-    EVENT,
-    FRAMES,
-    HEALTH,
-    ROW,
-    STATE,
-    WANTS,
-    WANTS_FRAMES,
-    WANTS_ROWS,
-    WANTS_STATE,
-    added_actions,
-    encode,
-    pack_value,
-    unpack_value,
-)
+from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.server import FeedPlan, FeedProcess
 from hil_bench.ability import load
 from hil_bench.bench.configuration import BenchConfig
@@ -124,7 +107,7 @@ def feed_parts(session: Session, config: BenchConfig, *, is_real_time: bool) -> 
         config: of the bench.
         is_real_time: whether ticks must not wait.
     """
-    places = dict.fromkeys(each.part for each in added_actions().values() if each.part)
+    places = dict.fromkeys(each.part for each in messages.added_actions().values() if each.part)
     makers = [cast("Callable[..., FeedPart]", load(place)) for place in places]
     return [make(session, config, is_real_time=is_real_time) for make in makers]
 
@@ -172,9 +155,9 @@ class Feed:
         """Take commands, and publish what is due; to be called often, and between two ticks."""
         if self._is_served:
             for kind, message in self._plan.down.take(MOST_AT_ONCE):
-                if kind == WANTS:
+                if kind == messages.WANTS:
                     self._want(message[0])
-                elif kind == COMMAND:
+                elif kind == messages.COMMAND:
                     self._obey(json.loads(message))
         for part in self._parts:
             part.look()
@@ -200,30 +183,32 @@ class Feed:
     def _want(self, wanted: int) -> None:
         """Publish what is wanted from now on."""
         changed, self._wanted = wanted ^ self._wanted, wanted
-        if changed & WANTS_ROWS:
-            change = self._session.watch if wanted & WANTS_ROWS else self._session.unwatch
+        if changed & messages.WANTS_ROWS:
+            change = self._session.watch if wanted & messages.WANTS_ROWS else self._session.unwatch
             change(rows=self._put_row)
-        if changed & WANTS_FRAMES:
-            change = self._session.watch if wanted & WANTS_FRAMES else self._session.unwatch
+        if changed & messages.WANTS_FRAMES:
+            change = (
+                self._session.watch if wanted & messages.WANTS_FRAMES else self._session.unwatch
+            )
             change(frames=self._put_frames)
-        if changed & WANTS_STATE:
+        if changed & messages.WANTS_STATE:
             self._shown = None
             list(self._events.news())  # before anybody watched
             self._look_at = 0
 
     def _publish(self) -> None:
-        if not self._wanted & WANTS_ROWS:
+        if not self._wanted & messages.WANTS_ROWS:
             self._put_row(self._session.row())
         for event in self._events.news():
             content = {"time": event.time * 1e-9, "what": event.what, **event.content}
-            self._put(EVENT, encode(content))
-        health = {name: pack_value(value) for name, value in self._health().items()}
+            self._put(messages.EVENT, messages.encode(content))
+        health = {name: messages.pack_value(value) for name, value in self._health().items()}
         health["time"] = self._session.now * 1e-9
-        self._put(HEALTH, encode({**health, "lost": self._plan.up.lost}))
+        self._put(messages.HEALTH, messages.encode({**health, "lost": self._plan.up.lost}))
         state = self._state()
         if state != self._shown:
             content = {"time": self._session.now * 1e-9, **state}
-            if self._put(STATE, encode(content)):
+            if self._put(messages.STATE, messages.encode(content)):
                 self._shown = state
 
     def _state(self) -> dict[str, Any]:
@@ -259,12 +244,12 @@ class Feed:
         return state if self._work is None else {**state, "work": self._work().content()}
 
     def _put_row(self, values: Sequence[float]) -> None:
-        self._put(ROW, self._pack_row(*values))
+        self._put(messages.ROW, self._pack_row(*values))
 
     def _put_frames(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
         for frames, is_received in ((received, True), (sent, False)):
             for message in pack_frames(frames, now, is_received=is_received):
-                self._put(FRAMES, message)
+                self._put(messages.FRAMES, message)
 
     def _obey(self, content: Mapping[str, Any]) -> None:
         """Queue a command; it acts at the start of the next tick."""
@@ -282,7 +267,7 @@ class Feed:
         Raises:
             ConfigError: nobody may ask for it here.
         """
-        added = added_actions().get(action)
+        added = messages.added_actions().get(action)
         if added is None or not added.part:
             return self._session.door.put(make_command(action, fields))
         for part in self._parts:
@@ -295,14 +280,14 @@ class Feed:
         if error := future.exception():
             self._refuse(ticket, error)
         else:
-            value = pack_value(future.result())
-            added = added_actions().get(action)
+            value = messages.pack_value(future.result())
+            added = messages.added_actions().get(action)
             if action in _NOTED or (added is not None and added.command):
                 journal = self._session.controls.journal
                 answer = {added.answer: value} if added is not None and added.answer else {}
                 entry = journal.add(self._session.now, action, content["fields"], **answer)
-                self._put(ACTED, encode(entry))
-            if not self._put(ANSWER, encode({"ticket": ticket, "value": value})):
+                self._put(messages.ACTED, messages.encode(entry))
+            if not self._put(messages.ANSWER, messages.encode({"ticket": ticket, "value": value})):
                 self._refuse(ticket, ControllerError("it is done, but its answer is too long"))
 
     def _refuse(self, ticket: int, error: BaseException) -> None:
@@ -310,12 +295,12 @@ class Feed:
             str(error) if isinstance(error, HilBenchError) else f"{type(error).__name__}: {error}"
         )
         kind = "usage" if isinstance(error, ConfigError) else "bench"
-        self._put(ANSWER, encode({"ticket": ticket, "error": text, "kind": kind}))
+        self._put(messages.ANSWER, messages.encode({"ticket": ticket, "error": text, "kind": kind}))
 
 
 def make_command(action: str, fields: Mapping[str, Any]) -> Command:
     """Return the command of a checked request."""
-    if added := added_actions().get(action):
+    if added := messages.added_actions().get(action):
         make = cast("Callable[..., Command]", load(added.command))
         return make(**fields)
     return _COMMANDS[action](fields)
@@ -326,7 +311,9 @@ _NOTED = frozenset({"set_object", "set_plant", "mark"})
 
 _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
     "get_object": lambda got: GetObject(got["node"], got["name"]),
-    "set_object": lambda got: SetObject(got["node"], got["name"], unpack_value(got["value"])),
+    "set_object": lambda got: SetObject(
+        got["node"], got["name"], messages.unpack_value(got["value"])
+    ),
     "set_plant": lambda got: SetPlant(got["axis"], got["quantity"], got["value"]),
     "mark": lambda got: Mark(got["text"]),
     "journal": lambda _: ReadJournal(),

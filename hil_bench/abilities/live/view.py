@@ -16,17 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import hil_bench
-from hil_bench.abilities.live.messages import (
-    ACTED,
-    ANSWER,
-    COMMAND,
-    HEALTH,
-    ROW,
-    STATE,
-    WANTS,
-    WANTS_ROWS,
-    encode,
-)
+from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.places import HAS_SOCKETS, NAME, Place, check_panel_argument
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed, Shown, feed_parts
@@ -102,8 +92,8 @@ class WorkFeed:
     def put_row(self, values: Sequence[float]) -> None:
         """Show a row: time [s], then a value a channel in its SI unit; any thread but ours."""
         self._time, self._row = values[0], values
-        if self._wanted & WANTS_ROWS:
-            self._put(ROW, self._plan.row.pack(*values))
+        if self._wanted & messages.WANTS_ROWS:
+            self._put(messages.ROW, self._plan.row.pack(*values))
 
     def look(self) -> None:
         """Take requests, and publish what is due."""
@@ -111,12 +101,12 @@ class WorkFeed:
             self._wanted = 0
             return
         for kind, message in self._plan.down.take():
-            if kind == WANTS:
+            if kind == messages.WANTS:
                 self._shown = None
                 self._wanted = message[0]
-                if self._wanted & WANTS_ROWS:
+                if self._wanted & messages.WANTS_ROWS:
                     self._served.set()
-            elif kind == COMMAND:
+            elif kind == messages.COMMAND:
                 self._obey(json.loads(message))
         if self._wanted:
             self._looks += 1
@@ -128,14 +118,14 @@ class WorkFeed:
 
     def _publish(self, *, is_due: bool) -> None:
         row = self._row
-        if row is not None and not self._wanted & WANTS_ROWS:
-            self._put(ROW, self._plan.row.pack(*row))
+        if row is not None and not self._wanted & messages.WANTS_ROWS:
+            self._put(messages.ROW, self._plan.row.pack(*row))
         now = self._now()
-        self._put(HEALTH, encode({"time": now, "lost": self._plan.up.lost}))
+        self._put(messages.HEALTH, messages.encode({"time": now, "lost": self._plan.up.lost}))
         if is_due and self._state != self._shown:
             nothing: dict[str, object] = {"nodes": {}, "ecus": {}, "faults": [], "recording": None}
             state = {"time": now, **nothing, "work": self._state}
-            if self._put(STATE, encode(state)):
+            if self._put(messages.STATE, messages.encode(state)):
                 self._shown = self._state
 
     def _now(self) -> float:
@@ -147,14 +137,14 @@ class WorkFeed:
         answer: dict[str, object] = {"ticket": ticket, "value": None}
         if action == "mark":
             entry = self._journal.add(round(self._now() * 1e9), action, content["fields"])
-            self._put(ACTED, encode(entry))
+            self._put(messages.ACTED, messages.encode(entry))
         elif action == "journal":
             answer["value"] = self._journal.content()
         elif action != "stop":
             verb = self._plan.hello["work"]["verb"]
             error = f"{action}: this is {verb}, no running bench; it takes mark, status and stop"
             answer = {"ticket": ticket, "error": error, "kind": "usage"}
-        self._put(ANSWER, encode(answer))
+        self._put(messages.ANSWER, messages.encode(answer))
         if action == "stop":
             self._stop()
 

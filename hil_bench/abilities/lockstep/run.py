@@ -12,6 +12,7 @@ from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import Serving
+from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.helpers import BenchEvents, Helpers
@@ -22,15 +23,6 @@ from hil_bench.cli.run_setup import (
     common_content,
     open_bus,
     set_up,
-)
-from hil_bench.cli.status_line import (
-    REFRESH,
-    Field,
-    Progress,
-    StatusLine,
-    bench_status,
-    bench_status_row,
-    format_lines,
 )
 from hil_bench.cli.views import watched_run
 from hil_bench.errors import ConfigError
@@ -43,10 +35,10 @@ from hil_bench.outside.transports.transport import Transport
 # The status lines of a bench in lock-step.
 
 _PROGRESS = {
-    Channel("bench_time", "s"): Field("{:.1f} s of bench time", 1.0),
-    Channel("speed", "-"): Field("{:.1f} times real time", 1.0),
-    Channel("received", "-"): Field("in {:.0f}", 1.0),
-    Channel("sent", "-"): Field("out {:.0f}", 1.0),
+    Channel("bench_time", "s"): status_line.Field("{:.1f} s of bench time", 1.0),
+    Channel("speed", "-"): status_line.Field("{:.1f} times real time", 1.0),
+    Channel("received", "-"): status_line.Field("in {:.0f}", 1.0),
+    Channel("sent", "-"): status_line.Field("out {:.0f}", 1.0),
 }
 
 
@@ -67,7 +59,7 @@ class LockStepStatus:
     def __init__(
         self, bench: Bench, lockstep: LockStep, transport: Transport, clock: Clock
     ) -> None:
-        channels, fields = bench_status(bench)
+        channels, fields = status_line.bench_status(bench)
         self.snapshot = Snapshot(len(channels) + len(_PROGRESS))
         self.lines = (fields, tuple(_PROGRESS.values()))
         self._bench = bench
@@ -78,12 +70,12 @@ class LockStepStatus:
 
     def update(self) -> None:
         """Write a row where the last one is old enough; to be called often."""
-        if self._clock.now() - self._then >= REFRESH * 1e9:
+        if self._clock.now() - self._then >= status_line.REFRESH * 1e9:
             self.snapshot.write(self._next_row())
 
     def texts(self) -> list[str]:
         """Return the lines as they are now; the speed is that since the last ones."""
-        return format_lines(self._next_row(), self.lines)
+        return status_line.format_lines(self._next_row(), self.lines)
 
     def _next_row(self) -> tuple[float, ...]:
         now, bench_time, counters = (
@@ -94,7 +86,7 @@ class LockStepStatus:
         speed = (bench_time - self._bench_then) / max(1, now - self._then)
         progress = (bench_time * 1e-9, speed, counters.received, counters.sent)
         self._then, self._bench_then = now, bench_time
-        return (*bench_status_row(self._bench), *progress)
+        return (*status_line.bench_status_row(self._bench), *progress)
 
 
 logger = logging.getLogger(__name__)
@@ -148,8 +140,8 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
     config, bench, transport = setup.config, setup.session.bench, setup.bus.transport
     lockstep = LockStep(setup.session, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync)
     status = LockStepStatus(bench, lockstep, transport, MonotonicClock())
-    line = StatusLine(status.snapshot, status.lines, wanted=not setup.args.quiet)
-    progress = Progress(logger.warning, lambda _now: status.texts())
+    line = status_line.StatusLine(status.snapshot, status.lines, wanted=not setup.args.quiet)
+    progress = status_line.Progress(logger.warning, lambda _now: status.texts())
     events = BenchEvents(config, bench, logger.warning, watches_sync=False)
     duration = setup.args.duration
     end = math.inf if duration is None else round(duration * 1e9)

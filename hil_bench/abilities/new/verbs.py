@@ -8,14 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.abilities.new.wording import (
-    CYLINDER_EXAMPLE,
-    VALVE_EXAMPLE,
-    Datum,
-    catalogue_lines,
-    read_cylinder,
-    read_valve,
-)
+from hil_bench.abilities.new import wording
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.check import facts_of, summary_lines
@@ -27,7 +20,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 _EXAMPLES = f"""\
 examples:
   hil-bench new                         asks, and writes bench.toml
-  hil-bench new press.toml --cylinder {CYLINDER_EXAMPLE} --valve "60 l/min @ 5 bar" \\
+  hil-bench new press.toml --cylinder {wording.CYLINDER_EXAMPLE} --valve "60 l/min @ 5 bar" \\
       --supply 210 --load 500
   hil-bench new --cylinder 80/45/45x300 --valve "servo NG10" --supply 210 --load 250
   hil-bench new --catalogue             bores, rods and valve sizes
@@ -63,7 +56,7 @@ profile = "encoder_406"
 node_id = 4
 """
 
-Read = Callable[[str, str], list[Datum]]
+Read = Callable[[str, str], list[wording.Datum]]
 
 
 class _Question(NamedTuple):
@@ -83,7 +76,7 @@ class _Question(NamedTuple):
 
 
 def _read_number(key: str, unit: str, low: float, high: float) -> Read:
-    def read(text: str, origin: str) -> list[Datum]:
+    def read(text: str, origin: str) -> list[wording.Datum]:
         try:
             value = float(text.removesuffix(unit).strip())
         except ValueError:
@@ -92,33 +85,35 @@ def _read_number(key: str, unit: str, low: float, high: float) -> Read:
             raise ConfigError(
                 f'"{text}" is out of range; give a number in {unit}, {low:g} to {high:g}'
             )
-        return [Datum(key, value, origin)]
+        return [wording.Datum(key, value, origin)]
 
     return read
 
 
-def _read_oil(text: str, origin: str) -> list[Datum]:
+def _read_oil(text: str, origin: str) -> list[wording.Datum]:
     if text not in OILS:
         known = ", ".join(f'"{name}"' for name in OILS)
         raise ConfigError(f'"{text}" is unknown; give one of {known}')
-    return [Datum("oil", text, origin)]
+    return [wording.Datum("oil", text, origin)]
 
 
-def _read_pump(text: str, origin: str) -> list[Datum]:
+def _read_pump(text: str, origin: str) -> list[wording.Datum]:
     if text == _NO_PUMP:
         return []
     flow = _read_number("pump_flow_l_min", "l/min", 0.05, 1e5)
-    return [Datum("supply", "unit", origin), *flow(text, origin)]
+    return [wording.Datum("supply", "unit", origin), *flow(text, origin)]
 
 
 _QUESTIONS = (
     _Question(
         "cylinder",
-        f"cylinder, BORE/RODxSTROKE in mm, such as {CYLINDER_EXAMPLE}",
+        f"cylinder, BORE/RODxSTROKE in mm, such as {wording.CYLINDER_EXAMPLE}",
         "",
-        read_cylinder,
+        wording.read_cylinder,
     ),
-    _Question("valve", f'valve, such as "{VALVE_EXAMPLE}", or NG10', "", read_valve),
+    _Question(
+        "valve", f'valve, such as "{wording.VALVE_EXAMPLE}", or NG10', "", wording.read_valve
+    ),
     _Question(
         "supply",
         "supply pressure in bar",
@@ -171,7 +166,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--valve",
         metavar="VALVE",
-        help=f'"{VALVE_EXAMPLE}" per edge, or a size, as in NG10'.replace("%", "%%"),
+        help=f'"{wording.VALVE_EXAMPLE}" per edge, or a size, as in NG10'.replace("%", "%%"),
     )
     parser.add_argument("--supply", metavar="BAR", help="supply pressure in bar, as in 210")
     parser.add_argument(
@@ -205,7 +200,7 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the file is there already, a datum makes no sense, or it cannot be written.
     """
     if args.catalogue:
-        print_lines(args, *catalogue_lines())
+        print_lines(args, *wording.catalogue_lines())
         return ExitCode.DONE
     if args.file.exists() and not args.force:
         raise ConfigError(f"{args.file}: is there already; give another name, or --force")
@@ -230,7 +225,7 @@ def run(args: argparse.Namespace) -> int:
 
 def collect_data(
     options: Mapping[str, str | None], *, ask: Callable[[str], str] | None
-) -> list[Datum]:
+) -> list[wording.Datum]:
     """Return the data of an axis, from options where they say it.
 
     Args:
@@ -240,7 +235,7 @@ def collect_data(
     Raises:
         ConfigError: what is missing or wrong, a line each.
     """
-    data: list[Datum] = []
+    data: list[wording.Datum] = []
     problems: list[str] = []
     for question in _QUESTIONS:
         given = options.get(question.option)
@@ -260,14 +255,14 @@ def collect_data(
     return [*data, *_relief_of(data)]
 
 
-def _relief_of(data: Sequence[Datum]) -> Iterator[Datum]:
+def _relief_of(data: Sequence[wording.Datum]) -> Iterator[wording.Datum]:
     """Yield the setting of the relief valve of a pump: the supply's pressure."""
     by_key = {datum.key: datum for datum in data}
     if "pump_flow_l_min" in by_key:
         yield by_key["supply_pressure_bar"]._replace(key="relief_pressure_bar")
 
 
-def bench_text(data: Sequence[Datum]) -> str:
+def bench_text(data: Sequence[wording.Datum]) -> str:
     """Return the text of a bench.toml."""
     lines = ["[plant.axis1]"]
     for datum in data:
@@ -276,7 +271,7 @@ def bench_text(data: Sequence[Datum]) -> str:
     return "\n".join(lines) + "\n" + _NODES.format(span=_span(data))
 
 
-def _span(data: Sequence[Datum]) -> float:
+def _span(data: Sequence[wording.Datum]) -> float:
     """Return the measuring range for the pressure that a single rod makes in its chamber [bar]."""
     values = {datum.key: datum.value for datum in data if isinstance(datum.value, float)}
     bore, rod = values["bore_mm"], values["rod_mm"]
@@ -285,7 +280,7 @@ def _span(data: Sequence[Datum]) -> float:
     return next((span for span in _SPANS if span >= highest), _SPANS[-1])
 
 
-def _answer(question: _Question, ask: Callable[[str], str]) -> list[Datum]:
+def _answer(question: _Question, ask: Callable[[str], str]) -> list[wording.Datum]:
     """Ask the user until the answer is valid; return its data."""
     default = f" [{question.default}]" if question.default else ""
     while True:

@@ -8,18 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.faults.live import fault_fields
-from hil_bench.abilities.live.messages import (
-    NUMBER,
-    SWITCH,
-    TABLE,
-    TEXT,
-    Actions,
-    Field,
-    RequestError,
-    encode,
-    known_actions,
-    parse_request,
-)
+from hil_bench.abilities.live import messages
 from hil_bench.abilities.panel.hub import Hub, Viewer
 from hil_bench.abilities.panel.layouts import (
     check_layout,
@@ -142,17 +131,17 @@ def _signals(raws: list[int], objects: ObjectDictionary) -> Iterator[dict[str, o
 # The requests of a page: checked, then done by the panel itself or by the bench.
 
 _FORM: Mapping[str, Any] = {
-    "file": TEXT,
-    "title": TEXT,
-    "begin_s": NUMBER,
-    "end_s": NUMBER,
-    "lead_s": NUMBER,
-    "controller": TEXT,
-    "requirement": TEXT,
-    "that": TEXT,
+    "file": messages.TEXT,
+    "title": messages.TEXT,
+    "begin_s": messages.NUMBER,
+    "end_s": messages.NUMBER,
+    "lead_s": messages.NUMBER,
+    "controller": messages.TEXT,
+    "requirement": messages.TEXT,
+    "that": messages.TEXT,
 }
 
-_LAYOUT = Field(lambda value: isinstance(value, dict), "a layout")
+_LAYOUT = messages.Field(lambda value: isinstance(value, dict), "a layout")
 
 _BY_BENCH = (
     *("histograms", "journal", "mark", "stop", "stop_recording"),
@@ -160,23 +149,27 @@ _BY_BENCH = (
 )
 _RECORDING = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,60}\.mf4")
 
-PAGE_ACTIONS: Actions = {
-    **{name: known_actions()[name] for name in (*_BY_BENCH, "set_plant")},
-    "fault": {"kind": TEXT, "target": TEXT, "keys": TABLE._replace(is_needed=False)},
-    "want": {
-        "frames": SWITCH._replace(is_needed=False),
-        "marks": SWITCH._replace(is_needed=False),
+PAGE_ACTIONS: messages.Actions = {
+    **{name: messages.known_actions()[name] for name in (*_BY_BENCH, "set_plant")},
+    "fault": {
+        "kind": messages.TEXT,
+        "target": messages.TEXT,
+        "keys": messages.TABLE._replace(is_needed=False),
     },
-    "choose": {"bench": TEXT},
-    "objects": {"node": TEXT},
+    "want": {
+        "frames": messages.SWITCH._replace(is_needed=False),
+        "marks": messages.SWITCH._replace(is_needed=False),
+    },
+    "choose": {"bench": messages.TEXT},
+    "objects": {"node": messages.TEXT},
     "pdos": {},
-    "record": {"file": TEXT},
+    "record": {"file": messages.TEXT},
     "preview": _FORM,
-    "replay": {"key": TEXT},
-    "test": {**_FORM, "replaces": SWITCH},
+    "replay": {"key": messages.TEXT},
+    "test": {**_FORM, "replaces": messages.SWITCH},
     "layouts": {},
-    "layout": {"name": TEXT},
-    "save_layout": {"name": TEXT, "layout": _LAYOUT, "replaces": SWITCH},
+    "layout": {"name": messages.TEXT},
+    "save_layout": {"name": messages.TEXT, "layout": _LAYOUT, "replaces": messages.SWITCH},
 }
 """What a page may ask for: what a bench may be asked, less `watch`, and what the panel does."""
 
@@ -216,7 +209,7 @@ class Desk:
         number: int | None = None
         content: dict[str, object]
         try:
-            request = parse_request(text.encode(errors="replace"), PAGE_ACTIONS)
+            request = messages.parse_request(text.encode(errors="replace"), PAGE_ACTIONS)
             number = request.number
             act = self._acts.get(request.action)
             if act is not None:
@@ -224,11 +217,11 @@ class Desk:
             else:
                 value = await self._hub.bench.request(request.action, **request.fields)
                 content = {"value": value}
-        except RequestError as error:
+        except messages.RequestError as error:
             number, content = error.number, {"error": str(error)}
         except HilBenchError as error:
             content = {"error": str(error)}
-        return encode({"type": "answer", "id": number, **content})
+        return messages.encode({"type": "answer", "id": number, **content})
 
     async def _fault(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
         bench = self._hub.bench

@@ -25,13 +25,7 @@ from hil_bench.abilities.replay.drive import (
     play_frames,
 )
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.arguments import (
-    add_bench_arguments,
-    add_column_arguments,
-    find_cylinder,
-    load_bench_config,
-    read_speed,
-)
+from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.results import plain, warn_of
 from hil_bench.cli.status_line import Work, shown_work
@@ -65,7 +59,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
     )
     parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
-    add_bench_arguments(parser)
+    arguments.add_bench_arguments(parser)
     parser.add_argument(
         "--frames",
         choices=[direction.value for direction in FrameDirection],
@@ -74,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument(
         "--speed",
-        type=read_speed,
+        type=arguments.read_speed,
         default=1.0,
         metavar="X",
         help="factor of the speed, as in 2, or max (default: 1)",
@@ -95,7 +89,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help='largest deviation allowed, as in "position=0.5 mm" or "axis1.P_A=3 bar" '
         "(default: position 1 mm, pressures 2 bar, spool position 2 %%)",
     )
-    add_column_arguments(virtual)
+    arguments.add_column_arguments(virtual)
     virtual.add_argument("--axis", metavar="NAME", help="axis of --columns (default: the first)")
     virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
     parser.set_defaults(run=run)
@@ -111,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError("--virtual needs no bus; give either --virtual or -i and -c")
     if not args.virtual and (args.columns or args.map or args.axis):
         raise ConfigError("--columns, --map and --axis are for --virtual; give that, too")
-    config = load_bench_config(args)
+    config = arguments.load_bench_config(args)
     return drive(args, config) if args.virtual else play(args, config)
 
 
@@ -209,7 +203,7 @@ def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:
     """
     if not args.columns and not args.map:
         return read_recording(args.recording)
-    axis = find_cylinder(config, args.axis, "replay --columns").name
+    axis = arguments.find_cylinder(config, args.axis, "replay --columns").name
     mapped = read_column_map(args.columns, args.map).of(args.recording.name)
     check_polarities(args.recording, mapped)
     recorded = read_mapped(args.recording, mapped, axis)

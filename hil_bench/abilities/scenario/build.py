@@ -5,35 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.scenario import nodes
+from hil_bench.abilities.scenario import nodes, streams, values
 from hil_bench.abilities.scenario.nodes import Atom, Condition, Window
-from hil_bench.abilities.scenario.streams import (
-    Ahead,
-    AheadToEnd,
-    Atoms,
-    Back,
-    BackToStart,
-    BoundsShift,
-    Combined,
-    ConditionTurn,
-    SinceBack,
-    SinceStart,
-    Stream,
-    Trigger,
-    UntilAhead,
-    all_of,
-    any_of,
-)
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.abilities.scenario.values import (
-    Block,
-    Bounds,
-    ComparisonMargins,
-    EdgeMargins,
-    EventMargins,
-    StateMargins,
-    negate,
-)
 
 
 class Span(NamedTuple):
@@ -68,7 +42,7 @@ class Asked(NamedTuple):
     span: Span
 
 
-Wrap = Callable[[Condition, Stream], Stream]
+Wrap = Callable[[Condition, streams.Stream], streams.Stream]
 """Puts something between a stream and who reads it."""
 
 
@@ -105,16 +79,16 @@ class StreamBuilder:
     """
 
     def __init__(self, tick_ns: int, wrap: Wrap | None = None) -> None:
-        self.triggers: list[tuple[nodes.Implies, Trigger]] = []
+        self.triggers: list[tuple[nodes.Implies, streams.Trigger]] = []
         self.asked: list[Asked] = []
         self._tick_ns = tick_ns
         self._wrap = wrap or (lambda _node, stream: stream)
 
-    def build(self, node: Condition, span: Span) -> Stream:
+    def build(self, node: Condition, span: Span) -> streams.Stream:
         """Return the stream of a condition that is asked for at some ticks."""
         return self._wrap(node, self._build(node, span))
 
-    def _build(self, node: Condition, span: Span) -> Stream:
+    def _build(self, node: Condition, span: Span) -> streams.Stream:
         match node:
             case nodes.Always() | nodes.Eventually():
                 return self._ahead(node, span)
@@ -124,7 +98,7 @@ class StreamBuilder:
                 return self._until(node, span)
             case nodes.Comparison() | nodes.StateIs() | nodes.Event() | nodes.Edge():
                 self.asked.append(Asked(node, span))
-                return Atoms(self._atom(node))
+                return streams.Atoms(self._atom(node))
             case _:
                 return self._combined(node, span)
 
@@ -137,47 +111,47 @@ class StreamBuilder:
         | nodes.PreviousCondition
         | nodes.ConditionEdge,
         span: Span,
-    ) -> Stream:
+    ) -> streams.Stream:
         operands: tuple[Condition, ...]
-        combine: Callable[..., Bounds]
+        combine: Callable[..., values.Bounds]
         match node:
             case nodes.Not():
-                operands, combine = (node.operand,), negate
+                operands, combine = (node.operand,), values.negate
             case nodes.All():
-                operands, combine = node.operands, all_of
+                operands, combine = node.operands, streams.all_of
             case nodes.Any():
-                operands, combine = node.operands, any_of
+                operands, combine = node.operands, streams.any_of
             case nodes.Implies():
                 operands, combine = (node.trigger, node.response), self._trigger(node, span)
             case nodes.PreviousCondition():
-                operands, combine, span = (node.operand,), BoundsShift(), span.back(1, 1)
+                operands, combine, span = (node.operand,), streams.BoundsShift(), span.back(1, 1)
             case nodes.ConditionEdge():
-                operands, combine = (node.operand,), ConditionTurn(node.turn)
+                operands, combine = (node.operand,), streams.ConditionTurn(node.turn)
                 span = span.back(0, 1)
-        return Combined([self.build(each, span) for each in operands], combine)
+        return streams.Combined([self.build(each, span) for each in operands], combine)
 
-    def _trigger(self, node: nodes.Implies, span: Span) -> Trigger:
-        trigger = Trigger(*span)
+    def _trigger(self, node: nodes.Implies, span: Span) -> streams.Trigger:
+        trigger = streams.Trigger(*span)
         self.triggers.append((node, trigger))
         return trigger
 
-    def _ahead(self, node: nodes.Always | nodes.Eventually, span: Span) -> Stream:
+    def _ahead(self, node: nodes.Always | nodes.Eventually, span: Span) -> streams.Stream:
         start, end = window_ticks(node, node.window, self._tick_ns)
         extreme = np.minimum if isinstance(node, nodes.Always) else np.maximum
         child = self.build(node.operand, span.ahead(start, end))
         if end is None:
-            return AheadToEnd(child, extreme, start)
-        return Ahead(child, extreme, start, end)
+            return streams.AheadToEnd(child, extreme, start)
+        return streams.Ahead(child, extreme, start, end)
 
-    def _back(self, node: nodes.Historically | nodes.Once, span: Span) -> Stream:
+    def _back(self, node: nodes.Historically | nodes.Once, span: Span) -> streams.Stream:
         start, end = window_ticks(node, node.window, self._tick_ns)
         extreme = np.minimum if isinstance(node, nodes.Historically) else np.maximum
         child = self.build(node.operand, span.back(start, end))
         if end is None:
-            return BackToStart(child, extreme, start)
-        return Back(child, extreme, start, end)
+            return streams.BackToStart(child, extreme, start)
+        return streams.Back(child, extreme, start, end)
 
-    def _until(self, node: nodes.Until | nodes.Since, span: Span) -> Stream:
+    def _until(self, node: nodes.Until | nodes.Since, span: Span) -> streams.Stream:
         start, end = window_ticks(node, node.window, self._tick_ns)
         if isinstance(node, nodes.Until):
             reach = span.ahead(0, end), span.ahead(start, end)
@@ -185,18 +159,20 @@ class StreamBuilder:
             reach = span.back(0, end), span.back(start, end)
         children = self.build(node.operand, reach[0]), self.build(node.goal, reach[1])
         if isinstance(node, nodes.Until):
-            return UntilAhead(children, start, end)
-        return SinceStart(children) if end is None else SinceBack(children, start, end)
+            return streams.UntilAhead(children, start, end)
+        return (
+            streams.SinceStart(children) if end is None else streams.SinceBack(children, start, end)
+        )
 
     def _atom(
         self, node: nodes.Comparison | nodes.StateIs | nodes.Event | nodes.Edge
-    ) -> Callable[[Block], Bounds]:
+    ) -> Callable[[values.Block], values.Bounds]:
         match node:
             case nodes.Comparison():
-                return ComparisonMargins(node, self._tick_ns)
+                return values.ComparisonMargins(node, self._tick_ns)
             case nodes.StateIs():
-                return StateMargins(node)
+                return values.StateMargins(node)
             case nodes.Event():
-                return EventMargins(node)
+                return values.EventMargins(node)
             case nodes.Edge():
-                return EdgeMargins(node, self._tick_ns)
+                return values.EdgeMargins(node, self._tick_ns)

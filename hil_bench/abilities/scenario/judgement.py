@@ -6,25 +6,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
+from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.dimensions import UNITS, Dimension, find_unit
 from hil_bench.abilities.scenario.examination import Cause, Coverage, Examination
-from hil_bench.abilities.scenario.nodes import (
-    Arithmetic,
-    Atom,
-    Comparison,
-    Condition,
-    ConditionEdge,
-    Edge,
-    Event,
-    Magnitude,
-    Number,
-    PreviousValue,
-    Rate,
-    Reading,
-    StateIs,
-    Turn,
-    Value,
-)
 from hil_bench.abilities.scenario.reach import Asks, asks_for
 from hil_bench.abilities.scenario.values import Floats, build_values
 from hil_bench.outside.recording.channels import LoggedFrame, Recording, Span
@@ -34,12 +18,12 @@ from hil_bench.units import ONE, Unit
 # Values, conditions and their readings as a person reads them.
 
 _TURNED: Final = {
-    (Turn.RISES, True): "rose",
-    (Turn.RISES, False): "did not rise",
-    (Turn.FALLS, True): "fell",
-    (Turn.FALLS, False): "did not fall",
-    (Turn.CHANGES, True): "changed",
-    (Turn.CHANGES, False): "did not change",
+    (nodes.Turn.RISES, True): "rose",
+    (nodes.Turn.RISES, False): "did not rise",
+    (nodes.Turn.FALLS, True): "fell",
+    (nodes.Turn.FALLS, False): "did not fall",
+    (nodes.Turn.CHANGES, True): "changed",
+    (nodes.Turn.CHANGES, False): "did not change",
 }
 _MOST_DIGITS = 12
 _NOTHING = 1e-300  # equal sides differ by the smallest double, so that the sign is kept
@@ -92,63 +76,63 @@ def _with_unit(value: float, digits: int, unit: Unit) -> str:
     return f"{text.rstrip('0').rstrip('.') if places else text}{symbol}"
 
 
-def show_value(node: Value, unit: Unit = ONE) -> str:
+def show_value(node: nodes.Value, unit: Unit = ONE) -> str:
     """Return a value in the words of the language; its constants in a unit."""
     match node:
-        case Number():
+        case nodes.Number():
             return show_number(node.value, unit)
-        case Reading():
+        case nodes.Reading():
             return node.name
-        case Magnitude():
+        case nodes.Magnitude():
             return f"abs({_bare(show_value(node.operand, unit))})"
-        case Rate():
+        case nodes.Rate():
             return f"rate({show_value(node.operand)})"
-        case PreviousValue():
+        case nodes.PreviousValue():
             return f"previous({show_value(node.operand, unit)})"
-        case Arithmetic():
+        case nodes.Arithmetic():
             inner = unit if node.operation in "+-" else ONE
             left, right = show_value(node.left, inner), show_value(node.right, inner)
             return f"({left} {node.operation} {right})"
 
 
-def show_atom(node: Atom) -> str:
+def show_atom(node: nodes.Atom) -> str:
     """Return a condition without parts in the words of the language."""
     match node:
-        case Comparison():
+        case nodes.Comparison():
             unit = unit_of(node.dimension, node.symbol)
             left, right = (_bare(show_value(side, unit)) for side in (node.left, node.right))
             return f"{left} {node.relation} {right}"
-        case StateIs():
+        case nodes.StateIs():
             return f'{node.name} == "{node.text}"'
-        case Event():
+        case nodes.Event():
             return node.name
-        case Edge():
+        case nodes.Edge():
             return f"{node.turn}({show_value(node.operand)})"
-        case ConditionEdge():
+        case nodes.ConditionEdge():
             return f"{node.turn}(...)"
 
 
-def show_fact(node: Atom, *, is_true: bool) -> str:
+def show_fact(node: nodes.Atom, *, is_true: bool) -> str:
     """Return in words that a state, an event or an edge is there, or is not."""
     match node:
-        case StateIs():
+        case nodes.StateIs():
             return f"{node.name} was {'' if is_true else 'not '}{node.text}"
-        case Edge():
+        case nodes.Edge():
             return f"{show_value(node.operand)} {_TURNED[node.turn, is_true]}"
         case _:
             return f"{show_atom(node)} was {'' if is_true else 'not '}seen"
 
 
-def show_comparison(node: Comparison, left: float, right: float) -> str:
+def show_comparison(node: nodes.Comparison, left: float, right: float) -> str:
     """Return in words how both sides of a comparison stood [SI]."""
     unit = unit_of(node.dimension, node.symbol)
     sides = [(node.left, left), (node.right, right)]
-    if isinstance(node.left, Number):
+    if isinstance(node.left, nodes.Number):
         sides.reverse()
     (subject, value), (limit, bound) = sides
     apart = value - bound
     name, text = _bare(show_value(subject, unit)), _bare(show_value(limit, unit))
-    if not isinstance(limit, Number):
+    if not isinstance(limit, nodes.Number):
         text += f" ({show_reading(bound, apart, unit)})"
     if not apart:
         return f"{name} was exactly {text}"
@@ -164,9 +148,9 @@ def _bare(text: str) -> str:
     return text[1:-1] if text.startswith("(") else text
 
 
-def show_margin(margin: float, node: Atom) -> str:
+def show_margin(margin: float, node: nodes.Atom) -> str:
     """Return a margin in the unit of the comparison that decides; empty where it has no size."""
-    if not isinstance(node, Comparison) or not math.isfinite(margin):
+    if not isinstance(node, nodes.Comparison) or not math.isfinite(margin):
         return ""
     return show_gap(margin * node.scale, unit_of(node.dimension, node.symbol))
 
@@ -250,7 +234,7 @@ class Judgement:
 
 
 def judge(
-    requirement: Condition,
+    requirement: nodes.Condition,
     columns: Mapping[str, Floats],
     *,
     ticks: int,
@@ -299,7 +283,7 @@ def _describe(cause: Cause, margin: float, examination: Examination, tick_ns: in
     time, node = cause.tick * tick_ns / 1e9, cause.node
     is_right = cause.is_true == examination.monitor.is_met
     condition = show_atom(node) if is_right else f"not {show_atom(node)}"
-    if not isinstance(node, Comparison):
+    if not isinstance(node, nodes.Comparison):
         return Deciding(time, condition, "", "", show_fact(node, is_true=cause.is_true))
     left, right = (
         float(build_values(side, tick_ns)(examination.values)[cause.tick])

@@ -6,15 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from hil_bench.abilities.scenario import records
 from hil_bench.abilities.scenario.reading import read_requirements, read_scenario
-from hil_bench.abilities.scenario.records import (
-    LocatedProblems,
-    RequirementsFile,
-    Scenario,
-    Spot,
-    Spots,
-    find_spots,
-)
 from hil_bench.abilities.scenario.spreadsheet import Cell, Sheet, read_cells
 from hil_bench.config.document import Document, Sort, read_document
 from hil_bench.config.values import find_nearest, quote
@@ -33,7 +26,7 @@ _EXPECT = re.compile(r"expect:\s*(.+?)\s*(?:\+-|±)\s*(.+?)(?:\s+within\s+(.+))?
 _INTEGER = re.compile(r"[+-]?\d{1,400}")  # of more digits, Python refuses some
 
 
-def read_csv_document(path: Path) -> tuple[Document, Spots]:
+def read_csv_document(path: Path) -> tuple[Document, records.Spots]:
     """Return the tables of a CSV file as TOML would have them, and where each value stands.
 
     What is wrong raises a `ConfigError`.
@@ -48,7 +41,7 @@ class _Table:
 
     def __init__(self, path: Path, sheet: Sheet) -> None:
         self.document: dict[str, Any] = {"parameters": {}, "step": [], "expect": []}
-        self.spots: dict[tuple[str, str], Spot] = {}
+        self.spots: dict[tuple[str, str], records.Spot] = {}
         self._path, self._sheet = path, sheet
 
     def read(self) -> None:
@@ -68,7 +61,7 @@ class _Table:
         if len(row) < 2:
             self._fail(row[0], f"{name} has no value; give it in the next cell")
         texts = [cell.text for cell in row[1:]]
-        spot = Spot(row[1].line, row[1].column)
+        spot = records.Spot(row[1].line, row[1].column)
         match name:
             case "parameter":
                 self._read_parameter(row)
@@ -90,14 +83,14 @@ class _Table:
         self.document["parameters"][name] = {"value": values[0]}
         if len(values) == 3:
             self.document["parameters"][name]["range"] = values[1:]
-        self.spots[f"parameters.{name}", ""] = Spot(row[2].line, row[2].column)
+        self.spots[f"parameters.{name}", ""] = records.Spot(row[2].line, row[2].column)
 
     def _scalar(self, text: str, name: str) -> object:
         return self._value(text) if name == "duration_s" else text
 
     def _expect(self, name: str, that: str, cell: Cell) -> None:
         self.document["expect"].append({"id": name, "that": that})
-        spot = Spot(cell.line, cell.column)
+        spot = records.Spot(cell.line, cell.column)
         number = len(self.document["expect"])
         self.spots[f"expect[{number}]", "that"] = self.spots[f"expect[{number}]", ""] = spot
 
@@ -190,8 +183,8 @@ class _Table:
     def _step(self, at: Cell, cell: Cell, values: dict[str, object]) -> None:
         self.document["step"].append({"at_s": self._value(at.text), **values})
         table = f"step[{len(self.document['step'])}]"
-        self.spots[table, ""] = Spot(cell.line, cell.column)
-        self.spots[table, "at_s"] = Spot(at.line, at.column)
+        self.spots[table, ""] = records.Spot(cell.line, cell.column)
+        self.spots[table, "at_s"] = records.Spot(at.line, at.column)
 
     def _value(self, text: str) -> object:
         if _INTEGER.fullmatch(text):
@@ -211,7 +204,7 @@ class _Table:
 # Loading a scenario: `.scenario.toml`, or the same as CSV.
 
 
-def load_scenario(path: str | os.PathLike[str]) -> Scenario:
+def load_scenario(path: str | os.PathLike[str]) -> records.Scenario:
     """Return the scenario of a file, by its suffix CSV or TOML.
 
     Whatever is wrong comes as one `ConfigError`, a line a problem: ``file:line:column: key: what
@@ -223,7 +216,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     return read_scenario(file, document, problems)
 
 
-def load_requirements(path: str | os.PathLike[str]) -> RequirementsFile:
+def load_requirements(path: str | os.PathLike[str]) -> records.RequirementsFile:
     """Return the requirements of a file.
 
     The file is a scenario, or holds nothing but ``duration_s``, ``[[expect]]`` and
@@ -233,10 +226,10 @@ def load_requirements(path: str | os.PathLike[str]) -> RequirementsFile:
     return read_requirements(document, problems)
 
 
-def _read(file: Path) -> tuple[Document, LocatedProblems]:
+def _read(file: Path) -> tuple[Document, records.LocatedProblems]:
     if file.suffix.lower() == ".csv":
         document, spots = read_csv_document(file)
     else:
         document = read_document(file, Sort.SCENARIO)
-        spots = find_spots(file.read_text(encoding="utf-8-sig"))
-    return document, LocatedProblems(str(file), spots)
+        spots = records.find_spots(file.read_text(encoding="utf-8-sig"))
+    return document, records.LocatedProblems(str(file), spots)

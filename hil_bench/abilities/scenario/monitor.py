@@ -11,15 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.build import (
-    AT_START,
-    Asked,
-    Span,
-    StreamBuilder,
-    Wrap,
-    window_ticks,
-)
+from hil_bench.abilities.scenario import build, nodes
 from hil_bench.abilities.scenario.nodes import Condition
 from hil_bench.abilities.scenario.reach import has_duration
 from hil_bench.abilities.scenario.streams import Stream
@@ -82,8 +74,10 @@ class Monitor:
         margin: bounds of the margin, as a share of the scale of the comparison that decides.
     """
 
-    def __init__(self, requirement: Condition, tick_ns: int, wrap: Wrap | None = None) -> None:
-        self._builder = StreamBuilder(tick_ns, wrap)
+    def __init__(
+        self, requirement: Condition, tick_ns: int, wrap: build.Wrap | None = None
+    ) -> None:
+        self._builder = build.StreamBuilder(tick_ns, wrap)
         self._summary = _summarise(requirement, tick_ns, self._builder)
         self.margin: Pair = _UNKNOWN
 
@@ -117,7 +111,7 @@ class Monitor:
         return self._summary.violation()
 
     @property
-    def asked(self) -> Sequence[Asked]:
+    def asked(self) -> Sequence[build.Asked]:
         """Its comparisons, states, events and edges, with the ticks at which it asks for them."""
         return self._builder.asked
 
@@ -257,17 +251,17 @@ def _lowest(pairs: list[Pair]) -> Pair:
     return min(low for low, _ in pairs), min(high for _, high in pairs)
 
 
-def _summarise(node: Condition, tick_ns: int, builder: StreamBuilder) -> _Summary:
+def _summarise(node: Condition, tick_ns: int, builder: build.StreamBuilder) -> _Summary:
     match node:
         case nodes.All():
             return _Both([_summarise(each, tick_ns, builder) for each in node.operands])
         case nodes.Not():
             return _Contrary(_summarise(node.operand, tick_ns, builder))
         case nodes.Always() | nodes.Eventually():
-            start, end = window_ticks(node, node.window, tick_ns)
-            child = builder.build(node.operand, Span(start, end))
+            start, end = build.window_ticks(node, node.window, tick_ns)
+            child = builder.build(node.operand, build.Span(start, end))
             if isinstance(node, nodes.Eventually):
                 return _Sometime(child, start, end)
             return _Throughout(child, start, end, lasts=has_duration(node.operand))
         case _:
-            return _AtStart(builder.build(node, AT_START))
+            return _AtStart(builder.build(node, build.AT_START))

@@ -7,14 +7,7 @@ from typing import Final
 
 from hil_bench import units
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
-from hil_bench.abilities.scenario.dimensions import (
-    NUMBER,
-    REFERENCES,
-    TIME,
-    Dimension,
-    multiply,
-    show_dimension,
-)
+from hil_bench.abilities.scenario import dimensions, syntax
 from hil_bench.abilities.scenario.nodes import (
     DM1,
     EMCY,
@@ -45,15 +38,6 @@ from hil_bench.abilities.scenario.nodes import (
     Window,
     is_same,
 )
-from hil_bench.abilities.scenario.syntax import (
-    ExpectationError,
-    MeasuredValue,
-    Operand,
-    State,
-    Text,
-    position_of,
-    quantity_of,
-)
 from hil_bench.config.values import find_nearest, quote
 
 # Arithmetic and comparisons of an expectation, with their units checked.
@@ -61,13 +45,15 @@ from hil_bench.config.values import find_nearest, quote
 _KNOWN_BASES = {"kg", "m", "s", "rad", units.CELSIUS.symbol}
 
 
-def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValue:
+def combine(
+    operation: Operation, left: syntax.Operand, right: syntax.Operand
+) -> syntax.MeasuredValue:
     """Return the arithmetic of two values.
 
     Raises:
         ExpectationError: their units do not fit, or the divisor is 0.
     """
-    one, other = quantity_of(left, operation), quantity_of(right, operation)
+    one, other = syntax.quantity_of(left, operation), syntax.quantity_of(right, operation)
     position = one.node.position
     slack = 0.0
     if operation in {Operation.ADD, Operation.SUBTRACT}:
@@ -76,18 +62,20 @@ def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValu
         symbol = one.symbol or other.symbol
     else:
         sign = 1 if operation is Operation.MULTIPLY else -1
-        dimension = multiply(one.dimension, other.dimension, sign)
+        dimension = dimensions.multiply(one.dimension, other.dimension, sign)
         symbol = next((q.symbol for q in (one, other) if q.dimension == dimension), "")
     if operation is Operation.DIVIDE and other.node_value == 0.0:
-        raise ExpectationError(other.node.position, "divides by 0; give another divisor")
+        raise syntax.ExpectationError(other.node.position, "divides by 0; give another divisor")
     if isinstance(one.node, Number) and isinstance(other.node, Number):
         value = _calculate(operation, one.node.value, other.node.value)
-        return MeasuredValue(Number(value, position=position), dimension, symbol, slack)
+        return syntax.MeasuredValue(Number(value, position=position), dimension, symbol, slack)
     node = Arithmetic(operation, one.node, other.node, position=position)
-    return MeasuredValue(node, dimension, symbol, slack)
+    return syntax.MeasuredValue(node, dimension, symbol, slack)
 
 
-def compare(operands: list[Operand], relations: list[Relation], known: Vocabulary) -> Condition:
+def compare(
+    operands: list[syntax.Operand], relations: list[Relation], known: Vocabulary
+) -> Condition:
     """Return a comparison; of ``a < b < c``, both."""
     parts = tuple(
         _compare(relation, left, right, known)
@@ -96,12 +84,14 @@ def compare(operands: list[Operand], relations: list[Relation], known: Vocabular
     return parts[0] if len(parts) == 1 else All(parts, position=parts[0].position)
 
 
-def _smallest_of(*values: MeasuredValue) -> float:
+def _smallest_of(*values: syntax.MeasuredValue) -> float:
     """Return the smallest constant term of some values [SI]; 0 for none."""
     return min((each.tolerance for each in values if each.tolerance), default=0.0)
 
 
-def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
+def common_dimension(
+    one: syntax.MeasuredValue, other: syntax.MeasuredValue, what: str
+) -> dimensions.Dimension:
     """Return the common dimension of two values.
 
     Raises:
@@ -112,21 +102,21 @@ def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dim
     if one.fits_all or _is_foreign(other, one):
         return other.dimension
     right = "give both the same kind of unit"
-    if NUMBER in {one.dimension, other.dimension}:
+    if dimensions.NUMBER in {one.dimension, other.dimension}:
         right = "give the number its unit"
-    raise ExpectationError(
+    raise syntax.ExpectationError(
         other.node.position,
-        f"{what} a value {show_dimension(one.dimension)} and one "
-        f"{show_dimension(other.dimension)} makes no sense; {right}".replace(
+        f"{what} a value {dimensions.show_dimension(one.dimension)} and one "
+        f"{dimensions.show_dimension(other.dimension)} makes no sense; {right}".replace(
             "a value a ", "a "
         ).replace("one a ", "a "),
     )
 
 
-def _is_foreign(signal: MeasuredValue, number: MeasuredValue) -> bool:
+def _is_foreign(signal: syntax.MeasuredValue, number: syntax.MeasuredValue) -> bool:
     """Return True if a plain number meets a signal in a unit that the language does not know."""
     bases = {base for base, _ in signal.dimension}
-    is_plain = number.is_constant and number.dimension == NUMBER and not number.symbol
+    is_plain = number.is_constant and number.dimension == dimensions.NUMBER and not number.symbol
     return is_plain and not bases <= _KNOWN_BASES
 
 
@@ -142,25 +132,29 @@ def _calculate(operation: Operation, left: float, right: float) -> float:
             return left / right
 
 
-def _compare(relation: Relation, left: Operand, right: Operand, known: Vocabulary) -> Condition:
-    if isinstance(left, State | Text) or isinstance(right, State | Text):
+def _compare(
+    relation: Relation, left: syntax.Operand, right: syntax.Operand, known: Vocabulary
+) -> Condition:
+    if isinstance(left, syntax.State | syntax.Text) or isinstance(
+        right, syntax.State | syntax.Text
+    ):
         return _compare_state(relation, left, right, known)
-    one, other = quantity_of(left, relation), quantity_of(right, relation)
+    one, other = syntax.quantity_of(left, relation), syntax.quantity_of(right, relation)
     dimension = common_dimension(one, other, f"comparing ({relation})")
     if one.is_constant and other.is_constant:
-        raise ExpectationError(
+        raise syntax.ExpectationError(
             one.node.position, "compares no signal, so nothing can change it; give a signal"
         )
     if is_same(one.node, other.node):
         wrong = "compares a value with itself, which nothing can change; give another one"
-        raise ExpectationError(one.node.position, wrong)
+        raise syntax.ExpectationError(one.node.position, wrong)
     constants = [each for each in (one, other) if each.is_constant]
     scale = _smallest_of(*(constants or (one, other)))
     return Comparison(
         relation,
         one.node,
         other.node,
-        scale or REFERENCES.get(dimension, 1.0),
+        scale or dimensions.REFERENCES.get(dimension, 1.0),
         one.symbol or other.symbol,
         dimension,
         position=one.node.position,
@@ -168,98 +162,109 @@ def _compare(relation: Relation, left: Operand, right: Operand, known: Vocabular
 
 
 def _compare_state(
-    relation: Relation, left: Operand, right: Operand, known: Vocabulary
+    relation: Relation, left: syntax.Operand, right: syntax.Operand, known: Vocabulary
 ) -> Condition:
-    state, text = (left, right) if isinstance(left, State) else (right, left)
-    position = position_of(left)
-    if not isinstance(state, State) or not isinstance(text, Text):
+    state, text = (left, right) if isinstance(left, syntax.State) else (right, left)
+    position = syntax.position_of(left)
+    if not isinstance(state, syntax.State) or not isinstance(text, syntax.Text):
         wrong = "compares a state with something else than a text"
-        raise ExpectationError(position, f'{wrong}; write it as in valve.state == "HOLD"')
+        raise syntax.ExpectationError(position, f'{wrong}; write it as in valve.state == "HOLD"')
     codes = known.states[state.name]
     if text.text not in codes:
         nearest = quote(find_nearest(text.text, codes))
         wrong = f"{state.name} is never {quote(text.text)}"
-        raise ExpectationError(text.position, f"{wrong}; the nearest is {nearest}")
+        raise syntax.ExpectationError(text.position, f"{wrong}; the nearest is {nearest}")
     if relation not in {Relation.EQUAL, Relation.UNEQUAL}:
-        raise ExpectationError(position, f"{relation} cannot compare states; give == or !=")
+        raise syntax.ExpectationError(position, f"{relation} cannot compare states; give == or !=")
     found = StateIs(state.name, text.text, codes[text.text], position=position)
     return found if relation is Relation.EQUAL else Not(found, position=position)
 
 
 # The functions and events of an expectation: ``abs(x)``, ``rises(x)``, ``emcy(valve)``.
 
-Call = Callable[[Sequence[Operand], Position, Vocabulary], Operand]
+Call = Callable[[Sequence[syntax.Operand], Position, Vocabulary], syntax.Operand]
 
 _NANOSECOND = 1e-9
 _HIGHEST_ID = 0x1FFFFFFF
 _NO_SIGNAL = "holds no signal, so nothing can change it; give a signal"
 
 
-def _abs(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:
+def _abs(given: Sequence[syntax.Operand], position: Position, _known: Vocabulary) -> syntax.Operand:
     (operand,) = _take(given, "abs(x)", position)
-    found = quantity_of(operand, "abs")
+    found = syntax.quantity_of(operand, "abs")
     if isinstance(found.node, Number):
         return found._replace(node=Number(abs(found.node.value), position=position), slack=0.0)
     return found._replace(node=Magnitude(found.node, position=position), slack=0.0)
 
 
-def _rate(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:
+def _rate(
+    given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+) -> syntax.Operand:
     (operand,) = _take(given, "rate(x)", position)
-    found = quantity_of(operand, "rate")
+    found = syntax.quantity_of(operand, "rate")
     if found.is_constant:
-        raise ExpectationError(position, f"rate {_NO_SIGNAL}")
-    return MeasuredValue(Rate(found.node, position=position), multiply(found.dimension, TIME, -1))
+        raise syntax.ExpectationError(position, f"rate {_NO_SIGNAL}")
+    return syntax.MeasuredValue(
+        Rate(found.node, position=position),
+        dimensions.multiply(found.dimension, dimensions.TIME, -1),
+    )
 
 
-def _previous(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:
+def _previous(
+    given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+) -> syntax.Operand:
     (operand,) = _take(given, "previous(x)", position)
     if isinstance(operand, Node):
         return PreviousCondition(operand, position=position)
-    found = quantity_of(operand, "previous")
+    found = syntax.quantity_of(operand, "previous")
     if found.is_constant:
-        raise ExpectationError(position, f"previous {_NO_SIGNAL}")
+        raise syntax.ExpectationError(position, f"previous {_NO_SIGNAL}")
     return found._replace(node=PreviousValue(found.node, position=position), slack=0.0)
 
 
 def _edge(turn: Turn) -> Call:
-    def build(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:
+    def build(
+        given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+    ) -> syntax.Operand:
         (operand,) = _take(given, f"{turn}(x)", position)
-        if isinstance(operand, State):
+        if isinstance(operand, syntax.State):
             return _state_edge(turn, operand, position)
         if isinstance(operand, Node):
             return ConditionEdge(turn, operand, position=position)
-        found = quantity_of(operand, turn)
+        found = syntax.quantity_of(operand, turn)
         if found.is_constant:
-            raise ExpectationError(position, f"{turn} {_NO_SIGNAL}")
+            raise syntax.ExpectationError(position, f"{turn} {_NO_SIGNAL}")
         return Edge(turn, found.node, position=position)
 
     return build
 
 
-def _state_edge(turn: Turn, state: State, position: Position) -> Operand:
+def _state_edge(turn: Turn, state: syntax.State, position: Position) -> syntax.Operand:
     if turn is not Turn.CHANGES:
         right = f'give changes({state.name}), or {turn}({state.name} == "...")'
-        raise ExpectationError(position, f"a state neither rises nor falls; {right}")
+        raise syntax.ExpectationError(position, f"a state neither rises nor falls; {right}")
     return Edge(turn, Reading(state.name, position=state.position), position=position)
 
 
-def _settled(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
+def _settled(
+    given: Sequence[syntax.Operand], position: Position, known: Vocabulary
+) -> syntax.Operand:
     form = "settled(deviation, band) or settled(deviation, band, time)"
     if len(given) not in {2, 3}:
-        raise ExpectationError(position, f"settled takes 2 or 3 values; write {form}")
+        raise syntax.ExpectationError(position, f"settled takes 2 or 3 values; write {form}")
     inside = compare([_abs(given[:1], position, known), given[1]], [Relation.LESS_EQUAL], known)
     if not isinstance(inside, Comparison):  # a state, which `quantity_of` has refused
-        raise ExpectationError(position, f"settled needs a deviation; write {form}")
+        raise syntax.ExpectationError(position, f"settled needs a deviation; write {form}")
     window = UNBOUNDED
     if len(given) == 3:
-        time = quantity_of(given[2], "settled")
-        if time.node_value is None or time.dimension != TIME or time.node_value < 0:
-            raise ExpectationError(time.node.position, "is no time; give for example 200 ms")
+        time = syntax.quantity_of(given[2], "settled")
+        if time.node_value is None or time.dimension != dimensions.TIME or time.node_value < 0:
+            raise syntax.ExpectationError(time.node.position, "is no time; give for example 200 ms")
         window = Window(0, round(time.node_value / _NANOSECOND))
     return Always(window, inside, position=position)
 
 
-def _require(name: Text, known: Collection[str], what: str, without: str) -> None:
+def _require(name: syntax.Text, known: Collection[str], what: str, without: str) -> None:
     """Refuse a name that is not known.
 
     Raises:
@@ -267,23 +272,25 @@ def _require(name: Text, known: Collection[str], what: str, without: str) -> Non
     """
     if name.text not in known:
         right = f"the nearest is {find_nearest(name.text, known)}" if known else without
-        raise ExpectationError(name.position, f"{quote(name.text)} is no {what}; {right}")
+        raise syntax.ExpectationError(name.position, f"{quote(name.text)} is no {what}; {right}")
 
 
-def _emcy(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
+def _emcy(given: Sequence[syntax.Operand], position: Position, known: Vocabulary) -> syntax.Operand:
     form = "emcy(NODE) or emcy(NODE, 0x8110)"
-    if not 1 <= len(given) <= 2 or not isinstance(given[0], Text):
-        raise ExpectationError(position, f"emcy takes the name of a node; write {form}")
+    if not 1 <= len(given) <= 2 or not isinstance(given[0], syntax.Text):
+        raise syntax.ExpectationError(position, f"emcy takes the name of a node; write {form}")
     node = given[0]
     _require(node, known.nodes, "node", "there are no nodes here")
     code = f", 0x{_whole(given[1], 0xFFFF, form):04X}" if len(given) == 2 else ""
     return Event(f"{EMCY}({node.text}{code})", position=position)
 
 
-def _dm1(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
+def _dm1(given: Sequence[syntax.Operand], position: Position, known: Vocabulary) -> syntax.Operand:
     form = "dm1(DEVICE), dm1(DEVICE, 1907) or dm1(DEVICE, 1907, 9)"
-    if not 1 <= len(given) <= 3 or not isinstance(given[0], Text):
-        raise ExpectationError(position, f"dm1 takes the name of a J1939 device; write {form}")
+    if not 1 <= len(given) <= 3 or not isinstance(given[0], syntax.Text):
+        raise syntax.ExpectationError(
+            position, f"dm1 takes the name of a J1939 device; write {form}"
+        )
     device = given[0]
     _require(device, known.ecus, "J1939 device", "there are none here")
     limits = (HIGHEST_SPN, HIGHEST_FMI)
@@ -292,26 +299,30 @@ def _dm1(given: Sequence[Operand], position: Position, known: Vocabulary) -> Ope
     return Event(f"{DM1}({name})", position=position)
 
 
-def _frame(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
+def _frame(
+    given: Sequence[syntax.Operand], position: Position, known: Vocabulary
+) -> syntax.Operand:
     (operand,) = _take(given, "frame(0x181)", position)
     if not known.has_frames:
-        raise ExpectationError(position, "there are no frames here; give a signal")
+        raise syntax.ExpectationError(position, "there are no frames here; give a signal")
     return Event(f"{FRAME}(0x{_whole(operand, _HIGHEST_ID, 'frame(0x181)'):X})", position=position)
 
 
-def _whole(operand: Operand, highest: int, form: str) -> int:
-    value = quantity_of(operand, "this").node_value
+def _whole(operand: syntax.Operand, highest: int, form: str) -> int:
+    value = syntax.quantity_of(operand, "this").node_value
     if value is None or value != int(value) or not 0 <= value <= highest:
-        where = quantity_of(operand, "this").node.position
-        raise ExpectationError(
+        where = syntax.quantity_of(operand, "this").node.position
+        raise syntax.ExpectationError(
             where, f"is no number from 0 to 0x{highest:X}; write it as in {form}"
         )
     return int(value)
 
 
-def _take(given: Sequence[Operand], form: str, position: Position) -> Sequence[Operand]:
+def _take(
+    given: Sequence[syntax.Operand], form: str, position: Position
+) -> Sequence[syntax.Operand]:
     if len(given) != 1:
-        raise ExpectationError(position, f"takes 1 value, not {len(given)}; write {form}")
+        raise syntax.ExpectationError(position, f"takes 1 value, not {len(given)}; write {form}")
     return given
 
 

@@ -5,16 +5,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
-from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.dimensions import (
-    NUMBER,
-    TIME,
-    UNITS,
-    dimension_of,
-    find_unit,
-    show_dimension,
-    unit_of_name,
-)
+from hil_bench.abilities.scenario import dimensions, nodes, syntax
 from hil_bench.abilities.scenario.nodes import (
     DM1,
     EMCY,
@@ -29,17 +20,6 @@ from hil_bench.abilities.scenario.nodes import (
     Window,
 )
 from hil_bench.abilities.scenario.operators import CALLS, combine, compare
-from hil_bench.abilities.scenario.syntax import (
-    DEEPEST,
-    ExpectationError,
-    MeasuredValue,
-    Operand,
-    State,
-    Text,
-    condition_of,
-    quantity_of,
-    read_syntax,
-)
 from hil_bench.config.values import find_nearest, quote
 
 if TYPE_CHECKING:
@@ -72,7 +52,7 @@ def parse_expectation(text: str, vocabulary: Vocabulary) -> Condition:
     What is wrong raises an `ExpectationError`, with line and column.
     """
     builder = _Builder(vocabulary)
-    return condition_of(builder.build(read_syntax(text)), "an expectation")
+    return syntax.condition_of(builder.build(syntax.read_syntax(text)), "an expectation")
 
 
 def parse_quantity(text: str) -> tuple[float, str]:
@@ -80,7 +60,7 @@ def parse_quantity(text: str) -> tuple[float, str]:
 
     Any other text raises an `ExpectationError`.
     """
-    found = quantity_of(_Builder(Vocabulary({})).build(read_syntax(text)), "this")
+    found = syntax.quantity_of(_Builder(Vocabulary({})).build(syntax.read_syntax(text)), "this")
     return cast("float", found.node_value), found.symbol
 
 
@@ -90,7 +70,7 @@ class _Builder:
     def __init__(self, vocabulary: Vocabulary) -> None:
         self._known = vocabulary
         self._depth = 0
-        self._forms: Mapping[str, Callable[[Tree[Token], Position], Operand]] = {
+        self._forms: Mapping[str, Callable[[Tree[Token], Position], syntax.Operand]] = {
             "quantity": self._quantity,
             "name": self._name,
             "text": self._text,
@@ -113,104 +93,104 @@ class _Builder:
             **dict.fromkeys((*_SPANS, *_PASTS), self._span),
         }
 
-    def build(self, tree: "Tree[Token]") -> Operand:
+    def build(self, tree: "Tree[Token]") -> syntax.Operand:
         """Build the operand of a tree.
 
         Raises:
             ExpectationError: it makes no sense, or is nested too deep.
         """
         position = Position(tree.meta.line, tree.meta.column)
-        if self._depth == DEEPEST:
-            wrong = f"is nested more than {DEEPEST} levels deep"
-            raise ExpectationError(position, f"{wrong}; split it into several expectations")
+        if self._depth == syntax.DEEPEST:
+            wrong = f"is nested more than {syntax.DEEPEST} levels deep"
+            raise syntax.ExpectationError(position, f"{wrong}; split it into several expectations")
         self._depth += 1
         found = self._forms[tree.data](tree, position)
         self._depth -= 1
         return found
 
     def _condition(self, tree: object, word: str) -> Condition:
-        return condition_of(self.build(_tree(tree)), word)
+        return syntax.condition_of(self.build(_tree(tree)), word)
 
-    def _quantity(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _quantity(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         number, *units = (str(token) for token in tree.children)
         value = float(int(number, 16)) if number.startswith("0x") else float(number)
         if not math.isfinite(value):
-            raise ExpectationError(position, "is too large a number; give a smaller one")
+            raise syntax.ExpectationError(position, "is too large a number; give a smaller one")
         if not units:
-            return MeasuredValue(Number(value, position=position), NUMBER)
-        unit = find_unit(units[0])
+            return syntax.MeasuredValue(Number(value, position=position), dimensions.NUMBER)
+        unit = dimensions.find_unit(units[0])
         if unit is None:
-            nearest = find_nearest(units[0], UNITS)
+            nearest = find_nearest(units[0], dimensions.UNITS)
             wrong = f"{quote(units[0])} is no unit of the language"
-            raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
+            raise syntax.ExpectationError(position, f"{wrong}; the nearest is {nearest}")
         si = unit.unit.to_si(value)
-        return MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
+        return syntax.MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
 
-    def _name(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _name(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         name = str(tree.children[0]).strip("'")
         known = self._known
         if name in known.states:
-            return State(name, position)
+            return syntax.State(name, position)
         if name in known.signals:
-            return MeasuredValue(
-                Reading(name, position=position), dimension_of(known.signals[name])
+            return syntax.MeasuredValue(
+                Reading(name, position=position), dimensions.dimension_of(known.signals[name])
             )
         if name in known.parameters:
-            unit = unit_of_name(name)
+            unit = dimensions.unit_of_name(name)
             number = Number(known.parameters[name], position=position)
-            return MeasuredValue(number, unit.dimension, unit.unit.symbol.replace("-", ""))
+            return syntax.MeasuredValue(number, unit.dimension, unit.unit.symbol.replace("-", ""))
         if name in known.shared:
             wrong = f"{quote(name)} is in several tables"
-            raise ExpectationError(position, f"{wrong}; give {known.shared[name]}")
+            raise syntax.ExpectationError(position, f"{wrong}; give {known.shared[name]}")
         if any(name in texts for texts in known.states.values()):
             right = f'write "{name}" with its quotes, and the expectation in single ones'
-            raise ExpectationError(position, f"{name} is a state; {right}")
+            raise syntax.ExpectationError(position, f"{name} is a state; {right}")
         right = f"the nearest is {find_nearest(name, known.names)}" if known.names else "none is"
-        raise ExpectationError(position, f"{quote(name)} is no signal here; {right}")
+        raise syntax.ExpectationError(position, f"{quote(name)} is no signal here; {right}")
 
-    def _text(self, tree: "Tree[Token]", position: Position) -> Operand:
-        return Text(str(tree.children[0])[1:-1], position)
+    def _text(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+        return syntax.Text(str(tree.children[0])[1:-1], position)
 
-    def _call(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _call(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         name, *rest = tree.children
         if name not in CALLS:
             nearest = find_nearest(str(name), CALLS)
             wrong = f"{quote(str(name))} is no function of the language"
-            raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
+            raise syntax.ExpectationError(position, f"{wrong}; the nearest is {nearest}")
         if name in {DM1, EMCY} and rest and _tree(rest[0]).data == "name":
             place = _tree(rest[0]).meta
-            node = Text(
+            node = syntax.Text(
                 str(_tree(rest[0]).children[0]).strip("'"), Position(place.line, place.column)
             )
-            given: list[Operand] = [node, *(self.build(_tree(each)) for each in rest[1:])]
+            given: list[syntax.Operand] = [node, *(self.build(_tree(each)) for each in rest[1:])]
         else:
             given = [self.build(_tree(each)) for each in rest]
         return CALLS[str(name)](given, position, self._known)
 
-    def _negative(self, tree: "Tree[Token]", position: Position) -> Operand:
-        found = quantity_of(self.build(_tree(tree.children[0])), "-")
+    def _negative(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+        found = syntax.quantity_of(self.build(_tree(tree.children[0])), "-")
         if isinstance(found.node, Number):
             return found._replace(node=Number(-found.node.value, position=position))
-        minus = MeasuredValue(Number(-1.0, position=position), NUMBER)
+        minus = syntax.MeasuredValue(Number(-1.0, position=position), dimensions.NUMBER)
         product = combine(Operation.MULTIPLY, minus, found)
         return product._replace(symbol=found.symbol, slack=found.slack)
 
-    def _arithmetic(self, tree: "Tree[Token]", _position: Position) -> Operand:
+    def _arithmetic(self, tree: "Tree[Token]", _position: Position) -> syntax.Operand:
         left, right = (self.build(_tree(child)) for child in tree.children)
         return combine(_OPERATIONS[tree.data], left, right)
 
-    def _comparison(self, tree: "Tree[Token]", _position: Position) -> Operand:
+    def _comparison(self, tree: "Tree[Token]", _position: Position) -> syntax.Operand:
         operands = [self.build(_tree(child)) for child in tree.children[::2]]
         relations = [Relation(str(token)) for token in tree.children[1::2]]
         return compare(operands, relations, self._known)
 
-    def _not(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _not(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         return nodes.Not(self._condition(tree.children[0], "not"), position=position)
 
-    def _and(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _and(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         return nodes.All(self._operands(tree, "and"), position=position)
 
-    def _or(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _or(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         return nodes.Any(self._operands(tree, "or"), position=position)
 
     def _operands(self, tree: "Tree[Token]", word: str) -> tuple[Condition, ...]:
@@ -225,46 +205,46 @@ class _Builder:
             rest = _tree(left)
         return tuple(self._condition(each, word) for each in reversed(found))
 
-    def _implies(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _implies(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         trigger, response = (self._condition(each, "implies") for each in tree.children)
         return nodes.Implies(trigger, response, position=position)
 
-    def _whenever(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _whenever(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         trigger = self._condition(tree.children[0], "whenever")
         response = self._condition(tree.children[1], "then")
         implies = nodes.Implies(trigger, response, position=position)
         return nodes.Always(UNBOUNDED, implies, position=position)
 
-    def _span(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _span(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         *windows, operand = tree.children
         window = self._window(_tree(windows[0])) if windows else UNBOUNDED
         if tree.data in {"eventually", "once"} and _tree(operand).data == "within":
             right = "within T A" if tree.data == "eventually" else "A within the last T"
-            raise ExpectationError(position, f"{tree.data} within: write {right} alone")
+            raise syntax.ExpectationError(position, f"{tree.data} within: write {right} alone")
         kind = _SPANS.get(tree.data) or _PASTS[tree.data]
         return kind(window, self._condition(operand, tree.data), position=position)
 
-    def _within(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _within(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         window = Window(0, self._duration(tree.children[0]))
         return nodes.Eventually(
             window, self._condition(tree.children[1], "within"), position=position
         )
 
-    def _for(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _for(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         window = Window(0, self._duration(tree.children[1]))
         return nodes.Always(window, self._condition(tree.children[0], "for"), position=position)
 
-    def _for_the_last(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _for_the_last(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         window = Window(0, self._duration(tree.children[1]))
         operand = self._condition(tree.children[0], "for the last")
         return nodes.Historically(window, operand, position=position)
 
-    def _within_the_last(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _within_the_last(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         window = Window(0, self._duration(tree.children[1]))
         operand = self._condition(tree.children[0], "within the last")
         return nodes.Once(window, operand, position=position)
 
-    def _until(self, tree: "Tree[Token]", position: Position) -> Operand:
+    def _until(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
         first, *windows, last = tree.children
         window = self._window(_tree(windows[0])) if windows else UNBOUNDED
         kind = nodes.Until if tree.data == "until" else nodes.Since
@@ -276,7 +256,9 @@ class _Builder:
         match tree.data:
             case "from_to" if times[0] > times[1]:
                 position = Position(tree.meta.line, tree.meta.column)
-                raise ExpectationError(position, "ends before it begins; give from A to B, A <= B")
+                raise syntax.ExpectationError(
+                    position, "ends before it begins; give from A to B, A <= B"
+                )
             case "from_to":
                 return Window(times[0], times[1])
             case "after":
@@ -290,15 +272,21 @@ class _Builder:
         Raises:
             ExpectationError: it is something else.
         """
-        found = quantity_of(self.build(_tree(tree)), "a time")
+        found = syntax.quantity_of(self.build(_tree(tree)), "a time")
         position = found.node.position
         value = found.node_value
-        if value is None or found.dimension != TIME:
-            what = "a signal" if value is None else f"a value {show_dimension(found.dimension)}"
+        if value is None or found.dimension != dimensions.TIME:
+            what = (
+                "a signal"
+                if value is None
+                else f"a value {dimensions.show_dimension(found.dimension)}"
+            )
             wrong = f"is {what}, not a time".replace("a value a ", "a ")
-            raise ExpectationError(position, f"{wrong}; give for example 200 ms")
+            raise syntax.ExpectationError(position, f"{wrong}; give for example 200 ms")
         if not 0 <= value <= _LONGEST_TIME:
-            raise ExpectationError(position, f"{value:g} s is no span of time; give 0 s or more")
+            raise syntax.ExpectationError(
+                position, f"{value:g} s is no span of time; give 0 s or more"
+            )
         return round(value * 1e9)
 
 

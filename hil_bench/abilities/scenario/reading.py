@@ -7,36 +7,9 @@ from typing import Any
 
 from hil_bench.abilities.controllers.kinds import find_kind
 from hil_bench.abilities.faults.registry import find_fault_kind, kind_name
+from hil_bench.abilities.scenario import records, schema
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
-from hil_bench.abilities.scenario.records import (
-    Amount,
-    Controller,
-    Expectation,
-    FaultStep,
-    FirmwareStep,
-    LocatedProblems,
-    NmtStep,
-    Parameter,
-    Reference,
-    RequirementsFile,
-    Scenario,
-    SetStep,
-    Spot,
-    Step,
-    SyncStep,
-    TextPlace,
-)
-from hil_bench.abilities.scenario.schema import (
-    CONTROLLER_KEYS,
-    DURATION_KEY,
-    EXPECT_KEYS,
-    HEAD_KEYS,
-    PARAMETER_KEYS,
-    STEP_KEYS,
-    STEP_KINDS,
-    fault_step_keys,
-)
 from hil_bench.abilities.scenario.spreadsheet import read_course
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.config.document import Document, Tables, check_tables, read_section
@@ -47,7 +20,9 @@ from hil_bench.errors import ConfigError
 _TABLES = ("controller", "parameters", "step", "expect")
 
 
-def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> Scenario:
+def read_scenario(
+    path: Path, document: Document, problems: records.LocatedProblems
+) -> records.Scenario:
     """Return the scenario of a document; every problem is told at once, a line each.
 
     Args:
@@ -56,7 +31,7 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
         problems: to be noted.
     """
     file = Tables(document, problems)
-    settings = file.head(HEAD_KEYS, _TABLES)
+    settings = file.head(schema.HEAD_KEYS, _TABLES)
     parameters = _read_parameters(document, problems)
     reader = StepReader(path.parent, parameters, problems)
     steps = [step for table, values in file.listed("step") for step in reader.read(table, values)]
@@ -65,7 +40,7 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
     if "duration_s" in settings:
         _check_times(steps, parameters, settings["duration_s"].value, reader.tables, problems)
     problems.raise_any()
-    return Scenario(
+    return records.Scenario(
         path,
         settings["title"].value,
         settings["bench"].value,
@@ -78,22 +53,24 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
     )
 
 
-def read_requirements(document: Document, problems: LocatedProblems) -> RequirementsFile:
+def read_requirements(
+    document: Document, problems: records.LocatedProblems
+) -> records.RequirementsFile:
     """Return the requirements of a document.
 
     Args:
         document: the tables; of a scenario, all else is left out.
         problems: to be noted.
     """
-    check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
+    check_tables(document, (*(key.name for key in schema.HEAD_KEYS), *_TABLES), problems)
     parameters = _read_parameters(document, problems)
     expectations = _read_expectations(Tables(document, problems), problems)
-    head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
-    settings = read_table("", head, (DURATION_KEY,) if head else (), problems)
+    head = {name: document[name] for name in (schema.DURATION_KEY.name,) if name in document}
+    settings = read_table("", head, (schema.DURATION_KEY,) if head else (), problems)
     problems.raise_any()
-    duration = settings[DURATION_KEY.name].value if head else None
+    duration = settings[schema.DURATION_KEY.name].value if head else None
     values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
-    return RequirementsFile(expectations, values, duration)
+    return records.RequirementsFile(expectations, values, duration)
 
 
 class StepReader:
@@ -108,17 +85,19 @@ class StepReader:
         tables: the table of each step that was read, in their order.
     """
 
-    def __init__(self, base: Path, parameters: Mapping[str, Parameter], problems: Problems) -> None:
+    def __init__(
+        self, base: Path, parameters: Mapping[str, records.Parameter], problems: Problems
+    ) -> None:
         self.tables: list[str] = []
         self._base, self._parameters, self._problems = base, parameters, problems
 
-    def read(self, table: str, values: Mapping[str, object]) -> list[Step]:
+    def read(self, table: str, values: Mapping[str, object]) -> list[records.Step]:
         """Return the steps of a table: several, where it sets several things."""
-        kinds = [kind for kind in STEP_KINDS if kind in values]
+        kinds = [kind for kind in schema.STEP_KINDS if kind in values]
         if len(kinds) != 1:
             wrong = f"has {' and '.join(kinds)}" if kinds else "does nothing"
             self._problems.add(
-                self._problems.place(table), f"{wrong}; give one of {', '.join(STEP_KINDS)}"
+                self._problems.place(table), f"{wrong}; give one of {', '.join(schema.STEP_KINDS)}"
             )
             return []
         place = self._problems.place(table, kinds[0])
@@ -126,26 +105,26 @@ class StepReader:
         self.tables += [table] * len(steps)
         return steps
 
-    def _read_kind(self, kind: str, table: str, values: Mapping[str, object]) -> list[Step]:
+    def _read_kind(self, kind: str, table: str, values: Mapping[str, object]) -> list[records.Step]:
         if kind == "fault":
             return self._read_fault(table, values)
         form = "table" if kind == "set" and "table" in values else kind
-        found = self._settings(table, values, STEP_KEYS[form])
-        if len(found) < len(STEP_KEYS[form]):
+        found = self._settings(table, values, schema.STEP_KEYS[form])
+        if len(found) < len(schema.STEP_KEYS[form]):
             return []
         at = found["at_s"].value
-        steps: list[Step]
+        steps: list[records.Step]
         match form:
             case "set":
                 steps = self._read_set(table, found)
             case "table":
                 steps = self._read_course(table, found)
             case "nmt":
-                steps = [NmtStep(at, found["nmt"].value, found["target"].value)]
+                steps = [records.NmtStep(at, found["nmt"].value, found["target"].value)]
             case "sync":
-                steps = [SyncStep(at, found["sync"].value)]
+                steps = [records.SyncStep(at, found["sync"].value)]
             case _:
-                steps = [FirmwareStep(at, found["firmware"].value, found["target"].value)]
+                steps = [records.FirmwareStep(at, found["firmware"].value, found["target"].value)]
         return steps
 
     def _settings(self, table: str, values: Mapping[str, object], keys: Sequence[Key]) -> Settings:
@@ -165,7 +144,7 @@ class StepReader:
                 raise ConfigError(f"{quote(parameter.name)} has another unit; {right}")
             for each in (parameter.value, *(parameter.span or ())):
                 key.read(unit.unit.from_si(parameter.unit.to_si(each)))
-            return Reference(parameter.name)
+            return records.Reference(parameter.name)
 
         return read
 
@@ -179,8 +158,8 @@ class StepReader:
                 raise ConfigError(wrong) from None
             raise
 
-    def _read_set(self, table: str, found: Settings) -> list[Step]:
-        steps: list[Step] = []
+    def _read_set(self, table: str, found: Settings) -> list[records.Step]:
+        steps: list[records.Step] = []
         for target, value in found["set"].value.items():
             try:
                 amount, unit = self._amount(value)
@@ -189,10 +168,10 @@ class StepReader:
                 self._problems.add(place, f"{quote(target)}: {error}")
             else:
                 at, over = found["at_s"].value, found["over_s"].value
-                steps.append(SetStep(at, target, amount, over, unit=unit))
+                steps.append(records.SetStep(at, target, amount, over, unit=unit))
         return steps
 
-    def _amount(self, value: object) -> tuple[Amount, str]:
+    def _amount(self, value: object) -> tuple[records.Amount, str]:
         """Return a number in SI, and the symbol of its unit; empty for a bare number.
 
         Raises:
@@ -204,7 +183,7 @@ class StepReader:
             except OverflowError:
                 raise ConfigError(f"{describe(value)} is not finite; give a number") from None
         if isinstance(value, str) and value in self._parameters:
-            return Reference(value), ""
+            return records.Reference(value), ""
         if isinstance(value, str):
             try:
                 return parse_quantity(value)
@@ -214,21 +193,21 @@ class StepReader:
                 raise ConfigError(f"{quote(value)} is no value; {right}") from None
         raise ConfigError(f"{describe(value)} is no value; give a number")
 
-    def _read_course(self, table: str, found: Settings) -> list[Step]:
+    def _read_course(self, table: str, found: Settings) -> list[records.Step]:
         name = found["table"].value
         try:
             points = read_course(self._base / name, self._parameters)
         except ConfigError as error:
             self._problems.add(self._problems.place(table, "table"), error)
             return []
-        step = SetStep(
+        step = records.SetStep(
             found["at_s"].value, found["set"].value, points[-1][1], table=name, points=points
         )
         return [step]
 
-    def _read_fault(self, table: str, values: Mapping[str, object]) -> list[Step]:
+    def _read_fault(self, table: str, values: Mapping[str, object]) -> list[records.Step]:
         try:
-            keys = fault_step_keys(find_fault_kind(kind_name(values["fault"])))
+            keys = schema.fault_step_keys(find_fault_kind(kind_name(values["fault"])))
         except ConfigError as error:
             self._problems.add(self._problems.place(table, "fault"), error)
             return []
@@ -242,7 +221,7 @@ class StepReader:
             if name in values and name not in common
         }
         return [
-            FaultStep(
+            records.FaultStep(
                 found["at_s"].value,
                 found["fault"].value,
                 found["target"].value,
@@ -251,15 +230,15 @@ class StepReader:
         ]
 
 
-def seconds(amount: Amount, parameters: Mapping[str, Parameter]) -> float:
+def seconds(amount: records.Amount, parameters: Mapping[str, records.Parameter]) -> float:
     """Return a time [s]; of a parameter, its value."""
-    if isinstance(amount, Reference):
+    if isinstance(amount, records.Reference):
         parameter = parameters[amount.name]
         return parameter.unit.to_si(parameter.value)
     return amount
 
 
-def _read_controller(document: Document, problems: Problems) -> Controller | None:
+def _read_controller(document: Document, problems: Problems) -> records.Controller | None:
     if "controller" not in document:
         return None
     values = document["controller"]
@@ -267,56 +246,60 @@ def _read_controller(document: Document, problems: Problems) -> Controller | Non
         problems.add(problems.place("controller"), "is not a table; write it as [controller]")
         return None
     if "kind" in values:
-        return Controller(table=values) if find_kind("controller", values, problems) else None
-    found = read_table("controller", values, CONTROLLER_KEYS, problems)
+        return (
+            records.Controller(table=values) if find_kind("controller", values, problems) else None
+        )
+    found = read_table("controller", values, schema.CONTROLLER_KEYS, problems)
     chosen = [name for name in found if found[name].value]
-    if len(found) == len(CONTROLLER_KEYS) and len(chosen) != 1:
+    if len(found) == len(schema.CONTROLLER_KEYS) and len(chosen) != 1:
         place = problems.place("controller")
         problems.add(place, "needs a controller; give kind, firmware or example")
-    if len(found) < len(CONTROLLER_KEYS):
+    if len(found) < len(schema.CONTROLLER_KEYS):
         return None
-    return Controller(found["firmware"].value, found["example"].value)
+    return records.Controller(found["firmware"].value, found["example"].value)
 
 
-def _read_parameters(document: Document, problems: Problems) -> dict[str, Parameter]:
+def _read_parameters(document: Document, problems: Problems) -> dict[str, records.Parameter]:
     parameters = {}
     for name, given in read_section(document, "parameters", problems).items():
         table = f"parameters.{name}"
         values = given.value if isinstance(given.value, dict) else {"value": given.value}
-        found = read_table(table, values, PARAMETER_KEYS, problems)
-        if len(found) < len(PARAMETER_KEYS):
+        found = read_table(table, values, schema.PARAMETER_KEYS, problems)
+        if len(found) < len(schema.PARAMETER_KEYS):
             continue
         value, limits = found["value"].value, found["range"].value
         if limits and not limits[0] <= value <= limits[1]:
             wrong = f"{value:g} is outside its range [{limits[0]:g}, {limits[1]:g}]"
             problems.add(problems.place(table, "value"), f"{wrong}; give a value inside")
-        parameters[name] = Parameter(name, value, limits)
+        parameters[name] = records.Parameter(name, value, limits)
     return parameters
 
 
-def _read_expectations(file: Tables, problems: LocatedProblems) -> tuple[Expectation, ...]:
-    found: list[Expectation] = []
+def _read_expectations(
+    file: Tables, problems: records.LocatedProblems
+) -> tuple[records.Expectation, ...]:
+    found: list[records.Expectation] = []
     tables = file.listed("expect")
     if not tables:
         right = 'give [[expect]] with id = "..." and that = "always axis1.P_A < 250 bar"'
         problems.add(problems.source, f"checks nothing; {right}")
     for table, values in tables:
-        settings = read_table(table, values, EXPECT_KEYS, problems)
-        if len(settings) < len(EXPECT_KEYS):
+        settings = read_table(table, values, schema.EXPECT_KEYS, problems)
+        if len(settings) < len(schema.EXPECT_KEYS):
             continue
-        spot = problems.find(table, "that") or Spot(1, 1)
+        spot = problems.find(table, "that") or records.Spot(1, 1)
         name = settings["id"].value
         if any(each.id == name for each in found):
             place = problems.place(table, "id")
             problems.add(place, f"{quote(name)} is there twice; give each its own")
-        place_of_text = TextPlace(problems.source, *spot)
-        found.append(Expectation(name, settings["that"].value, place_of_text))
+        place_of_text = records.TextPlace(problems.source, *spot)
+        found.append(records.Expectation(name, settings["that"].value, place_of_text))
     return tuple(found)
 
 
 def _check_times(
-    steps: Sequence[Step],
-    parameters: Mapping[str, Parameter],
+    steps: Sequence[records.Step],
+    parameters: Mapping[str, records.Parameter],
     duration: float,
     tables: Sequence[str],
     problems: Problems,

@@ -13,28 +13,12 @@ from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.recording.quantities import check_quantities
 from hil_bench.abilities.recording.reading import given_units
+from hil_bench.abilities.scenario import nodes, resolve
 from hil_bench.abilities.scenario.dimensions import NUMBER
 from hil_bench.abilities.scenario.judgement import Judgement, judge
 from hil_bench.abilities.scenario.load import load_requirements
-from hil_bench.abilities.scenario.nodes import (
-    Arithmetic,
-    Comparison,
-    Number,
-    Operation,
-    Value,
-    channel_vocabulary,
-)
 from hil_bench.abilities.scenario.reach import names_in, walk
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep, ticks_of
-from hil_bench.abilities.scenario.resolve import (
-    Requirement,
-    SetAction,
-    TimedAction,
-    compile_expectations,
-    compile_texts,
-    parameter_values,
-    resolve_steps,
-)
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.values import Floats
@@ -48,7 +32,9 @@ from hil_bench.units import ONE, read_unit
 # Checks of the columns that requirements name: units that they can be judged in.
 
 
-def check_columns(requirements: Iterable[Requirement], recording: Recording, source: str) -> None:
+def check_columns(
+    requirements: Iterable[resolve.Requirement], recording: Recording, source: str
+) -> None:
     """Refuse to judge columns whose unit is none of their quantity, or that a number leaves open.
 
     Args:
@@ -67,7 +53,7 @@ def check_columns(requirements: Iterable[Requirement], recording: Recording, sou
         except ConfigError as error:
             raise ConfigError(f"{source}: {each.id}: {error}") from None
         pieces = walk([each.condition])
-        for comparison in (piece for piece in pieces if isinstance(piece, Comparison)):
+        for comparison in (piece for piece in pieces if isinstance(piece, nodes.Comparison)):
             names = names_in([comparison]) & given.keys()
             if names and comparison.dimension == NUMBER and _has_plain_number(comparison):
                 name = min(names)
@@ -83,16 +69,19 @@ def _is_one(symbol: str) -> bool:
     return unit is not None and (unit.symbol, unit.factor) == (ONE.symbol, 1.0)
 
 
-def _has_plain_number(comparison: Comparison) -> bool:
+def _has_plain_number(comparison: nodes.Comparison) -> bool:
     sides = (comparison.left, comparison.right)
     return not comparison.symbol and any(term != 0.0 for side in sides for term in _terms(side))
 
 
-def _terms(value: Value) -> Iterator[float]:
+def _terms(value: nodes.Value) -> Iterator[float]:
     """Yield the numbers that are summands: what multiplies a signal has no unit."""
-    if isinstance(value, Number):
+    if isinstance(value, nodes.Number):
         yield value.value
-    elif isinstance(value, Arithmetic) and value.operation in {Operation.ADD, Operation.SUBTRACT}:
+    elif isinstance(value, nodes.Arithmetic) and value.operation in {
+        nodes.Operation.ADD,
+        nodes.Operation.SUBTRACT,
+    }:
         yield from _terms(value.left)
         yield from _terms(value.right)
 
@@ -131,7 +120,7 @@ class Finding(NamedTuple):
         judgement: what.
     """
 
-    requirement: Requirement
+    requirement: resolve.Requirement
     judgement: Judgement
 
 
@@ -157,15 +146,15 @@ def judge_with_trace(
     What cannot be judged, by its unit for one, raises a `ConfigError`.
     """
     expectations, parameters, duration = load_requirements(requirements)
-    vocabulary = channel_vocabulary(recording_channels(signals), parameters)
+    vocabulary = nodes.channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source, start, duration)
     longest = math.inf if duration is None else duration
-    compiled = compile_texts(expectations, vocabulary, longest, trace.tick_ns)
+    compiled = resolve.compile_texts(expectations, vocabulary, longest, trace.tick_ns)
     check_columns(compiled, signals, source)
     return Judged([judge_trace(each, trace) for each in compiled], trace)
 
 
-def judge_trace(requirement: Requirement, trace: Trace) -> Finding:
+def judge_trace(requirement: resolve.Requirement, trace: Trace) -> Finding:
     """Judge a requirement by the signals that it names in a recording on its ticks."""
     columns = {name: trace.columns[name] for name in names_in([requirement.condition])}
     judgement = judge(
@@ -310,7 +299,7 @@ class MachineScenario:
     scenario: Scenario
     parameters: Mapping[str, float]
     set_points: "SetPoints"
-    requirements: tuple[Requirement, ...]
+    requirements: tuple[resolve.Requirement, ...]
 
 
 class SetPoints:
@@ -321,7 +310,7 @@ class SetPoints:
         tick_ns: time between two ticks [ns].
     """
 
-    def __init__(self, actions: Iterable[tuple[int, SetAction]], tick_ns: int) -> None:
+    def __init__(self, actions: Iterable[tuple[int, resolve.SetAction]], tick_ns: int) -> None:
         self._tick = tick_ns * 1e-9
         self._courses: list[tuple[Sequence[float], Sequence[float]]] = []
         for tick, action in actions:
@@ -359,22 +348,24 @@ def prepare_for_machine(
     Raises:
         ConfigError: something of it does not exist there, or does not fit; a line a problem.
     """
-    values = parameter_values(scenario, given)
-    actions = resolve_steps(scenario, tick_ns, values)
+    values = resolve.parameter_values(scenario, given)
+    actions = resolve.resolve_steps(scenario, tick_ns, values)
     problems = [
         *_controller_problems(scenario),
         *usage_problems(scenario),
         *(line for each in actions for line in _step_problems(each, f"{valve}.{SET_POINT}")),
     ]
-    requirements: tuple[Requirement, ...] = ()
+    requirements: tuple[resolve.Requirement, ...] = ()
     try:
-        vocabulary = channel_vocabulary(channels, values)
-        requirements = compile_expectations(scenario, vocabulary, tick_ns)
+        vocabulary = nodes.channel_vocabulary(channels, values)
+        requirements = resolve.compile_expectations(scenario, vocabulary, tick_ns)
     except ConfigError as error:
         problems.append(f"{error}; a machine has only what its sensors measure")
     if problems:
         raise ConfigError("\n".join(problems))
-    moves = [(each.tick, each.action) for each in actions if isinstance(each.action, SetAction)]
+    moves = [
+        (each.tick, each.action) for each in actions if isinstance(each.action, resolve.SetAction)
+    ]
     return MachineScenario(scenario, values, SetPoints(moves, tick_ns), requirements)
 
 
@@ -404,16 +395,16 @@ def _controller_problems(scenario: Scenario) -> Iterator[str]:
         yield f"{scenario.path}: controller: on a machine the steps alone drive; {right}"
 
 
-def _step_problems(timed: TimedAction, target: str) -> Iterator[str]:
+def _step_problems(timed: resolve.TimedAction, target: str) -> Iterator[str]:
     action, place = timed.action, timed.place
     match action:
         case FaultConfig():
             what = f"the fault {action.kind} of {action.target} needs the virtual bench; {_RIGHT}"
             yield f"{place}: {what}"
-        case SetAction() if action.target != target:
+        case resolve.SetAction() if action.target != target:
             wrong = f"{action.target} cannot be set on a machine"
             yield f"{place}: {wrong}; only {target} can"
-        case SetAction():
+        case resolve.SetAction():
             try:
                 for symbol in action.units:
                     check_unit(target, symbol, ONE.symbol)

@@ -9,23 +9,12 @@ from typing import NamedTuple
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.abilities.faults.section import build_fault, check_amount, check_effect
+from hil_bench.abilities.scenario import records
 from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary, Windowed
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import look_back, reach, walk
-from hil_bench.abilities.scenario.records import (
-    Amount,
-    Expectation,
-    FaultStep,
-    FirmwareStep,
-    NmtStep,
-    Reference,
-    Scenario,
-    SetStep,
-    SyncStep,
-    ticks_of,
-)
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Problems, read_table
@@ -74,7 +63,7 @@ class SetAction(NamedTuple):
         return ((tick, self.value),)
 
 
-Action = SetAction | FaultConfig | NmtStep | SyncStep | FirmwareStep
+Action = SetAction | FaultConfig | records.NmtStep | records.SyncStep | records.FirmwareStep
 
 
 class TimedAction(NamedTuple):
@@ -106,7 +95,7 @@ class Requirement(NamedTuple):
 
 
 def parameter_values(
-    scenario: Scenario, given: Mapping[str, float] | None = None
+    scenario: records.Scenario, given: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """Return the SI value of each parameter.
 
@@ -128,7 +117,7 @@ def parameter_values(
 
 
 def resolve_steps(
-    scenario: Scenario,
+    scenario: records.Scenario,
     tick_ns: int,
     values: Mapping[str, float],
     sensor_units: Mapping[str, Unit | None] = MappingProxyType({}),
@@ -156,7 +145,7 @@ def resolve_steps(
 
 
 def compile_expectations(
-    scenario: Scenario, vocabulary: Vocabulary, tick_ns: int = 1
+    scenario: records.Scenario, vocabulary: Vocabulary, tick_ns: int = 1
 ) -> tuple[Requirement, ...]:
     """Return the expectations, parsed.
 
@@ -171,7 +160,7 @@ def compile_expectations(
 
 
 def compile_texts(
-    expectations: Iterable[Expectation],
+    expectations: Iterable[records.Expectation],
     vocabulary: Vocabulary,
     duration: float = math.inf,
     tick_ns: int = 1,
@@ -221,7 +210,7 @@ class _Resolver:
 
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: records.Scenario,
         tick_ns: int,
         values: Mapping[str, float],
         sensor_units: Mapping[str, Unit | None],
@@ -229,14 +218,21 @@ class _Resolver:
         self._source, self._sensor_units = str(scenario.path), sensor_units
         self._tick_ns, self._values = tick_ns, values
 
-    def ticks(self, time: Amount) -> int:
+    def ticks(self, time: records.Amount) -> int:
         """Return the first tick at a time [s] or after it."""
         return -(-round(min(self._number(time), _NEVER) * 1e9) // self._tick_ns)
 
-    def action(self, step: SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep) -> Action:
+    def action(
+        self,
+        step: records.SetStep
+        | records.FaultStep
+        | records.NmtStep
+        | records.SyncStep
+        | records.FirmwareStep,
+    ) -> Action:
         """Return the action of a step."""
         match step:
-            case SetStep():
+            case records.SetStep():
                 course = tuple(
                     (self.ticks(time), self._number(amount)) for time, amount in step.points
                 )
@@ -245,15 +241,15 @@ class _Resolver:
                 units = {step.unit, *(_unit(amount) for amount in amounts)} - {""}
                 over = self.ticks(step.over)
                 return SetAction(step.target, value, over, course, tuple(sorted(units)))
-            case FaultStep():
+            case records.FaultStep():
                 return self._fault(step)
             case _:
                 return step
 
-    def _number(self, amount: Amount) -> float:
-        return self._values[amount.name] if isinstance(amount, Reference) else amount
+    def _number(self, amount: records.Amount) -> float:
+        return self._values[amount.name] if isinstance(amount, records.Reference) else amount
 
-    def _fault(self, step: FaultStep) -> FaultConfig:
+    def _fault(self, step: records.FaultStep) -> FaultConfig:
         own = {name: self._in_unit_of(name, value) for name, value in step.values}
         given = {"kind": step.kind, "target": step.target, "at_s": self._number(step.at), **own}
         problems = Problems(self._source)
@@ -263,21 +259,21 @@ class _Resolver:
         problems.raise_any()
         if step.target in self._sensor_units:
             check_amount(found, self._sensor_units[step.target], problems)
-        literal = [name for name, value in step.values if not isinstance(value, Reference)]
+        literal = [name for name, value in step.values if not isinstance(value, records.Reference)]
         check_effect(found, problems, literal)
         problems.raise_any()
         return build_fault(found)
 
     def _in_unit_of(self, key: str, value: object) -> object:
         """Return the value of a key, in the key's unit."""
-        if isinstance(value, Reference):
+        if isinstance(value, records.Reference):
             return unit_of_name(key).unit.from_si(self._values[value.name])
         return value
 
 
-def _unit(amount: Amount) -> str:
+def _unit(amount: records.Amount) -> str:
     """Return the symbol of the unit of a parameter; empty where it has none, and for a number."""
-    unit = unit_of_name(amount.name).unit if isinstance(amount, Reference) else ONE
+    unit = unit_of_name(amount.name).unit if isinstance(amount, records.Reference) else ONE
     return "" if unit is ONE else unit.symbol
 
 
@@ -297,7 +293,7 @@ class PreparedScenario:
         sessions: the one that it was checked on, for the first run; empty unless asked for.
     """
 
-    scenario: Scenario
+    scenario: records.Scenario
     config: BenchConfig
     parameters: Mapping[str, float]
     actions: tuple[TimedAction, ...]
@@ -307,4 +303,4 @@ class PreparedScenario:
     @property
     def last_tick(self) -> int:
         """Number of the last tick of a run."""
-        return ticks_of(self.scenario.duration, self.config.tick_ns) - 1
+        return records.ticks_of(self.scenario.duration, self.config.tick_ns) - 1

@@ -22,18 +22,10 @@ from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.abilities.scenario import resolve
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, Step, SyncStep
-from hil_bench.abilities.scenario.resolve import (
-    PreparedScenario,
-    Requirement,
-    SetAction,
-    TimedAction,
-    compile_expectations,
-    parameter_values,
-    resolve_steps,
-)
 from hil_bench.abilities.scenario.stage import Director, Stage
 from hil_bench.abilities.scenario.targets import Targets
 from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
@@ -132,7 +124,7 @@ class RunnerDriver:
 
 
 @contextmanager
-def driver_of(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[RunnerDriver]:
+def driver_of(prepared: resolve.PreparedScenario, bench: VirtualBench) -> Iterator[RunnerDriver]:
     """Give what drives a run, and end its controller with the run.
 
     Yields:
@@ -240,7 +232,7 @@ def prepare(
     *,
     seed: int | None = None,
     tables: Mapping[str, object] | None = None,
-) -> PreparedScenario:
+) -> resolve.PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
     Args:
@@ -252,7 +244,7 @@ def prepare(
     A `ConfigError` has a line for each problem.
     """
     config = load_config(scenario.bench_path, seed=seed, tables=tables)
-    return prepare_on(config, scenario, parameter_values(scenario, given))
+    return prepare_on(config, scenario, resolve.parameter_values(scenario, given))
 
 
 def prepare_on(
@@ -262,7 +254,7 @@ def prepare_on(
     *,
     keeps_session: bool = False,
     drives_itself: bool = True,
-) -> PreparedScenario:
+) -> resolve.PreparedScenario:
     """Return a scenario with its numbers in, checked against a bench.
 
     Args:
@@ -277,9 +269,9 @@ def prepare_on(
         ConfigError: something does not fit; a line a problem.
     """
     units = (config.of(FaultsPart) or FaultsPart()).sensor_units
-    actions = resolve_steps(scenario, config.tick_ns, values, units)
+    actions = resolve.resolve_steps(scenario, config.tick_ns, values, units)
     session = open_session(config)
-    requirements: tuple[Requirement, ...] = ()
+    requirements: tuple[resolve.Requirement, ...] = ()
     problems = [
         *_controller_problems(scenario, config, values),
         *usage_problems(scenario),
@@ -290,16 +282,16 @@ def prepare_on(
         problems += idle_steps(scenario, actions, config, nodes)
     try:
         vocabulary = bench_vocabulary(config, session, values)
-        requirements = compile_expectations(scenario, vocabulary, config.tick_ns)
+        requirements = resolve.compile_expectations(scenario, vocabulary, config.tick_ns)
     except ConfigError as error:
         problems.append(str(error))
     if problems:
         raise ConfigError("\n".join(problems))
     sessions = [session] if keeps_session else []
-    return PreparedScenario(scenario, config, values, actions, requirements, sessions)
+    return resolve.PreparedScenario(scenario, config, values, actions, requirements, sessions)
 
 
-def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
+def play(prepared: resolve.PreparedScenario, options: PlayOptions = PLAIN) -> Run:
     """Play a scenario on a fresh bench, and judge; a `ControllerError` says that firmware failed.
 
     A `ConfigError` says that a step cannot do what it is to do.
@@ -335,7 +327,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
     return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)
 
 
-def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
+def _open_bench(prepared: resolve.PreparedScenario, options: PlayOptions) -> VirtualBench:
     config = prepared.config
     kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.0
     frames = MOST_FRAMES if options.reader is not None else 0
@@ -370,13 +362,13 @@ def _controller_problems(
 
 
 def _step_problems(
-    actions: tuple[TimedAction, ...], config: BenchConfig, session: Session
+    actions: tuple[resolve.TimedAction, ...], config: BenchConfig, session: Session
 ) -> Iterator[str]:
     targets, faults = Targets(config, session), session.bench.part(Faults).rehearsal()
     for _, action, place in actions:
         try:
             match action:
-                case SetAction():
+                case resolve.SetAction():
                     target = targets.find(action.target)
                     targets.check_units(action.target, action.units)
                     for value in action.values:

@@ -13,22 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
+from hil_bench.abilities.scenario import values
 from hil_bench.abilities.scenario.nodes import Turn
-from hil_bench.abilities.scenario.values import (
-    NOTHING,
-    Block,
-    Bounds,
-    Floats,
-    constant,
-    exact,
-    join,
-    map_bounds,
-    negate,
-    slide,
-    turn_margins,
-    unknown,
-    until,
-)
 
 
 def identity_of(extreme: np.ufunc) -> float:
@@ -39,26 +25,26 @@ def identity_of(extreme: np.ufunc) -> float:
 class Stream(Protocol):
     """A condition over time."""
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Take the next ticks, and return the margins that are decided by them."""
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks: the run is over."""
 
 
 class Atoms:
     """A condition that each tick decides at once."""
 
-    def __init__(self, margins: Callable[[Block], Bounds]) -> None:
+    def __init__(self, margins: Callable[[values.Block], values.Bounds]) -> None:
         self._margins = margins
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of these ticks."""
         return self._margins(block)
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return nothing: all is decided."""
-        return NOTHING
+        return values.NOTHING
 
 
 class Combined:
@@ -69,36 +55,36 @@ class Combined:
         combine: takes their margins.
     """
 
-    def __init__(self, children: Sequence[Stream], combine: Callable[..., Bounds]) -> None:
+    def __init__(self, children: Sequence[Stream], combine: Callable[..., values.Bounds]) -> None:
         self._children = children
         self._combine = combine
-        self._waiting: list[Bounds] = [NOTHING] * len(children)
+        self._waiting: list[values.Bounds] = [values.NOTHING] * len(children)
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks that all conditions have decided."""
         return self._take([child.push(block) for child in self._children])
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         return self._take([child.finish() for child in self._children])
 
-    def _take(self, news: Sequence[Bounds]) -> Bounds:
-        waiting = [join(pair) for pair in zip(self._waiting, news, strict=True)]
+    def _take(self, news: Sequence[values.Bounds]) -> values.Bounds:
+        waiting = [values.join(pair) for pair in zip(self._waiting, news, strict=True)]
         count = min(bounds.size for bounds in waiting)
         self._waiting = [bounds.cut(count) for bounds in waiting]
         if not count:
-            return NOTHING
+            return values.NOTHING
         return self._combine(*(bounds.cut(0, count) for bounds in waiting))
 
 
-def all_of(*operands: Bounds) -> Bounds:
+def all_of(*operands: values.Bounds) -> values.Bounds:
     """Return the margins of ``and``."""
-    return map_bounds(lambda *parts: reduce(np.minimum, parts), *operands)
+    return values.map_bounds(lambda *parts: reduce(np.minimum, parts), *operands)
 
 
-def any_of(*operands: Bounds) -> Bounds:
+def any_of(*operands: values.Bounds) -> values.Bounds:
     """Return the margins of ``or``."""
-    return map_bounds(lambda *parts: reduce(np.maximum, parts), *operands)
+    return values.map_bounds(lambda *parts: reduce(np.maximum, parts), *operands)
 
 
 class Trigger:
@@ -118,7 +104,7 @@ class Trigger:
         self._tick = 0
         self._was_true = False
 
-    def __call__(self, trigger: Bounds, response: Bounds) -> Bounds:
+    def __call__(self, trigger: values.Bounds, response: values.Bounds) -> values.Bounds:
         """Return the margins of the next ticks."""
         is_true = trigger.low > 0.0
         is_true[: max(0, self._first - self._tick)] = False
@@ -128,20 +114,20 @@ class Trigger:
         self.times += int(np.count_nonzero(is_true[1:] & ~is_true[:-1]))
         self.times += int(is_true[0] and not self._was_true)
         self._was_true = bool(is_true[-1])
-        return any_of(negate(trigger), response)
+        return any_of(values.negate(trigger), response)
 
 
 class BoundsShift:
     """Margins one tick late; at the first tick, the present one."""
 
     def __init__(self) -> None:
-        self._last = NOTHING
+        self._last = values.NOTHING
 
-    def __call__(self, operand: Bounds) -> Bounds:
+    def __call__(self, operand: values.Bounds) -> values.Bounds:
         """Return the margins of the ticks before these."""
         first = self._last if self._last.size else operand.cut(0, 1)
         self._last = operand.cut(operand.size - 1)
-        return join((first, operand.cut(0, -1)))
+        return values.join((first, operand.cut(0, -1)))
 
 
 class ConditionTurn:
@@ -151,9 +137,9 @@ class ConditionTurn:
         self._turn = turn
         self._shift = BoundsShift()
 
-    def __call__(self, operand: Bounds) -> Bounds:
+    def __call__(self, operand: values.Bounds) -> values.Bounds:
         """Return the margins of the next ticks."""
-        return turn_margins(self._turn, operand, self._shift(operand))
+        return values.turn_margins(self._turn, operand, self._shift(operand))
 
 
 class Ahead:
@@ -170,21 +156,23 @@ class Ahead:
         self._child, self._extreme = child, extreme
         self._width, self._end = end - start + 1, end
         self._skipped = start
-        self._kept = NOTHING
+        self._kept = values.NOTHING
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks whose window is over."""
         return self._take(self._child.push(block))
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
-        return self._take(join((self._child.finish(), unknown(self._end))))
+        return self._take(values.join((self._child.finish(), values.unknown(self._end))))
 
-    def _take(self, news: Bounds) -> Bounds:
+    def _take(self, news: values.Bounds) -> values.Bounds:
         skipped = min(self._skipped, news.size)
         self._skipped -= skipped
-        known = join((self._kept, news.cut(skipped)))
-        found = map_bounds(lambda part: slide(self._extreme, part, self._width), known)
+        known = values.join((self._kept, news.cut(skipped)))
+        found = values.map_bounds(
+            lambda part: values.slide(self._extreme, part, self._width), known
+        )
         self._kept = known.cut(found.size)
         return found
 
@@ -194,19 +182,19 @@ class AheadToEnd:
 
     def __init__(self, child: Stream, extreme: np.ufunc, start: int) -> None:
         self._child, self._extreme, self._start = child, extreme, start
-        self._parts: list[Bounds] = []
+        self._parts: list[values.Bounds] = []
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Keep the margins, and return none."""
         self._parts.append(self._child.push(block))
-        return NOTHING
+        return values.NOTHING
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return all margins; a window that begins behind the end leaves them unknown."""
-        whole = join((*self._parts, self._child.finish()))
-        found = map_bounds(lambda part: self._extreme.accumulate(part[::-1])[::-1], whole)
+        whole = values.join((*self._parts, self._child.finish()))
+        found = values.map_bounds(lambda part: self._extreme.accumulate(part[::-1])[::-1], whole)
         late = min(self._start, whole.size)
-        return join((found.cut(late), unknown(late)))
+        return values.join((found.cut(late), values.unknown(late)))
 
 
 class Back:
@@ -223,20 +211,20 @@ class Back:
         self._child, self._extreme = child, extreme
         self._width, self._start = end - start + 1, start
         identity = identity_of(extreme)
-        self._kept = constant(identity, identity, end)
+        self._kept = values.constant(identity, identity, end)
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks that the condition has decided."""
         return self._take(self._child.push(block))
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         return self._take(self._child.finish())
 
-    def _take(self, news: Bounds) -> Bounds:
-        known = join((self._kept, news))
+    def _take(self, news: values.Bounds) -> values.Bounds:
+        known = values.join((self._kept, news))
         seen = known.cut(0, known.size - self._start)
-        found = map_bounds(lambda part: slide(self._extreme, part, self._width), seen)
+        found = values.map_bounds(lambda part: values.slide(self._extreme, part, self._width), seen)
         self._kept = known.cut(news.size)
         return found
 
@@ -247,22 +235,22 @@ class BackToStart:
     def __init__(self, child: Stream, extreme: np.ufunc, start: int) -> None:
         self._child, self._extreme = child, extreme
         identity = identity_of(extreme)
-        self._waiting = constant(identity, identity, start)
-        self._so_far = constant(identity, identity, 1)
+        self._waiting = values.constant(identity, identity, start)
+        self._so_far = values.constant(identity, identity, 1)
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks that the condition has decided."""
         return self._take(self._child.push(block))
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         return self._take(self._child.finish())
 
-    def _take(self, news: Bounds) -> Bounds:
-        waiting = join((self._waiting, news))
+    def _take(self, news: values.Bounds) -> values.Bounds:
+        waiting = values.join((self._waiting, news))
         self._waiting = waiting.cut(news.size)
-        known = join((self._so_far, waiting.cut(0, news.size)))
-        found = map_bounds(self._extreme.accumulate, known)
+        known = values.join((self._so_far, waiting.cut(0, news.size)))
+        found = values.map_bounds(self._extreme.accumulate, known)
         self._so_far = found.cut(found.size - 1)
         return found.cut(1)
 
@@ -282,47 +270,49 @@ class UntilAhead:
     def __init__(self, child: tuple[Stream, Stream], start: int, end: int | None) -> None:
         self._children = child
         self._start, self._end = start, end
-        self._kept = [NOTHING, NOTHING]
+        self._kept = [values.NOTHING, values.NOTHING]
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks whose window is over."""
         self._keep([child.push(block) for child in self._children])
-        return NOTHING if self._end is None else self._decide(self._end)
+        return values.NOTHING if self._end is None else self._decide(self._end)
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         self._keep([child.finish() for child in self._children])
         if self._end is None:
             return self._decide(0)
-        self._keep([unknown(self._end), unknown(self._end)])
+        self._keep([values.unknown(self._end), values.unknown(self._end)])
         return self._decide(self._end)
 
-    def _keep(self, news: Sequence[Bounds]) -> None:
-        self._kept = [join(pair) for pair in zip(self._kept, news, strict=True)]
+    def _keep(self, news: Sequence[values.Bounds]) -> None:
+        self._kept = [values.join(pair) for pair in zip(self._kept, news, strict=True)]
 
-    def _decide(self, margin: int) -> Bounds:
+    def _decide(self, margin: int) -> values.Bounds:
         count = min(bounds.size for bounds in self._kept) - margin
         if count <= 0:
-            return NOTHING
+            return values.NOTHING
         held, goal = (bounds.cut(0, count + margin) for bounds in self._kept)
         start, end = self._start, self._end
-        found = map_bounds(lambda a, b: windowed_until(a, b, start, end)[:count], held, goal)
+        found = values.map_bounds(lambda a, b: windowed_until(a, b, start, end)[:count], held, goal)
         self._kept = [bounds.cut(count) for bounds in self._kept]
         return found
 
 
-def windowed_until(held: Floats, goal: Floats, start: int, end: int | None) -> Floats:
+def windowed_until(
+    held: values.Floats, goal: values.Floats, start: int, end: int | None
+) -> values.Floats:
     """Return the margins of ``A until B``; behind the end of the arrays, B is not met."""
     count = len(held)
     whole = np.full(count + start, -math.inf)
-    whole[:count] = until(held, goal)
+    whole[:count] = values.until(held, goal)
     found = whole[start : start + count]
     if start:
         padded = np.concatenate((held, np.full(start - 1, math.inf)))
-        found = np.minimum(found, slide(np.minimum, padded, start))
+        found = np.minimum(found, values.slide(np.minimum, padded, start))
     if end is not None:
         padded = np.concatenate((goal, np.full(end, -math.inf)))
-        found = np.minimum(found, slide(np.maximum, padded[start:], end - start + 1))
+        found = np.minimum(found, values.slide(np.maximum, padded[start:], end - start + 1))
     return found
 
 
@@ -332,26 +322,29 @@ class SinceBack:
     def __init__(self, child: tuple[Stream, Stream], start: int, end: int) -> None:
         self._both = Combined(child, self._take)
         self._start, self._end = start, end
-        self._kept = (constant(math.inf, math.inf, end), constant(-math.inf, -math.inf, end))
+        self._kept = (
+            values.constant(math.inf, math.inf, end),
+            values.constant(-math.inf, -math.inf, end),
+        )
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks that both conditions have decided."""
         return self._both.push(block)
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         return self._both.finish()
 
-    def _take(self, held: Bounds, goal: Bounds) -> Bounds:
-        known = (join((self._kept[0], held)), join((self._kept[1], goal)))
+    def _take(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+        known = (values.join((self._kept[0], held)), values.join((self._kept[1], goal)))
         self._kept = (known[0].cut(held.size), known[1].cut(goal.size))
         count = held.size
 
-        def reverse(a: Floats, b: Floats) -> Floats:
+        def reverse(a: values.Floats, b: values.Floats) -> values.Floats:
             found = windowed_until(a[::-1], b[::-1], self._start, self._end)
             return found[:count][::-1]
 
-        return map_bounds(reverse, *known)
+        return values.map_bounds(reverse, *known)
 
 
 class SinceStart:
@@ -359,22 +352,22 @@ class SinceStart:
 
     def __init__(self, child: tuple[Stream, Stream]) -> None:
         self._both = Combined(child, self._take)
-        self._last = exact(np.array([-math.inf]))
+        self._last = values.exact(np.array([-math.inf]))
 
-    def push(self, block: Block) -> Bounds:
+    def push(self, block: values.Block) -> values.Bounds:
         """Return the margins of the ticks that both conditions have decided."""
         return self._both.push(block)
 
-    def finish(self) -> Bounds:
+    def finish(self) -> values.Bounds:
         """Return the margins of all other ticks."""
         return self._both.finish()
 
-    def _take(self, held: Bounds, goal: Bounds) -> Bounds:
-        identity = constant(math.inf, math.inf, 1)
-        found = map_bounds(
-            lambda a, b: until(a[::-1], b[::-1])[::-1],
-            join((identity, held)),
-            join((self._last, goal)),
+    def _take(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+        identity = values.constant(math.inf, math.inf, 1)
+        found = values.map_bounds(
+            lambda a, b: values.until(a[::-1], b[::-1])[::-1],
+            values.join((identity, held)),
+            values.join((self._last, goal)),
         )
         self._last = found.cut(found.size - 1)
         return found.cut(1)

@@ -7,7 +7,7 @@ from typing import Any
 
 from hil_bench.abilities.controllers.python.examples import ControllerSettings
 from hil_bench.abilities.faults.fault import FaultConfig
-from hil_bench.abilities.faults.kind import SENSORS, VALVES, Group
+from hil_bench.abilities.faults.points import SENSORS, VALVES, Group
 from hil_bench.abilities.faults.registry import find_fault_kind
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT

@@ -7,22 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.scenario.nodes import (
-    Arithmetic,
-    Comparison,
-    Edge,
-    Event,
-    Magnitude,
-    Number,
-    Operation,
-    PreviousValue,
-    Rate,
-    Reading,
-    Relation,
-    StateIs,
-    Turn,
-    Value,
-)
+from hil_bench.abilities.scenario import nodes
 
 # Sliding minimum and maximum, and `until`, over whole arrays.
 #
@@ -115,11 +100,11 @@ def _divide(left: Floats, right: Floats) -> Floats:
     return np.asarray(np.divide(left, np.where(right == 0.0, np.nan, right)))
 
 
-_OPERATIONS: dict[Operation, Callable[[Floats, Floats], Floats]] = {
-    Operation.ADD: np.add,
-    Operation.SUBTRACT: np.subtract,
-    Operation.MULTIPLY: np.multiply,
-    Operation.DIVIDE: _divide,
+_OPERATIONS: dict[nodes.Operation, Callable[[Floats, Floats], Floats]] = {
+    nodes.Operation.ADD: np.add,
+    nodes.Operation.SUBTRACT: np.subtract,
+    nodes.Operation.MULTIPLY: np.multiply,
+    nodes.Operation.DIVIDE: _divide,
 }
 
 
@@ -138,7 +123,7 @@ class Shift:
         return shifted
 
 
-def build_values(node: Value, tick_ns: int) -> Values:
+def build_values(node: nodes.Value, tick_ns: int) -> Values:
     """Build the function that computes a value.
 
     Args:
@@ -146,21 +131,21 @@ def build_values(node: Value, tick_ns: int) -> Values:
         tick_ns: time between two ticks [ns].
     """
     match node:
-        case Number():
+        case nodes.Number():
             number = node.value
             return lambda block: np.full(block.size, number)
-        case Reading():
+        case nodes.Reading():
             name = node.name
             return lambda block: _known(block.columns[name])
-        case Magnitude():
+        case nodes.Magnitude():
             inner = build_values(node.operand, tick_ns)
             return lambda block: np.abs(inner(block))
-        case PreviousValue():
+        case nodes.PreviousValue():
             inner, shift = build_values(node.operand, tick_ns), Shift()
             return lambda block: shift(inner(block))
-        case Rate():
+        case nodes.Rate():
             return _rate(build_values(node.operand, tick_ns), 1e9 / tick_ns)
-        case Arithmetic():
+        case nodes.Arithmetic():
             return _arithmetic(node, tick_ns)
 
 
@@ -174,7 +159,7 @@ def _rate(inner: Values, ticks_a_second: float) -> Values:
     return rate
 
 
-def _arithmetic(node: Arithmetic, tick_ns: int) -> Values:
+def _arithmetic(node: nodes.Arithmetic, tick_ns: int) -> Values:
     operation = _OPERATIONS[node.operation]
     left, right = build_values(node.left, tick_ns), build_values(node.right, tick_ns)
 
@@ -271,20 +256,20 @@ def negate(operand: Bounds) -> Bounds:
 
 _TINY = 5e-324  # the smallest margin: 0 would be neither true nor false
 _RELATIONS = {
-    Relation.LESS: np.less,
-    Relation.LESS_EQUAL: np.less_equal,
-    Relation.GREATER: np.greater,
-    Relation.GREATER_EQUAL: np.greater_equal,
-    Relation.EQUAL: np.equal,
-    Relation.UNEQUAL: np.not_equal,
+    nodes.Relation.LESS: np.less,
+    nodes.Relation.LESS_EQUAL: np.less_equal,
+    nodes.Relation.GREATER: np.greater,
+    nodes.Relation.GREATER_EQUAL: np.greater_equal,
+    nodes.Relation.EQUAL: np.equal,
+    nodes.Relation.UNEQUAL: np.not_equal,
 }
 _SIGNS = {
-    Relation.LESS: -1.0,
-    Relation.LESS_EQUAL: -1.0,
-    Relation.GREATER: 1.0,
-    Relation.GREATER_EQUAL: 1.0,
+    nodes.Relation.LESS: -1.0,
+    nodes.Relation.LESS_EQUAL: -1.0,
+    nodes.Relation.GREATER: 1.0,
+    nodes.Relation.GREATER_EQUAL: 1.0,
 }
-_TURNS = {Turn.RISES: np.greater, Turn.FALLS: np.less, Turn.CHANGES: np.not_equal}
+_TURNS = {nodes.Turn.RISES: np.greater, nodes.Turn.FALLS: np.less, nodes.Turn.CHANGES: np.not_equal}
 
 Truths = npt.NDArray[np.bool_]
 
@@ -300,7 +285,7 @@ def signed(is_true: Truths, sizes: Floats | float, is_unknown: Truths) -> Bounds
 class ComparisonMargins:
     """The margins of a comparison: the difference of both sides, as a share of the scale."""
 
-    def __init__(self, node: Comparison, tick_ns: int) -> None:
+    def __init__(self, node: nodes.Comparison, tick_ns: int) -> None:
         self._left = build_values(node.left, tick_ns)
         self._right = build_values(node.right, tick_ns)
         self._relation = _RELATIONS[node.relation]
@@ -324,7 +309,7 @@ class ComparisonMargins:
 class StateMargins:
     """The margins of a state: without size."""
 
-    def __init__(self, node: StateIs) -> None:
+    def __init__(self, node: nodes.StateIs) -> None:
         self._node = node
 
     def __call__(self, block: Block) -> Bounds:
@@ -336,7 +321,7 @@ class StateMargins:
 class EventMargins:
     """The margins of an event: without size."""
 
-    def __init__(self, node: Event) -> None:
+    def __init__(self, node: nodes.Event) -> None:
         self._name = node.name
 
     def __call__(self, block: Block) -> Bounds:
@@ -348,7 +333,7 @@ class EventMargins:
 class EdgeMargins:
     """The margins of an edge: without size."""
 
-    def __init__(self, node: Edge, tick_ns: int) -> None:
+    def __init__(self, node: nodes.Edge, tick_ns: int) -> None:
         self._values = build_values(node.operand, tick_ns)
         self._turn = _TURNS[node.turn]
         self._shift = Shift()
@@ -360,12 +345,16 @@ class EdgeMargins:
         return signed(self._turn(values, before), math.inf, np.isnan(values) | np.isnan(before))
 
 
-def turn_margins(turn: Turn, now: Bounds, before: Bounds) -> Bounds:
+def turn_margins(turn: nodes.Turn, now: Bounds, before: Bounds) -> Bounds:
     """Return the margins of an edge of a condition: without size."""
     is_unknown = np.zeros(now.size, dtype=np.bool_)
     for bounds in (now, before):
         if not bounds.is_exact:
             is_unknown |= (bounds.low < 0.0) & (bounds.high > 0.0)
     one, other = now.low > 0.0, before.low > 0.0
-    found = {Turn.RISES: one & ~other, Turn.FALLS: ~one & other, Turn.CHANGES: one != other}
+    found = {
+        nodes.Turn.RISES: one & ~other,
+        nodes.Turn.FALLS: ~one & other,
+        nodes.Turn.CHANGES: one != other,
+    }
     return signed(found[turn], math.inf, is_unknown)

@@ -9,19 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.faults.live import fault_table
+from hil_bench.abilities.scenario import records
 from hil_bench.abilities.scenario.load import TIME
-from hil_bench.abilities.scenario.records import (
-    Amount,
-    Controller,
-    FaultStep,
-    FirmwareStep,
-    NmtStep,
-    Reference,
-    Scenario,
-    SetStep,
-    Step,
-    SyncStep,
-)
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.units import si_unit
 
@@ -30,7 +19,7 @@ from hil_bench.units import si_unit
 WRITTEN = "# Written by hil-bench, which replaces files that begin so."
 
 
-def write_scenario(scenario: Scenario, path: Path) -> None:
+def write_scenario(scenario: records.Scenario, path: Path) -> None:
     """Write a scenario to a file, by its suffix CSV or TOML; a `ConfigError` where it cannot be."""
     is_sheet = path.suffix.lower() == ".csv"
     text = to_csv(scenario) if is_sheet else f"{WRITTEN}\n{to_toml(scenario)}"
@@ -38,7 +27,7 @@ def write_scenario(scenario: Scenario, path: Path) -> None:
         file.write_text(text, encoding="utf-8")
 
 
-def to_toml(scenario: Scenario) -> str:
+def to_toml(scenario: records.Scenario) -> str:
     """Return a scenario as TOML."""
     lines = [f"{key} = {_toml(value)}" for key, value in _head(scenario).items()]
     if scenario.controller:
@@ -59,7 +48,7 @@ def to_toml(scenario: Scenario) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _controller(controller: Controller) -> Mapping[str, object]:
+def _controller(controller: records.Controller) -> Mapping[str, object]:
     """Return the table of a controller."""
     if controller.table:
         return controller.table
@@ -68,7 +57,7 @@ def _controller(controller: Controller) -> Mapping[str, object]:
     return {"firmware": list(controller.firmware)}
 
 
-def to_csv(scenario: Scenario) -> str:
+def to_csv(scenario: records.Scenario) -> str:
     """Return a scenario as CSV: its head, then a row a step.
 
     Raises:
@@ -99,30 +88,30 @@ def to_csv(scenario: Scenario) -> str:
     return out.getvalue()
 
 
-def step_table(step: Step) -> dict[str, object]:
+def step_table(step: records.Step) -> dict[str, object]:
     """Return a step as a table ``[[step]]`` has it."""
     table: dict[str, object] = {"at_s": _plain(step.at)}
     match step:
-        case SetStep() if step.table:
+        case records.SetStep() if step.table:
             table |= {"set": step.target, "table": step.table}
-        case SetStep():
+        case records.SetStep():
             table["set"] = {step.target: _plain(step.value)}
             if step.over != 0.0:
                 table["over_s"] = _plain(step.over)
-        case FaultStep():
+        case records.FaultStep():
             table |= {"fault": step.kind, "target": step.target}
             table |= {key: _plain(value) for key, value in step.values}
-        case NmtStep():
+        case records.NmtStep():
             table |= {"nmt": step.command.value, "target": step.target}
-        case SyncStep():
+        case records.SyncStep():
             table["sync"] = step.is_on
-        case FirmwareStep():
+        case records.FirmwareStep():
             table["firmware"] = step.command.value
             table |= {"target": step.target} if step.target else {}
     return table
 
 
-def _head(scenario: Scenario) -> dict[str, object]:
+def _head(scenario: records.Scenario) -> dict[str, object]:
     head: dict[str, object] = {"title": scenario.title}
     if scenario.bench is not None:
         head["bench"] = scenario.bench
@@ -132,28 +121,28 @@ def _head(scenario: Scenario) -> dict[str, object]:
     return head
 
 
-def _step_cell(step: Step) -> tuple[str, str]:
+def _step_cell(step: records.Step) -> tuple[str, str]:
     """Return the column of a step, and its cell there."""
     match step:
-        case SetStep() if step.table:
+        case records.SetStep() if step.table:
             return step.target, f"table {step.table}"
-        case SetStep():
+        case records.SetStep():
             value = _cell(_plain(step.value))
             over = f"-> {value} over {_cell(_plain(step.over))}"
             return step.target, value if step.over == 0.0 else over
-        case FaultStep():
+        case records.FaultStep():
             pairs = " ".join(f"{key}={_cell(_plain(value))}" for key, value in step.values)
             return f"fault:{step.kind} {step.target}", pairs or "on"
-        case NmtStep():
+        case records.NmtStep():
             return f"nmt:{step.target}", step.command.value
-        case SyncStep():
+        case records.SyncStep():
             return "sync", "on" if step.is_on else "off"
-        case FirmwareStep():
+        case records.FirmwareStep():
             return f"firmware:{step.target}".rstrip(":"), step.command.value
 
 
-def _plain(value: Amount | object) -> object:
-    return value.name if isinstance(value, Reference) else value
+def _plain(value: records.Amount | object) -> object:
+    return value.name if isinstance(value, records.Reference) else value
 
 
 def _cell(value: object) -> str:
@@ -215,11 +204,11 @@ class JournalSteps:
         self.remarks: list[str] = []
         self._hello = hello
         self._begin, self._end, self._lead = begin, end, lead
-        self._faults: dict[int, tuple[FaultStep, float | None]] = {}
-        self._settings: list[SetStep] = []
+        self._faults: dict[int, tuple[records.FaultStep, float | None]] = {}
+        self._settings: list[records.SetStep] = []
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[records.Step, ...]:
         """In the order in which they act."""
         limit = self._at(self._end)
         faults = [
@@ -259,7 +248,7 @@ class JournalSteps:
         ends = None if "for_s" not in table else begins + table["for_s"]
         if ends is not None and begins < self._begin < ends:
             table["for_s"] = self._at(ends)  # what is left of it, and the lead
-        step = FaultStep(self._at(begins), kind, target, tuple(sorted(table.items())))
+        step = records.FaultStep(self._at(begins), kind, target, tuple(sorted(table.items())))
         gone = ends is not None and ends <= self._begin
         self._faults[entry["number"]] = step, 0.0 if gone else None
 
@@ -292,7 +281,7 @@ class JournalSteps:
             else (fields["node"], fields["name"])
         )
         factor = self._factor(owner, name)
-        step = SetStep(self._at(entry["time"]), f"{owner}.{name}", float(value) * factor)
+        step = records.SetStep(self._at(entry["time"]), f"{owner}.{name}", float(value) * factor)
         self._settings.append(step)
 
     def _factor(self, owner: str, name: str) -> float:
@@ -300,11 +289,11 @@ class JournalSteps:
         signals = self._hello.get("ecus", {}).get(owner, {}).get("signals", {})
         return si_unit(signals[name]["unit"])[1] if name in signals else 1.0
 
-    def _latest(self) -> Sequence[SetStep]:
+    def _latest(self) -> Sequence[records.SetStep]:
         """Return the settings, of those at one time for one target the last one."""
         return list({(step.at, step.target): step for step in self._settings}.values())
 
 
-def _seconds(step: Step) -> float:
-    assert not isinstance(step.at, Reference)  # noqa: S101 - a journal names no parameters
+def _seconds(step: records.Step) -> float:
+    assert not isinstance(step.at, records.Reference)  # noqa: S101 - a journal names no parameters
     return step.at

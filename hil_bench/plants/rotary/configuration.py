@@ -20,6 +20,7 @@ from typing import Any, Final
 from hil_bench.config.rows import read_rows
 from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder import keys
 from hil_bench.plants.hydraulic_cylinder.configuration import (
     CylinderConfig,
     explain_refusal,
@@ -31,27 +32,6 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump, find_assumed_supply
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
-from hil_bench.plants.hydraulic_cylinder.keys import (
-    AIR_KEYS,
-    CAVITATION_KEY,
-    CAVITATION_KEYS,
-    COMPENSATOR_KEY,
-    CYLINDER_SHEET,
-    FILTER_KEYS,
-    LAND_KEYS,
-    LINE_MODEL_KEY,
-    OIL_SHEET,
-    OPTION_KEYS,
-    PARAMETER_KEYS,
-    PUMP_SHEET,
-    SUPPLY_KEY,
-    SUPPLY_KEYS,
-    VALVE_SHEET,
-    VISCOSITY_KEY,
-    WALL_KEYS,
-    LineModel,
-    Supply,
-)
 from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_lines
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
@@ -83,7 +63,7 @@ MOTOR_KEYS: Final = _ROWS.groups["motor"]
 RATING_KEYS: Final = _ROWS.groups["rating"]
 """Of the data sheet: efficiencies, and speed and pressure drop at which they hold."""
 
-LINE_KEYS: Final = tuple(key for key in CYLINDER_SHEET if key.name.startswith("line_"))
+LINE_KEYS: Final = tuple(key for key in keys.CYLINDER_SHEET if key.name.startswith("line_"))
 VOLUME_KEYS: Final = _ROWS.groups["volumes"]
 FRICTION_KEYS: Final = _ROWS.groups["friction"]
 LOAD_KEYS: Final = _ROWS.groups["load"]
@@ -91,13 +71,19 @@ LOAD_KEYS: Final = _ROWS.groups["load"]
 (ANGLE_KEY,) = _ROWS.groups["angle"]
 
 _OF_PISTON = {"A_A", "A_B", "V_A0", "V_B0", "m", "F_c", "F_s", "sigma", "chi", "delta", "h"}
-HYDRAULIC_KEYS: Final = tuple(key for key in PARAMETER_KEYS if key.field not in _OF_PISTON)
+HYDRAULIC_KEYS: Final = tuple(key for key in keys.PARAMETER_KEYS if key.field not in _OF_PISTON)
 """Those of the cylinder's parameters that its valve, its oil and its supply have."""
 
 _OF_CYLINDER = {"signed_root", "tanh_gain_s_m"}
-VALVE_OPTION_KEYS: Final = tuple(key for key in OPTION_KEYS if key.name not in _OF_CYLINDER)
+VALVE_OPTION_KEYS: Final = tuple(key for key in keys.OPTION_KEYS if key.name not in _OF_CYLINDER)
 
-DATA_SHEET_KEYS: Final = (*RATING_KEYS, *LINE_KEYS, *VALVE_SHEET, *OIL_SHEET, *PUMP_SHEET)
+DATA_SHEET_KEYS: Final = (
+    *RATING_KEYS,
+    *LINE_KEYS,
+    *keys.VALVE_SHEET,
+    *keys.OIL_SHEET,
+    *keys.PUMP_SHEET,
+)
 
 ROTARY_KEYS: Final = (
     *MOTOR_KEYS,
@@ -106,18 +92,18 @@ ROTARY_KEYS: Final = (
     *FRICTION_KEYS,
     *HYDRAULIC_KEYS,
     *VALVE_OPTION_KEYS,
-    CAVITATION_KEY,
-    *CAVITATION_KEYS,
-    *AIR_KEYS,
-    *LAND_KEYS,
-    LINE_MODEL_KEY,
-    *WALL_KEYS["a"],
-    *WALL_KEYS["b"],
-    COMPENSATOR_KEY,
-    SUPPLY_KEY,
-    *SUPPLY_KEYS,
-    VISCOSITY_KEY,
-    *FILTER_KEYS,
+    keys.CAVITATION_KEY,
+    *keys.CAVITATION_KEYS,
+    *keys.AIR_KEYS,
+    *keys.LAND_KEYS,
+    keys.LINE_MODEL_KEY,
+    *keys.WALL_KEYS["a"],
+    *keys.WALL_KEYS["b"],
+    keys.COMPENSATOR_KEY,
+    keys.SUPPLY_KEY,
+    *keys.SUPPLY_KEYS,
+    keys.VISCOSITY_KEY,
+    *keys.FILTER_KEYS,
     *LOAD_KEYS,
     SERIES_KEY,
     ANGLE_KEY,
@@ -241,7 +227,7 @@ def _derive_losses(sheet: Sheet) -> Iterator[Derived]:
 def _derive_volume(sheet: Sheet, side: str) -> Iterator[Derived]:
     """Yield the volume between the valve and the rotor on one side."""
     length, inner = f"line_{side}_length_m", f"line_{side}_inner_mm"
-    has_waves = sheet.settings["line_model"].value is LineModel.WAVES
+    has_waves = sheet.settings["line_model"].value is keys.LineModel.WAVES
     lines = () if has_waves else sheet.given((length, inner))
     if len(lines) == 1:
         other = inner if lines[0] == length else length
@@ -370,7 +356,7 @@ def _build_cylinder(
         solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
         position=0.0,
         spool_delay=0.0,
-        is_fed=axis["supply"].value not in set(Supply),
+        is_fed=axis["supply"].value not in set(keys.Supply),
     )
 
 

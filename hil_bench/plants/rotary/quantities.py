@@ -2,14 +2,7 @@
 
 from typing import Final
 
-from hil_bench.plants.hydraulic_cylinder.quantities import (
-    FLOW_A,
-    FLOW_B,
-    PRESSURE_A,
-    PRESSURE_B,
-    SPOOL_POSITION,
-    SPOOL_SETPOINT,
-)
+from hil_bench.plants.hydraulic_cylinder import quantities
 from hil_bench.plants.quantity import Quantity, Shown
 
 ANGLE: Final = Quantity(
@@ -29,13 +22,13 @@ TORQUE: Final = Quantity("torque", "N m", 5)
 QUANTITIES: Final = (
     ANGLE,
     SPEED,
-    PRESSURE_A._replace(output=2),
-    PRESSURE_B._replace(output=3),
-    SPOOL_SETPOINT,
-    SPOOL_POSITION._replace(output=4),
+    quantities.PRESSURE_A._replace(output=2),
+    quantities.PRESSURE_B._replace(output=3),
+    quantities.SPOOL_SETPOINT,
+    quantities.SPOOL_POSITION._replace(output=4),
     TORQUE,
-    FLOW_A._replace(output=6),
-    FLOW_B._replace(output=7),
+    quantities.FLOW_A._replace(output=6),
+    quantities.FLOW_B._replace(output=7),
 )
 
 LOAD: Final = "load"

@@ -150,7 +150,7 @@ def test_a_run_is_repeated_by_its_key_and_drawn_where_that_is_asked(tmp_path, ca
 
 
 def test_the_table_of_a_report_has_smallest_and_median_of_the_margins(tmp_path, monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.campaign.reports.worst_runs", lambda _: [])
+    monkeypatch.setattr("hil_bench.abilities.campaign.summary.worst_runs", lambda _: [])
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)
     cli.main(["campaign", str(path), "--runs=3", "--jobs=0", "--report=report.html"])

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.commissioning.comparison import Difference, Mend, Write
 from hil_bench.abilities.commissioning.verbs import bus_check
 from hil_bench.abilities.commissioning.verbs.bus_check import _assignment
@@ -31,7 +32,7 @@ def one_difference(monkeypatch: pytest.MonkeyPatch) -> list[Difference]:
         network.pump(0.01)
         return differences.pop(0)
 
-    monkeypatch.setattr(bus_check, "compare", compare)
+    monkeypatch.setattr(comparison, "compare", compare)
     return differences
 
 
@@ -79,7 +80,7 @@ def test_an_interruption_says_what_is_half_done(capsys, monkeypatch) -> None:
     def interrupt(*_arguments, **_options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(bus_check, "apply", interrupt)
+    monkeypatch.setattr(comparison, "apply", interrupt)
     assert main(["check", "--bus", "--virtual", "--apply", "--yes"]) == 130
     assert capsys.readouterr().err.endswith(
         "interrupted; node 1 is half configured and in PRE-OPERATIONAL: the same command again "

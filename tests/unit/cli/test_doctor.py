@@ -65,7 +65,7 @@ def test_without_a_test_nothing_is_measured(capsys):
 
 
 def test_other_systems_get_a_report_too(monkeypatch, capsys):
-    for module in ("machine", "software"):
+    for module in ("machine", "verbs"):
         monkeypatch.setattr(f"hil_bench.abilities.doctor.{module}.IS_LINUX", False)
     assert main(["doctor", "--seconds", "0.01"]) == 0
     assert re.search(r"SCHED_FIFO +Linux only", capsys.readouterr().out)

@@ -163,7 +163,7 @@ def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypat
             if now == 1_500_000_000:
                 self._say("  ".join(self._lines(now)))
 
-    monkeypatch.setattr("hil_bench.cli.paced_run.Progress", OneLook)
+    monkeypatch.setattr("hil_bench.cli.status_line.Progress", OneLook)
     path = tmp_path / "bench.toml"
     path.write_text(
         '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n[nodes.valve.objects]\n"0x1017" = 10\n'

@@ -5,7 +5,7 @@ import pytest
 from support import fault_verbs
 
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.abilities.faults.kind import PLANTS
+from hil_bench.abilities.faults.points import PLANTS
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError

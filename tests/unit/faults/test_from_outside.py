@@ -160,7 +160,7 @@ def test_a_kind_that_cannot_be_used_is_a_line_that_names_its_distribution(site, 
 
 FAILS = """
 from hil_bench.abilities.faults.kind import fault_kind
-from hil_bench.abilities.faults.kind import PLANTS
+from hil_bench.abilities.faults.points import PLANTS
 
 @fault_kind(PLANTS)
 def explode(axis):

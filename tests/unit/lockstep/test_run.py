@@ -80,7 +80,7 @@ def test_a_status_line_is_looked_after_and_without_one_the_log_says_how_far_it_i
     run, monkeypatch, capsys, is_shown
 ):
     line, watched = Line(is_shown), []
-    monkeypatch.setattr("hil_bench.abilities.lockstep.run.StatusLine", lambda *_, **__: line)
+    monkeypatch.setattr("hil_bench.cli.status_line.StatusLine", lambda *_, **__: line)
     monkeypatch.setattr("hil_bench.cli.status_line.PERIOD", 0)
     watch = RunSetup.watch
 

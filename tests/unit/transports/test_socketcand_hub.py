@@ -10,10 +10,11 @@ import re
 import pytest
 
 from hil_bench.abilities.hub import server as socketcand_hub
-from hil_bench.abilities.hub.server import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
+from hil_bench.abilities.hub.server import MAX_CLIENTS, Hub, HubCounters
 from hil_bench.errors import BusError
 from hil_bench.outside.reception import ROOM
-from hil_bench.outside.transports.socketcand_protocol import MOST_BAD
+from hil_bench.outside.transports import socketcand_protocol
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, MOST_BAD
 
 TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")
 
@@ -243,7 +244,7 @@ def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(monk
 
 
 def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(monkeypatch):
-    monkeypatch.setattr(socketcand_hub, "JOIN_DELAY", 3_600)
+    monkeypatch.setattr(socketcand_protocol, "JOIN_DELAY", 3_600)
 
     async def scenario(place):
         sender, listener = await place.join(), await place.connect()
@@ -267,7 +268,7 @@ def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(monkeypat
 
 
 def test_held_back_frames_follow_without_a_word_from_the_client(monkeypatch):
-    monkeypatch.setattr(socketcand_hub, "JOIN_DELAY", 0.001)
+    monkeypatch.setattr(socketcand_protocol, "JOIN_DELAY", 0.001)
 
     async def scenario(place):
         sender, listener = await place.join(), await place.join()

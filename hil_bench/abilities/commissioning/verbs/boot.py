@@ -6,12 +6,7 @@ import sys
 from pathlib import Path
 
 from hil_bench.abilities.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench
-from hil_bench.cli.arguments import (
-    add_bench_arguments,
-    add_network_arguments,
-    load_bench_config,
-    seen_from_bus,
-)
+from hil_bench.cli import arguments
 from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
@@ -39,8 +34,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "type and identity of each slave, configure it, wait for its heartbeat, start it.",
         epilog=_EXAMPLES,
     )
-    add_bench_arguments(parser)
-    add_network_arguments(parser)
+    arguments.add_bench_arguments(parser)
+    arguments.add_network_arguments(parser)
     parser.add_argument(
         "--network",
         type=Path,
@@ -71,12 +66,12 @@ def run(args: argparse.Namespace) -> int:
 
     1 where a mandatory slave is missing or reports another state, 6 where one reports no state.
     """
-    config = load_bench_config(args)
+    config = arguments.load_bench_config(args)
     plan = load_boot_plan(args.network) if args.network else None
     if args.concise_dcf is not None:
         return _write_concise(args, plan)
     if plan is None:
-        plan = plan_of_bench(seen_from_bus(args, config))
+        plan = plan_of_bench(arguments.seen_from_bus(args, config))
     with open_network(args, config) as opened:
         if not is_silent(args):
             print_lines(args, f"bus      {opened.description}")

@@ -7,16 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.commissioning.comparison import (
-    Difference,
-    Mend,
-    Plan,
-    Write,
-    apply,
-    compare,
-    concise_dcf,
-    plan_writes,
-)
+from hil_bench.abilities.commissioning import comparison
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import bus_words, seen_from_bus
 from hil_bench.cli.controller_side import open_network
@@ -30,22 +21,24 @@ def check_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     """Compare, and mend where that is asked for; exit code 0 if nothing differs any more."""
     seen = seen_from_bus(args, config)
     with open_network(args, config) as opened:
-        differences = compare(opened.network, seen)
+        differences = comparison.compare(opened.network, seen)
         _print_differences(differences, args)
-        plans = plan_writes(opened.network, seen, differences)
+        plans = comparison.plan_writes(opened.network, seen, differences)
         if args.node is not None:
             plans = [plan for plan in plans if plan.config.node_id == args.node]
         if args.dcf is not None:
             _write_dcf(args.dcf, plans)
         if args.apply and plans and _is_wanted(plans, args):
             _apply_all(opened.network, plans, store=args.store)
-            differences = compare(opened.network, seen)
+            differences = comparison.compare(opened.network, seen)
             if not args.quiet:
                 print(_verdict(differences), file=sys.stderr)
     return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
 
 
-def _print_differences(differences: Sequence[Difference], args: argparse.Namespace) -> None:
+def _print_differences(
+    differences: Sequence[comparison.Difference], args: argparse.Namespace
+) -> None:
     if args.json:
         print(json.dumps([_as_json(difference) for difference in differences], indent=2))
         return
@@ -55,7 +48,7 @@ def _print_differences(differences: Sequence[Difference], args: argparse.Namespa
         print(_verdict(differences), file=sys.stderr)
 
 
-def _as_json(difference: Difference) -> dict[str, object]:
+def _as_json(difference: comparison.Difference) -> dict[str, object]:
     key = difference.key
     return {
         "node_id": difference.node_id,
@@ -66,38 +59,38 @@ def _as_json(difference: Difference) -> dict[str, object]:
     }
 
 
-def _mending(difference: Difference, args: argparse.Namespace) -> str:
+def _mending(difference: comparison.Difference, args: argparse.Namespace) -> str:
     """Return the command that mends a difference, or shows more of it."""
-    words = ["hil-bench", "check" if difference.mend is Mend.WRITE else "scan"]
+    words = ["hil-bench", "check" if difference.mend is comparison.Mend.WRITE else "scan"]
     if args.config:
         words.append(args.config)
-    if difference.mend is Mend.WRITE:
+    if difference.mend is comparison.Mend.WRITE:
         words.append("--bus")
     words += bus_words(args)
-    if difference.mend is Mend.WRITE:
+    if difference.mend is comparison.Mend.WRITE:
         return f"mend: {shlex.join([*words, '--apply', '--node', str(difference.node_id)])}"
     return f"look: {shlex.join([*words, '--nodes', str(difference.node_id)])}"
 
 
-def _verdict(differences: Sequence[Difference]) -> str:
+def _verdict(differences: Sequence[comparison.Difference]) -> str:
     count = len(differences)
     if not count:
         return "the bus is as the configuration says"
     return f"{count} difference{'' if count == 1 else 's'}"
 
 
-def _write_dcf(directory: Path, plans: Sequence[Plan]) -> None:
+def _write_dcf(directory: Path, plans: Sequence[comparison.Plan]) -> None:
     """Write the plans as files."""
     with about_file(f"--dcf {directory}"):
         directory.mkdir(parents=True, exist_ok=True)
         for plan in plans:
             path = directory / f"node{plan.config.node_id}.cdcf"
             with whole_file(path) as file:
-                file.write_bytes(concise_dcf(plan))
+                file.write_bytes(comparison.concise_dcf(plan))
             print(f"{path}: {len(plan.writes)} writes", file=sys.stderr)
 
 
-def _is_wanted(plans: Sequence[Plan], args: argparse.Namespace) -> bool:
+def _is_wanted(plans: Sequence[comparison.Plan], args: argparse.Namespace) -> bool:
     """Show the plans and ask.
 
     Raises:
@@ -119,7 +112,7 @@ def _is_wanted(plans: Sequence[Plan], args: argparse.Namespace) -> bool:
     return input("write this? [y/N] ").strip().lower() in {"y", "yes"}
 
 
-def _assignment(write: Write) -> str:
+def _assignment(write: comparison.Write) -> str:
     """Return a write as ``0x1800.05 = 20 (0x0014)``."""
     index, subindex = write.key
     raw = f"0x{write.raw[::-1].hex().upper()}"
@@ -127,7 +120,7 @@ def _assignment(write: Write) -> str:
     return f"0x{index:04X}.{subindex:02X} = {value}"
 
 
-def _apply_all(network: Network, plans: Sequence[Plan], *, store: bool) -> None:
+def _apply_all(network: Network, plans: Sequence[comparison.Plan], *, store: bool) -> None:
     """Write every plan.
 
     Raises:
@@ -137,7 +130,7 @@ def _apply_all(network: Network, plans: Sequence[Plan], *, store: bool) -> None:
     for plan in plans:
         node_id = plan.config.node_id
         try:
-            apply(network, plan, store=store)
+            comparison.apply(network, plan, store=store)
         except DriverError as error:
             raise ConfigError(f"{error}; {_half_configured(node_id)}") from error
         except KeyboardInterrupt:

@@ -39,14 +39,7 @@ from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import (
-    add_bench_arguments,
-    add_network_arguments,
-    add_output_argument,
-    load_bench_config,
-    make_directory,
-    seen_from_bus,
-)
+from hil_bench.cli import arguments
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.parser import add_units_argument
@@ -127,8 +120,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "plan", type=Path, metavar="PLAN.toml", help="plan: steps, limits, tolerances"
     )
-    add_bench_arguments(parser)
-    add_network_arguments(parser)
+    arguments.add_bench_arguments(parser)
+    arguments.add_network_arguments(parser)
     parser.add_argument(
         "--machine",
         metavar="FILE",
@@ -144,7 +137,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="run no step: restore the devices' settings that a run which was killed has left "
         "changed, as its --output says",
     )
-    add_output_argument(parser, "hil-bench-commissioning", "report and recording")
+    arguments.add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     add_json_argument(parser)
     add_units_argument(parser)
     add_work_arguments(parser, "commission")
@@ -161,10 +154,10 @@ def run(args: argparse.Namespace) -> int:
     plan = load_plan(args.plan)
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)
-    bench = load_bench_config(args)
-    config = seen_from_bus(args, bench)
+    bench = arguments.load_bench_config(args)
+    config = arguments.seen_from_bus(args, bench)
     check_against(plan, choose_axis(plan, config))
-    make_directory(args.output)
+    arguments.make_directory(args.output)
     machine = load_config(args.machine, seed=args.seed) if args.machine else bench
     check_period(args, plan, machine)
     if args.restore:

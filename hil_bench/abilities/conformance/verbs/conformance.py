@@ -17,12 +17,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
-from hil_bench.cli.arguments import (
-    add_bench_arguments,
-    add_network_arguments,
-    load_bench_config,
-    seen_from_bus,
-)
+from hil_bench.cli import arguments
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, json_text
@@ -56,8 +51,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "print one line per check. The EDS file gives the device's objects and services.",
         epilog=_EXAMPLES,
     )
-    add_bench_arguments(parser)
-    add_network_arguments(parser)
+    arguments.add_bench_arguments(parser)
+    arguments.add_network_arguments(parser)
     parser.add_argument("--node-id", type=int, required=True, metavar="N", help="of the device")
     parser.add_argument(
         "--eds",
@@ -92,8 +87,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Run the checks and tell what was found."""
-    config = load_bench_config(args)
-    seen = seen_from_bus(args, config)
+    config = arguments.load_bench_config(args)
+    seen = arguments.seen_from_bus(args, config)
     allowed = _allowed(args)
     node_id = _node_id(args)
     eds = _eds(args, seen)

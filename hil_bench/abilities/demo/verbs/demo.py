@@ -14,13 +14,7 @@ from hil_bench.abilities.demo.verbs.demo_session import (
     TrackingError,
 )
 from hil_bench.abilities.modbus.serving import require_pymodbus
-from hil_bench.abilities.recording.options import (
-    add_recording_arguments,
-    check_recording_arguments,
-    recording_code,
-    recording_wish,
-    report_lines,
-)
+from hil_bench.abilities.recording import options
 from hil_bench.abilities.recording.plot import plot_result
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, check_one_bus, make_directory, read_speed
@@ -84,7 +78,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=SensorBus.CANOPEN.value,
         help="bus of the sensors; the valve is on CANopen (default: canopen)",
     )
-    add_recording_arguments(parser)
+    options.add_recording_arguments(parser)
     add_loss_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -103,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
         require_pymodbus()
     config = load_config(args.config, modbus=sensors is SensorBus.MODBUS)
     check_one_bus(config, "demo")
-    check_recording_arguments(args)
+    options.check_recording_arguments(args)
     make_directory(args.output)
     session = DemoSession(
         config,
@@ -111,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         is_paced=math.isfinite(args.speed),
         speed=args.speed,
         sensors=sensors,
-        recording=recording_wish(args),
+        recording=options.recording_wish(args),
     )
     ending = Ending(args)
     with contextlib.ExitStack() as stack:
@@ -127,7 +121,9 @@ def run(args: argparse.Namespace) -> int:
         helpers = Helpers(
             [line] if line.is_shown else [],
             ends_on_loss=args.end_on_loss,
-            has_lost_data=lambda: recording_code(session.bench.recording) is not ExitCode.DONE,
+            has_lost_data=lambda: (
+                options.recording_code(session.bench.recording) is not ExitCode.DONE
+            ),
         )
 
         def stopped() -> bool:
@@ -152,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
         *summary_lines(report, config, session.axis.quantity.unit),
         *(f"{name:9} {path}" for name, path in files.items()),
         f"plot      {plot or problem}",
-        *(() if recorded is None else report_lines(recorded)),
+        *(() if recorded is None else options.report_lines(recorded)),
         *helper_lines(helpers.lines()),
     ]
     content = {
@@ -163,7 +159,7 @@ def run(args: argparse.Namespace) -> int:
     }
     with ending.going_on():
         print_results(args, lines, content)
-    ending.take(helpers.code, recording_code(recorded), wish.code)
+    ending.take(helpers.code, options.recording_code(recorded), wish.code)
     return ending.code
 
 

@@ -29,14 +29,9 @@ from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.plants.hydraulic_cylinder import quantities
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
-from hil_bench.plants.hydraulic_cylinder.quantities import (
-    POSITION,
-    PRESSURE_A,
-    PRESSURE_B,
-    SPOOL_POSITION,
-)
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_position
 from hil_bench.plants.kind import AxisConfig
@@ -84,7 +79,7 @@ class DemoAxis:
 
     def __init__(self, axis: AxisConfig) -> None:
         self.turns = isinstance(axis, RotaryConfig)
-        self.quantity = ANGLE if self.turns else POSITION
+        self.quantity = ANGLE if self.turns else quantities.POSITION
         if isinstance(axis, RotaryConfig):
             self._cylinder, self._lever = axis.cylinder, axis.lever
         else:
@@ -292,9 +287,9 @@ class DemoSession:
             Channel(f"{axis}.{name}_seen", unit): partial(self._seen, field)
             for name, unit, field in (
                 (*self.axis.quantity[:2], "position"),
-                (*PRESSURE_A[:2], "pressure_a"),
-                (*PRESSURE_B[:2], "pressure_b"),
-                (*SPOOL_POSITION[:2], "spool_position"),
+                (*quantities.PRESSURE_A[:2], "pressure_a"),
+                (*quantities.PRESSURE_B[:2], "pressure_b"),
+                (*quantities.SPOOL_POSITION[:2], "spool_position"),
             )
         }
 

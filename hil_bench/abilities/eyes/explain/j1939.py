@@ -13,12 +13,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.j1939 import group_name, lamps_of, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.j1939.protocol.signals import (
-    ACKNOWLEDGEMENT,
-    DM1,
-    GLOBAL,
-    REQUEST,
-)
+from hil_bench.abilities.j1939.protocol import signals
 
 _MS: Final = 1_000_000
 _ANSWER: Final = 1250 * _MS
@@ -98,11 +93,15 @@ class Requests(OfJ1939):
         if message is None:
             return
         bus, data = sight.frame.bus, message.data or b""
-        if message.group == REQUEST and message.destination != GLOBAL and len(data) >= 3:
+        if (
+            message.group == signals.REQUEST
+            and message.destination != signals.GLOBAL
+            and len(data) >= 3
+        ):
             if len(self._open) < _MOST:
                 group = int.from_bytes(data[:3], "little")
                 self._open.setdefault((bus, message.destination, group), sight)
-        elif message.group == ACKNOWLEDGEMENT and len(data) == 8:
+        elif message.group == signals.ACKNOWLEDGEMENT and len(data) == 8:
             key = bus, message.source, int.from_bytes(data[5:], "little")
             asked = self._open.pop(key, None)
             if asked is not None and data[0] in _REFUSALS:
@@ -151,7 +150,7 @@ class TroubleCodes(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.group != DM1 or message.data is None:
+        if message is None or message.group != signals.DM1 or message.data is None:
             return
         codes, lamps = trouble_codes(message.data), lamps_of(message.data)
         if not codes and lamps and len(self._lamps) < _MOST:

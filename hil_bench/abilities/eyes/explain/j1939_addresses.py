@@ -20,12 +20,7 @@ from hil_bench.abilities.eyes.explain.j1939 import (
 )
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.signals import (
-    ADDRESS_CLAIMED,
-    DM1,
-    NAME_BYTES,
-    NULL,
-)
+from hil_bench.abilities.j1939.protocol import signals
 
 _MS: Final = 1_000_000
 _SETTLED: Final = 1250 * _MS
@@ -73,18 +68,18 @@ class Addresses(OfJ1939):
         if message is None or message.data is None:
             return
         bus = sight.frame.bus
-        if message.group == ADDRESS_CLAIMED and len(message.data) == NAME_BYTES:
+        if message.group == signals.ADDRESS_CLAIMED and len(message.data) == signals.NAME_BYTES:
             self._hear_claim(bus, message.source, message.data, sight)
             return
         if len(self._in_use) < _MOST:
             self._in_use[bus, message.source] = None
-        if message.group == DM1:
+        if message.group == signals.DM1:
             for spn, fmi in trouble_codes(message.data):
                 if fmi == VIOLATION_FMI and spn - VIOLATION_SPN == message.source:
                     self._violations.setdefault((bus, message.source), Evidence()).append(sight)
 
     def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
-        if address == NULL:  # without a contender it merely signs off
+        if address == signals.NULL:  # without a contender it merely signs off
             contention = self._contended.pop((bus, name), None)
             newcomer = self._newcomers.get(bus)
             if contention is not None:
@@ -158,11 +153,11 @@ class Names(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.source == NULL:
+        if message is None or message.source == signals.NULL:
             return
         who = sight.frame.bus, message.source
         left = self._left.get(who)
-        if message.group == ADDRESS_CLAIMED:
+        if message.group == signals.ADDRESS_CLAIMED:
             self._hear_claim(who, message, sight)
         elif left is not None and sight.now - left.other.now > _MOVED:
             both = left.claim, left.other, Evidence()
@@ -171,7 +166,7 @@ class Names(OfJ1939):
 
     def _hear_claim(self, who: Who, message: J1939Message, sight: Sight) -> None:
         name = message.data
-        if name is None or len(name) != NAME_BYTES:
+        if name is None or len(name) != signals.NAME_BYTES:
             return
         self._left.pop(who, None)
         before = self._at.get((who[0], name))
@@ -224,10 +219,10 @@ class Restarts(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.source == NULL:
+        if message is None or message.source == signals.NULL:
             return
         who = sight.frame.bus, message.source
-        if message.group == ADDRESS_CLAIMED:
+        if message.group == signals.ADDRESS_CLAIMED:
             self._hear_claim(who, message, sight)
             return
         life = self._lives.get(who)

@@ -17,16 +17,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.signals import (
-    ADDRESS_CLAIMED,
-    DM1,
-    GLOBAL,
-    HIGHEST_GROUP,
-    NOT_AVAILABLE,
-    NULL,
-    is_to_all,
-    split,
-)
+from hil_bench.abilities.j1939.protocol import signals
 
 _MS: Final = 1_000_000
 _KNOWN: Final = 5
@@ -156,14 +147,18 @@ class Changes(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.source == NULL or message.destination != GLOBAL:
+        if (
+            message is None
+            or message.source == signals.NULL
+            or message.destination != signals.GLOBAL
+        ):
             return
         who = sight.frame.bus, message.source
-        if message.group == ADDRESS_CLAIMED:
+        if message.group == signals.ADDRESS_CLAIMED:
             if not message.is_answer:
                 self._begin_anew(who)
             return
-        if message.data is None or not is_to_all(message.group):
+        if message.data is None or not signals.is_to_all(message.group):
             return
         key = (*who, message.group)
         course = self._courses.get(key)
@@ -174,7 +169,9 @@ class Changes(OfJ1939):
         else:
             return
         can_id = sight.frame.can_id
-        if can_id >> 8 & HIGHEST_GROUP == message.group != DM1:  # no part of a long message
+        if (
+            can_id >> 8 & signals.HIGHEST_GROUP == message.group != signals.DM1
+        ):  # no part of a long message
             course.length.hear(len(message.data), sight)
             course.priority.hear(can_id >> 26 & 7, sight)
         for name, shown in message.shown:
@@ -194,7 +191,7 @@ class Changes(OfJ1939):
                 course.changes.clear()
 
     def _hear_time(self, course: _Course, sight: Sight, message: J1939Message) -> None:
-        if message.group == DM1:
+        if message.group == signals.DM1:
             return
         before = course.last.message
         course.intervals.append(sight.now - course.due_from)
@@ -213,7 +210,7 @@ class Changes(OfJ1939):
             signal = self._signals[key] = _Signal()
         if not shown:
             signal.valid += 1
-            if signal.shown == NOT_AVAILABLE or signal.sights.total < _CHANGED:
+            if signal.shown == signals.NOT_AVAILABLE or signal.sights.total < _CHANGED:
                 signal.sights = Evidence()
         elif signal.valid >= _VALID:
             if shown != signal.shown:
@@ -257,7 +254,7 @@ def _length_words(usual: object, first: Sight) -> str:
 
 
 def _priority_words(usual: object, first: Sight) -> str:
-    return f"has the priority {split(first.frame.can_id).priority}, {usual} before,"
+    return f"has the priority {signals.split(first.frame.can_id).priority}, {usual} before,"
 
 
 def _period_findings(head: str, course: _Course) -> Iterator[Finding]:

@@ -10,14 +10,7 @@ from hil_bench.abilities.eyes.explain.finding import Cause, Finding, millisecond
 from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, Who, group_title
 from hil_bench.abilities.eyes.j1939 import trouble_codes
 from hil_bench.abilities.eyes.sight import J1939Message, Sight
-from hil_bench.abilities.j1939.protocol.signals import (
-    ADDRESS_CLAIMED,
-    DM1,
-    GLOBAL,
-    NULL,
-    TRANSPORT_CONNECTION,
-    TRANSPORT_DATA,
-)
+from hil_bench.abilities.j1939.protocol import signals
 
 _MS: Final = 1_000_000
 _DM1_PERIOD: Final = 1000 * _MS
@@ -40,7 +33,7 @@ _SEVERAL: Final = 2
 
 _OFF: Final = 8
 """Of so many intervals one may be off."""
-_PARTS: Final = frozenset({TRANSPORT_CONNECTION, TRANSPORT_DATA})
+_PARTS: Final = frozenset({signals.TRANSPORT_CONNECTION, signals.TRANSPORT_DATA})
 """Parts of a long message whose beginning is not in the log."""
 
 _MOST: Final = 4096
@@ -144,13 +137,13 @@ class Cycles(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.source == NULL:
+        if message is None or message.source == signals.NULL:
             return
         bus = sight.frame.bus
         self._hear_device((bus, message.source), sight)
-        if message.data is None or message.destination != GLOBAL or message.group in _PARTS:
+        if message.data is None or message.destination != signals.GLOBAL or message.group in _PARTS:
             return
-        if message.group == ADDRESS_CLAIMED:
+        if message.group == signals.ADDRESS_CLAIMED:
             for place, each in () if message.is_answer else self._cycles.items():
                 each.is_new = each.is_new or place[:2] == (bus, message.source)
             return
@@ -167,7 +160,7 @@ class Cycles(OfJ1939):
         if period and interval > _LATE * period:
             cycle.gap = cycle.gap or (cycle.last, sight)
             cycle.gaps += 1
-        elif message.group != DM1 or _has_codes(cycle.last.message):
+        elif message.group != signals.DM1 or _has_codes(cycle.last.message):
             _take_interval(cycle, interval, sight)
         cycle.last, cycle.due_from = sight, sight.now
 
@@ -230,7 +223,7 @@ class Cycles(OfJ1939):
                 continue
             text = f"{before.node}: no {group_title(group)} after {seconds(before.now)}"
             text += f" for {milliseconds(lasts)} (every {milliseconds(period)} before)"
-            if group == DM1:
+            if group == signals.DM1:
                 text += ", while a trouble code is active"
             text += f"; {cycle.gaps} such gaps" if cycle.gaps > 1 else ""
             sights = (before,) if after is None else (before, after)
@@ -273,7 +266,7 @@ def _take_interval(cycle: _Cycle, interval: int, sight: Sight) -> None:
 
 def _period(cycle: _Cycle) -> float:
     """Return the period of a message [ns]; of DM1 with an active code that of the standard."""
-    if _group_of(cycle) != DM1:
+    if _group_of(cycle) != signals.DM1:
         return cycle.period
     return float(_DM1_PERIOD) if _has_codes(cycle.last.message) else 0.0
 

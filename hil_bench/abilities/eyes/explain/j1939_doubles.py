@@ -17,13 +17,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 )
 from hil_bench.abilities.eyes.explain.j1939 import OfJ1939, group_title
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.abilities.j1939.protocol.signals import (
-    ADDRESS_CLAIMED,
-    DM1,
-    GLOBAL,
-    NULL,
-    is_to_all,
-)
+from hil_bench.abilities.j1939.protocol import signals
 
 _WINDOW: Final = 24
 _LOOK: Final = 8
@@ -116,10 +110,14 @@ class Doubles(OfJ1939):
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         message = sight.message
-        if message is None or message.data is None or message.destination != GLOBAL:
+        if message is None or message.data is None or message.destination != signals.GLOBAL:
             return
         group = message.group
-        if message.source == NULL or group in {ADDRESS_CLAIMED, DM1} or not is_to_all(group):
+        if (
+            message.source == signals.NULL
+            or group in {signals.ADDRESS_CLAIMED, signals.DM1}
+            or not signals.is_to_all(group)
+        ):
             return
         if len(message.data) > _OF_A_FRAME:  # packets of two senders are no message
             return

@@ -5,17 +5,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil_bench.abilities.eyes import traffic
 from hil_bench.abilities.eyes.known_node import nodes_of
-from hil_bench.abilities.eyes.traffic import (
-    Assumptions,
-    MeasuredTraffic,
-    Stream,
-    dbc_streams,
-    find_streams,
-    longest_foreign,
-    response_times,
-    utilisation,
-)
 from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
@@ -166,21 +157,23 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     """
     bus = config.buses[name]
     bitrate = bus.bitrate or USUAL_BITRATE
-    given = Assumptions(
+    given = traffic.Assumptions(
         bitrate,
         round(args.cycle_ms * _NS_PER_MS),
         round(args.jitter_us * _NS_PER_US),
         (bus.data_bitrate or bitrate) if bus.fd else 0,
     )
-    streams = find_streams(nodes_of(config.seen_from(name)), given)
+    streams = traffic.find_streams(nodes_of(config.seen_from(name)), given)
     others = _others(args, streams, given) if name == FIRST_BUS else []
     streams = sorted([*streams, *others], key=lambda stream: stream.message.priority)
     if not streams:
         raise ConfigError(f"{config.path or 'bench'}: no node of {name} has a PDO or a heartbeat")
     messages = [stream.message for stream in streams]
     bit_time = _NS_PER_S // bitrate
-    bounds = response_times(messages, bit_time=bit_time, blocking=longest_foreign(given))
-    load = utilisation(messages)
+    bounds = traffic.response_times(
+        messages, bit_time=bit_time, blocking=traffic.longest_foreign(given)
+    )
+    load = traffic.utilisation(messages)
     found, simulated = None, None
     if args.simulate:
         duration = round(args.simulate * _NS_PER_S)
@@ -200,35 +193,37 @@ def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_B
     return _Bus(name, bitrate, given.data_bitrate or None, load, simulated, fits), rows
 
 
-def _simulation() -> Callable[..., MeasuredTraffic]:
+def _simulation() -> Callable[..., traffic.MeasuredTraffic]:
     """Return the `measure_traffic` of the ability that simulates a bus with its wire.
 
     Raises:
         ConfigError: there is none.
     """
     for module in given_to("eyes"):
-        found: Callable[..., MeasuredTraffic] = module.measure_traffic
+        found: Callable[..., traffic.MeasuredTraffic] = module.measure_traffic
         return found
     raise ConfigError("--simulate: nothing here simulates a bus; give --simulate 0")
 
 
 def _others(
-    args: argparse.Namespace, streams: Sequence[Stream], given: Assumptions
-) -> list[Stream]:
+    args: argparse.Namespace, streams: Sequence[traffic.Stream], given: traffic.Assumptions
+) -> list[traffic.Stream]:
     """Return the messages of a DBC that are of no node of the bench."""
     if args.dbc is None:
         return []
     known = {stream.frame.can_id for stream in streams}
-    found = dbc_streams(load_dbc(args.dbc).messages, given)
+    found = traffic.dbc_streams(load_dbc(args.dbc).messages, given)
     return [each for each in found if each.frame.is_extended or each.frame.can_id not in known]
 
 
-def _commands(streams: Sequence[Stream]) -> Iterator[Frame]:
+def _commands(streams: Sequence[traffic.Stream]) -> Iterator[Frame]:
     """Yield what the controller sends in each cycle."""
     return (stream.frame for stream in streams if stream.why == "cycle")
 
 
-def _row(bus: str, stream: Stream, bound: int | None, found: MeasuredTraffic | None) -> _Row:
+def _row(
+    bus: str, stream: traffic.Stream, bound: int | None, found: traffic.MeasuredTraffic | None
+) -> _Row:
     frame = stream.frame
     worst = None if found is None else found.worst.get(frame.can_id)
     return _Row(

@@ -9,17 +9,7 @@ from hil_bench.abilities.eyes.channels import BusChannels, TickRows
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.abilities.eyes.verbs.eyes_arguments import (
-    add_filter_arguments,
-    add_hold_argument,
-    add_log_arguments,
-    check_nodes,
-    hold_of,
-    known_ecus,
-    known_nodes,
-    print_losses,
-    say_assumed,
-)
+from hil_bench.abilities.eyes.verbs import eyes_arguments
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.abilities.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.abilities.recording.frames import LeftOut, read_frames
@@ -61,7 +51,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "mapping of its PDOs as a DBC file.",
         epilog=_EXAMPLES,
     )
-    add_log_arguments(parser, assumes=True)
+    eyes_arguments.add_log_arguments(parser, assumes=True)
     parser.add_argument(
         "-o",
         "--output",
@@ -75,7 +65,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="MS",
         help="with -o: a row each MS milliseconds, for 'hil-bench judge' (default: a row a frame)",
     )
-    add_hold_argument(parser, "with -o: ")
+    eyes_arguments.add_hold_argument(parser, "with -o: ")
     add_dbc_argument(parser, "shown")
     parser.add_argument(
         "--write-dbc",
@@ -84,7 +74,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end, and "
         "of the J1939 messages of known devices (pip install 'hil-bench[dbc]')",
     )
-    add_filter_arguments(parser)
+    eyes_arguments.add_filter_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -98,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     _check_outputs(args)
     left_out, ending = LeftOut(), Ending(args)
     decoder = _decoder(args)
-    check_nodes(args.node, decoder)
+    eyes_arguments.check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
     is_canopen = False
     is_writing = _is_writing(args)
@@ -113,9 +103,9 @@ def run(args: argparse.Namespace) -> int:
             count, is_canopen = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
-    print_losses(args, left_out)
+    eyes_arguments.print_losses(args, left_out)
     if is_canopen:
-        say_assumed(args, load_bench_config(args))
+        eyes_arguments.say_assumed(args, load_bench_config(args))
     return ending.code
 
 
@@ -171,7 +161,7 @@ def _write(
                 groups.add((sight.frame.bus, sight.message.group))
         for owner in decoder.owners(logged.frame):
             owners.setdefault(id(owner.pdo), owner)
-    ecus = known_ecus(args, load_bench_config(args))
+    ecus = eyes_arguments.known_ecus(args, load_bench_config(args))
     written = []
     if args.write_dbc is not None:
         from hil_bench.abilities.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
@@ -180,7 +170,7 @@ def _write(
     if args.output is not None:
         dbc = DbcMessages(args.dbc, seen)
         known = (each.narrowed(groups) for each in ecus)
-        channels = BusChannels(owners.values(), known, dbc, hold_of(args))
+        channels = BusChannels(owners.values(), known, dbc, eyes_arguments.hold_of(args))
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"
             raise ConfigError(
@@ -197,8 +187,8 @@ def _write(
 def _decoder(args: argparse.Namespace) -> Decoder:
     """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
     config = load_bench_config(args)
-    nodes = known_nodes(args, config, assumes=not _is_writing(args))
-    return Decoder(nodes, known_ecus(args, config))
+    nodes = eyes_arguments.known_nodes(args, config, assumes=not _is_writing(args))
+    return Decoder(nodes, eyes_arguments.known_ecus(args, config))
 
 
 def _is_writing(args: argparse.Namespace) -> bool:

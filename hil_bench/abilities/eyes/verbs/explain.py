@@ -7,12 +7,7 @@ from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.explain.explain import Explanation, explain
 from hil_bench.abilities.eyes.explain.finding import Finding
 from hil_bench.abilities.eyes.sight import Sight
-from hil_bench.abilities.eyes.verbs.eyes_arguments import (
-    add_log_arguments,
-    known_ecus,
-    known_nodes,
-    print_losses,
-)
+from hil_bench.abilities.eyes.verbs import eyes_arguments
 from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -45,7 +40,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "frames; each with its frames and its clause of CiA 301 or SAE J1939.",
         epilog=_EXAMPLES,
     )
-    add_log_arguments(parser, assumes=False)
+    eyes_arguments.add_log_arguments(parser, assumes=False)
     add_dbc_argument(parser, "shown")
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -60,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    nodes, ecus = known_nodes(args, config), known_ecus(args, config)
+    nodes, ecus = eyes_arguments.known_nodes(args, config), eyes_arguments.known_ecus(args, config)
     frames = read_frames(args.log, left_out, errors=True, is_one_channel=True)
     with shown_work(args, Work("explain", unit="frames")) as work:
         found = explain(counted(work, frames), nodes, bitrate, ecus, config.bus.speedup)
@@ -72,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         left_out.dropped = 0  # said once
     lines = explanation_lines(found, bitrate, DbcMessages(args.dbc).explain)
     print_results(args, lines, explanation_content(found))
-    print_losses(args, left_out)
+    eyes_arguments.print_losses(args, left_out)
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
 
 

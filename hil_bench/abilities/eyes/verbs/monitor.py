@@ -9,24 +9,11 @@ from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import Change, Explainer, LiveFindings
 from hil_bench.abilities.eyes.listener import loss_words
+from hil_bench.abilities.eyes.verbs import eyes_arguments, listening
 from hil_bench.abilities.eyes.verbs.explain import (
     explanation_content,
     explanation_lines,
     finding_content,
-)
-from hil_bench.abilities.eyes.verbs.eyes_arguments import (
-    add_filter_arguments,
-    add_listening_arguments,
-    check_nodes,
-    known_ecus,
-    known_nodes,
-    say_assumed,
-)
-from hil_bench.abilities.eyes.verbs.listening import (
-    add_duration_argument,
-    check_duration,
-    heard,
-    open_listener,
 )
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration.records import BenchConfig
@@ -45,7 +32,7 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     At the end stands what `hil-bench explain` says of the same frames.
     """
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    known, ecus = known_nodes(args, config), known_ecus(args, config)
+    known, ecus = eyes_arguments.known_nodes(args, config), eyes_arguments.known_ecus(args, config)
     explainer = Explainer(known, bitrate, ecus, config.bus.speedup)
     say = DbcMessages(args.dbc).explain
     live, last = LiveFindings(explainer), time.monotonic_ns()
@@ -54,8 +41,8 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
         for change in live.look(explainer.now + time.monotonic_ns() - last):
             _show(args, change)
 
-    with open_listener(config.bus) as listener:
-        for logged in heard(listener, args.duration, look):
+    with listening.open_listener(config.bus) as listener:
+        for logged in listening.heard(listener, args.duration, look):
             explainer.take(logged)
             last = time.monotonic_ns()
             look()
@@ -103,10 +90,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "by their answers.",
         epilog=_EXAMPLES,
     )
-    add_listening_arguments(parser, assumes=True)
-    add_duration_argument(parser, "listen")
+    eyes_arguments.add_listening_arguments(parser, assumes=True)
+    listening.add_duration_argument(parser, "listen")
     add_dbc_argument(parser, "shown")
-    add_filter_arguments(parser)
+    eyes_arguments.add_filter_arguments(parser)
     parser.add_argument(
         "--explain",
         action="store_true",
@@ -119,20 +106,23 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Listen until the time is over or somebody interrupts."""
-    check_duration(args)
+    listening.check_duration(args)
     config = seen_from_bus(args, load_bench_config(args))
     if args.explain:
         return explain_bus(args, config)
-    decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
-    check_nodes(args.node, decoder)
+    decoder = Decoder(
+        eyes_arguments.known_nodes(args, config, assumes=True),
+        eyes_arguments.known_ecus(args, config),
+    )
+    eyes_arguments.check_nodes(args.node, decoder)
     lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0
     is_canopen = False
-    with open_listener(config.bus) as listener:
-        for logged in heard(listener, args.duration, sys.stdout.flush):
+    with listening.open_listener(config.bus) as listener:
+        for logged in listening.heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
             if not (is_canopen or logged.frame.is_extended):
                 is_canopen = True
-                say_assumed(args, config)
+                eyes_arguments.say_assumed(args, config)
             bits += bits_of(logged.frame, config.bus.speedup)
             lines.show(map(dbc.explain, decoder.take(logged)))
         lines.show(decoder.finish())

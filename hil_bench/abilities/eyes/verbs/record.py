@@ -8,25 +8,8 @@ from hil_bench.abilities.eyes.channels import BusChannels
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.listener import loss_words
-from hil_bench.abilities.eyes.verbs.eyes_arguments import (
-    add_hold_argument,
-    add_listening_arguments,
-    hold_of,
-    known_ecus,
-    known_nodes,
-)
-from hil_bench.abilities.eyes.verbs.listening import (
-    add_duration_argument,
-    check_duration,
-    heard,
-    open_listener,
-)
-from hil_bench.abilities.recording.options import (
-    add_trigger_arguments,
-    check_pre_trigger,
-    recording_code,
-    report_lines,
-)
+from hil_bench.abilities.eyes.verbs import eyes_arguments, listening
+from hil_bench.abilities.recording import options
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.cli.arguments import load_bench_config, seen_from_bus
@@ -67,11 +50,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FILE",
         help="the recording, in place of the first FILE",
     )
-    add_listening_arguments(parser, assumes=False)
+    eyes_arguments.add_listening_arguments(parser, assumes=False)
     add_dbc_argument(parser, "recorded")
-    add_duration_argument(parser, "record")
-    add_hold_argument(parser)
-    add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
+    listening.add_duration_argument(parser, "record")
+    eyes_arguments.add_hold_argument(parser)
+    options.add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -83,13 +66,13 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: an option cannot be meant.
     """
     _settle_file(args)
-    check_duration(args)
-    check_pre_trigger(args)
+    listening.check_duration(args)
+    options.check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
-    ecus = known_ecus(args, config)
-    decoder = Decoder(known_nodes(args, config), ecus)
+    ecus = eyes_arguments.known_ecus(args, config)
+    decoder = Decoder(eyes_arguments.known_nodes(args, config), ecus)
     owners = (owner for owners in decoder.pdos.values() for owner in owners)
-    channels = BusChannels(owners, ecus, DbcMessages(args.dbc), hold_of(args))
+    channels = BusChannels(owners, ecus, DbcMessages(args.dbc), eyes_arguments.hold_of(args))
     is_values_alone = args.file.suffix.lower() == ".csv"
     if is_values_alone and not channels.channels:
         right = "give bench.toml, --eds N=FILE or --dbc FILE.dbc, or record .mf4 or .log"
@@ -98,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         (args.file,), tuple(channels.channels), trigger=args.trigger, pre_trigger=args.pre_trigger
     )
     plan.check()
-    with open_listener(config.bus) as listener:
+    with listening.open_listener(config.bus) as listener:
         if not is_silent(args):
             names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
             print(
@@ -108,15 +91,15 @@ def run(args: argparse.Namespace) -> int:
         recorder = RecorderProcess(plan)
         recorder.start()
         try:
-            values = _take(recorder, heard(listener, args.duration), decoder, channels)
+            values = _take(recorder, listening.heard(listener, args.duration), decoder, channels)
         finally:
             recorder.stop()
         losses, dropped = listener.losses, listener.dropped
     report = recorder.report
     losses[_UNMAPPED] = channels.missed
-    lines = [*report_lines(report), *loss_words(losses)]
+    lines = [*options.report_lines(report), *loss_words(losses)]
     ending = Ending(args)
-    ending.take(recording_code(report))
+    ending.take(options.recording_code(report))
     if dropped:
         ending.take(ExitCode.LOST)
     if not listener.frames or (is_values_alone and not values):

@@ -8,18 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+from hil_bench.abilities.j1939.protocol import transmission
 from hil_bench.abilities.j1939.protocol.signals import GLOBAL
-from hil_bench.abilities.j1939.protocol.transmission import (
-    MOST_AT_ONCE,
-    MOST_BYTES,
-    RETRANSMISSIONS,
-    T1,
-    T2,
-    AbortReason,
-    Control,
-    Line,
-    fits,
-)
 from hil_bench.canopen_device.agenda import NEVER
 
 MOST_SESSIONS: Final = 8
@@ -69,7 +59,7 @@ class Reception:
         due: when `serve` has something to do [ns]; it may be earlier than need be.
     """
 
-    def __init__(self, line: Line, deliver: Deliver) -> None:
+    def __init__(self, line: transmission.Line, deliver: Deliver) -> None:
         self.due = NEVER
         self._line, self._deliver = line, deliver
         self._incoming: dict[int, _Incoming] = {}
@@ -84,15 +74,15 @@ class Reception:
         size, packets, most = data[1] | data[2] << 8, data[3], data[4]
         open_one = self._incoming.get(source)
         if open_one is not None and open_one.group != group:
-            self._line.refuse(source, group, AbortReason.BUSY)
-        elif size > MOST_BYTES:
-            self._line.refuse(source, group, AbortReason.TOO_LONG)
-        elif not fits(group, size, packets) or not most:
-            self._line.refuse(source, group, AbortReason.OTHER)
+            self._line.refuse(source, group, transmission.AbortReason.BUSY)
+        elif size > transmission.MOST_BYTES:
+            self._line.refuse(source, group, transmission.AbortReason.TOO_LONG)
+        elif not transmission.fits(group, size, packets) or not most:
+            self._line.refuse(source, group, transmission.AbortReason.OTHER)
         elif open_one is None and len(self._incoming) >= MOST_SESSIONS:
-            self._line.refuse(source, group, AbortReason.RESOURCES)
+            self._line.refuse(source, group, transmission.AbortReason.RESOURCES)
         else:
-            window = min(most, MOST_AT_ONCE)
+            window = min(most, transmission.MOST_AT_ONCE)
             session = self._incoming[source] = _Incoming(group, size, packets, window, now)
             self._ask(source, session, now)
 
@@ -101,10 +91,10 @@ class Reception:
         size, packets = data[1] | data[2] << 8, data[3]
         if self._broadcasts.pop(source, None) is not None:
             self._line.counters.lost += 1
-        if not fits(group, size, packets) or len(self._broadcasts) >= MOST_SESSIONS:
+        if not transmission.fits(group, size, packets) or len(self._broadcasts) >= MOST_SESSIONS:
             self._line.counters.ignored += 1
             return
-        deadline = self._wait(now + T1)
+        deadline = self._wait(now + transmission.T1)
         self._broadcasts[source] = _Incoming(group, size, packets, packets, deadline)
 
     def take_data(self, source: int, destination: int, data: bytes, now: int) -> None:
@@ -140,7 +130,7 @@ class Reception:
             if session.has_gap:
                 self._ask_again(source, session, now)
             else:
-                self._abort(source, AbortReason.TIMEOUT)
+                self._abort(source, transmission.AbortReason.TIMEOUT)
         sessions = (self._broadcasts, self._incoming)
         self.due = min(
             (each.deadline for all_ in sessions for each in all_.values()), default=NEVER
@@ -165,7 +155,7 @@ class Reception:
             if number == session.packets:
                 del self._incoming[source]
                 size = session.size.to_bytes(2, "little")
-                end = bytes((Control.END, *size, session.packets, 0xFF))
+                end = bytes((transmission.Control.END, *size, session.packets, 0xFF))
                 self._line.control(source, session.group, end)
                 self._finish(source, session)
             elif number == session.last:
@@ -176,12 +166,12 @@ class Reception:
             self._ask_again(source, session, now)
         else:
             session.has_gap = True
-            session.deadline = self._wait(now + T1)
+            session.deadline = self._wait(now + transmission.T1)
 
     def _keep(self, session: _Incoming, data: bytes, now: int) -> None:
         session.data += data[1:]
         session.following += 1
-        session.deadline = self._wait(now + T1)
+        session.deadline = self._wait(now + transmission.T1)
 
     def _finish(self, source: int, session: _Incoming) -> None:
         self._line.counters.received += 1
@@ -192,18 +182,18 @@ class Reception:
         count = min(session.window, session.packets - session.following + 1)
         session.last = session.following + count - 1
         session.has_gap = False
-        session.deadline = self._wait(now + T2)
-        cts = bytes((Control.CTS, count, session.following, 0xFF, 0xFF))
+        session.deadline = self._wait(now + transmission.T2)
+        cts = bytes((transmission.Control.CTS, count, session.following, 0xFF, 0xFF))
         self._line.control(source, session.group, cts)
 
     def _ask_again(self, source: int, session: _Incoming, now: int) -> None:
         session.repeats += 1
-        if session.repeats > RETRANSMISSIONS:
-            self._abort(source, AbortReason.RETRANSMISSIONS)
+        if session.repeats > transmission.RETRANSMISSIONS:
+            self._abort(source, transmission.AbortReason.RETRANSMISSIONS)
         else:
             self._ask(source, session, now)
 
-    def _abort(self, source: int, reason: AbortReason) -> None:
+    def _abort(self, source: int, reason: transmission.AbortReason) -> None:
         session = self._incoming.pop(source)
         self._line.refuse(source, session.group, reason)
 
@@ -212,9 +202,11 @@ class Reception:
         return deadline
 
 
-def _why_wrong(number: int, session: _Incoming) -> AbortReason:
+def _why_wrong(number: int, session: _Incoming) -> transmission.AbortReason:
     """Return the reason to abort for a packet that was not asked for."""
     if not 0 < number <= session.packets:
-        return AbortReason.BAD_SEQUENCE
+        return transmission.AbortReason.BAD_SEQUENCE
     is_old = number < session.following
-    return AbortReason.DUPLICATE if is_old else AbortReason.UNEXPECTED_DATA
+    return (
+        transmission.AbortReason.DUPLICATE if is_old else transmission.AbortReason.UNEXPECTED_DATA
+    )

@@ -8,12 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
-from hil_bench.abilities.modbus.protocol.register_map import (
-    Assignment,
-    ExceptionCode,
-    ModbusException,
-    Register,
-)
+from hil_bench.abilities.modbus.protocol import register_map
 from hil_bench.errors import SdoAbort
 
 # Writes of Modbus clients on their way to the loop, and its answers, in shared memory.
@@ -46,7 +41,7 @@ class Order(NamedTuple):
     """
 
     number: int
-    assignments: list[Assignment]
+    assignments: list[register_map.Assignment]
 
 
 class Mailbox:
@@ -79,7 +74,7 @@ class Mailbox:
             if self._body_of(number) is None:
                 self._write_order(number, ())
 
-    def post(self, assignments: Sequence[Assignment]) -> int | None:
+    def post(self, assignments: Sequence[register_map.Assignment]) -> int | None:
         """Leave an order and return its number; None where there is no room."""
         self._collect()
         if self._posted - self._answered >= SLOTS or len(assignments) > MOST_ASSIGNMENTS:
@@ -126,7 +121,9 @@ class Mailbox:
         if body is None:
             return None
         self._taken += 1
-        return Order(self._taken, list(map(Assignment._make, _ASSIGNMENT.iter_unpack(body))))
+        return Order(
+            self._taken, list(map(register_map.Assignment._make, _ASSIGNMENT.iter_unpack(body)))
+        )
 
     def answer(self, number: int, code: int) -> None:
         """Leave the answer to an order: 0, or an exception code."""
@@ -157,7 +154,7 @@ class Mailbox:
             if number and check_sum == _check_sum(number, code, b""):
                 yield number
 
-    def _write_order(self, number: int, assignments: Sequence[Assignment]) -> None:
+    def _write_order(self, number: int, assignments: Sequence[register_map.Assignment]) -> None:
         body = b"".join(_ASSIGNMENT.pack(*assignment) for assignment in assignments)
         offset = number % SLOTS * _SLOT
         struct.pack_into(f"{len(body)}s", self._orders, offset + _HEAD.size, body)
@@ -196,7 +193,7 @@ class BoundRegister:
         is_first: whether a request that writes several values writes it first.
     """
 
-    register: Register
+    register: register_map.Register
     read: Callable[[], float]
     write: Callable[[float, int], None] | None
     is_setting: bool = False
@@ -234,7 +231,7 @@ class Exchange:
         order = mailbox.take()
         self._obeyed = order and (order.number, self._obey(order, now))
 
-    def write(self, assignments: Sequence[Assignment], now: int) -> None:
+    def write(self, assignments: Sequence[register_map.Assignment], now: int) -> None:
         """Write the values of one request, up to the first that is refused.
 
         Args:
@@ -251,15 +248,15 @@ class Exchange:
         """Return 0, or the exception code of the first value that is refused."""
         try:
             self.write(order.assignments, now)
-        except ModbusException as refusal:
+        except register_map.ModbusException as refusal:
             return refusal.code
         except SdoAbort as abort:
             if abort.code in _VALUE_ABORTS:
-                return ExceptionCode.ILLEGAL_DATA_VALUE
-            return ExceptionCode.SERVER_DEVICE_FAILURE
+                return register_map.ExceptionCode.ILLEGAL_DATA_VALUE
+            return register_map.ExceptionCode.SERVER_DEVICE_FAILURE
         return 0
 
-    def _assign(self, assignment: Assignment, now: int, *, in_block: bool) -> None:
+    def _assign(self, assignment: register_map.Assignment, now: int, *, in_block: bool) -> None:
         """Write one value; `SdoAbort` where the device refuses it.
 
         Raises:
@@ -267,13 +264,13 @@ class Exchange:
         """
         entry = self._entries[assignment.position]
         if entry.write is None:
-            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+            raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_DATA_ADDRESS)
         value = _masked(entry, assignment) if assignment.is_mask else assignment.value
         if not (in_block and entry.is_setting and value == entry.read()):
             entry.write(value, now)
 
 
-def _masked(entry: BoundRegister, assignment: Assignment) -> float:
+def _masked(entry: BoundRegister, assignment: register_map.Assignment) -> float:
     """Return the SI value of a register with some of its bits changed.
 
     (contents AND and_mask) OR (or_mask AND NOT and_mask): MODBUS Application Protocol V1.1b3, 6.16.

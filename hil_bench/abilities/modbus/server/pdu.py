@@ -29,27 +29,22 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterResponse,
 )
 
-from hil_bench.abilities.modbus.protocol.register_map import (
-    DeviceIdentification,
-    ExceptionCode,
-    ModbusException,
-    Table,
-)
+from hil_bench.abilities.modbus.protocol import register_map
 
 IDENTIFY: Final = 0x2B
 _MEI_IDENTIFICATION: Final = 0x0E
 
 _TABLES: Final = {
-    1: Table.COILS,
-    2: Table.DISCRETE_INPUTS,
-    3: Table.HOLDING_REGISTERS,
-    4: Table.INPUT_REGISTERS,
-    5: Table.COILS,
-    6: Table.HOLDING_REGISTERS,
-    15: Table.COILS,
-    16: Table.HOLDING_REGISTERS,
-    22: Table.HOLDING_REGISTERS,
-    23: Table.HOLDING_REGISTERS,
+    1: register_map.Table.COILS,
+    2: register_map.Table.DISCRETE_INPUTS,
+    3: register_map.Table.HOLDING_REGISTERS,
+    4: register_map.Table.INPUT_REGISTERS,
+    5: register_map.Table.COILS,
+    6: register_map.Table.HOLDING_REGISTERS,
+    15: register_map.Table.COILS,
+    16: register_map.Table.HOLDING_REGISTERS,
+    22: register_map.Table.HOLDING_REGISTERS,
+    23: register_map.Table.HOLDING_REGISTERS,
 }
 _READS: Final = frozenset({1, 2, 3, 4})
 WRITES: Final = frozenset({5, 6, 15, 16, 22, 23})
@@ -87,7 +82,7 @@ class Request:
     """
 
     function: int
-    table: Table
+    table: register_map.Table
     address: int
     count: int
     words: Sequence[int] = ()
@@ -109,12 +104,12 @@ def decode_request(pdu: bytes) -> Request:
     function = pdu[0]
     table = _TABLES.get(function)
     if table is None:
-        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION)
+        raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_FUNCTION)
     if not _is_well_formed(pdu) or (function == 5 and pdu[3:5] not in _COIL_VALUES):
-        raise ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE)
+        raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_DATA_VALUE)
     message: Any = _DECODER.decode(pdu)
     if message is None:
-        raise ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE)
+        raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_DATA_VALUE)
     if function in _READS:
         return Request(function, table, message.address, message.count)
     if function == MASK_WRITE:
@@ -144,12 +139,12 @@ def encode_response(request: Request, words: Sequence[int]) -> bytes:
     return _encode(_response(request, words))
 
 
-def encode_exception(function: int, code: ExceptionCode) -> bytes:
+def encode_exception(function: int, code: register_map.ExceptionCode) -> bytes:
     """Return the response to a request that was refused."""
     return _encode(ExceptionResponse(function & 0x7F, code))
 
 
-def identify(pdu: bytes, identification: DeviceIdentification) -> bytes:
+def identify(pdu: bytes, identification: register_map.DeviceIdentification) -> bytes:
     """Return the response to a request for the device identification.
 
     Raises:
@@ -157,14 +152,14 @@ def identify(pdu: bytes, identification: DeviceIdentification) -> bytes:
             malformed.
     """
     if len(pdu) < 2 or pdu[1] != _MEI_IDENTIFICATION:
-        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION)
+        raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_FUNCTION)
     if len(pdu) != 4 or not 1 <= pdu[2] <= _SPECIFIC:
-        raise ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE)
+        raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_DATA_VALUE)
     code, wanted = pdu[2], pdu[3]
     objects = _identification_objects(identification)
     if code == _SPECIFIC:
         if wanted not in objects:
-            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+            raise register_map.ModbusException(register_map.ExceptionCode.ILLEGAL_DATA_ADDRESS)
         chosen = {wanted: objects[wanted]}
     else:
         end = _BASIC if code == 1 else _REGULAR
@@ -175,7 +170,7 @@ def identify(pdu: bytes, identification: DeviceIdentification) -> bytes:
     return _encode(response)
 
 
-def _identification_objects(identification: DeviceIdentification) -> dict[int, bytes]:
+def _identification_objects(identification: register_map.DeviceIdentification) -> dict[int, bytes]:
     """Return the objects that are there, by their number."""
     texts = (
         identification.vendor_name,
@@ -209,7 +204,9 @@ def _is_list(pdu: bytes, end: int) -> bool:
     if len(pdu) <= end or len(pdu) != end + 1 + pdu[end]:
         return False
     count = int.from_bytes(pdu[end - 2 : end], "big")
-    size = 2 * count if _TABLES[pdu[0]] is Table.HOLDING_REGISTERS else (count + 7) // 8
+    size = (
+        2 * count if _TABLES[pdu[0]] is register_map.Table.HOLDING_REGISTERS else (count + 7) // 8
+    )
     return 1 <= count <= _MOST[pdu[0]] and pdu[end] == size
 
 

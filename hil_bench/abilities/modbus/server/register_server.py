@@ -15,13 +15,8 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from hil_bench.abilities.modbus.protocol import register_map
 from hil_bench.abilities.modbus.protocol.mailbox import MOST_ASSIGNMENTS, Mailbox
-from hil_bench.abilities.modbus.protocol.register_map import (
-    Assignment,
-    ExceptionCode,
-    ModbusException,
-    Table,
-)
 from hil_bench.abilities.modbus.protocol.unit_image import ClientMemory, UnitImage
 from hil_bench.abilities.modbus.server.pdu import (
     IDENTIFY,
@@ -81,7 +76,7 @@ class _PendingWrite(NamedTuple):
 
     unit: UnitImage
     request: Request
-    assignments: Sequence[Assignment]
+    assignments: Sequence[register_map.Assignment]
     reply: Reply
     deadline: float
 
@@ -146,7 +141,7 @@ class RegisterServer:
         """
         try:
             response = self._answer(unit_id, pdu, reply, memory or ClientMemory())
-        except ModbusException as refusal:
+        except register_map.ModbusException as refusal:
             response = encode_exception(pdu[0], refusal.code)
         if response is not None:
             reply(response)
@@ -161,7 +156,7 @@ class RegisterServer:
                 if self._clock() < write.deadline:
                     break
                 self._mailbox.withdraw(number)
-                code = ExceptionCode.SERVER_DEVICE_FAILURE
+                code = register_map.ExceptionCode.SERVER_DEVICE_FAILURE
             self._posted.popleft()
             self._deliver(write, code)
         self._post_queued()
@@ -172,7 +167,7 @@ class RegisterServer:
             write = self._queued[0]
             if self._clock() >= write.deadline:
                 self._queued.popleft()
-                self._deliver(write, ExceptionCode.SERVER_DEVICE_FAILURE)
+                self._deliver(write, register_map.ExceptionCode.SERVER_DEVICE_FAILURE)
                 continue
             number = self._mailbox.post(write.assignments)
             if number is None:
@@ -183,7 +178,7 @@ class RegisterServer:
     def _answer(self, unit_id: int, pdu: bytes, reply: Reply, memory: ClientMemory) -> bytes | None:
         unit = self._units.get(self._aliases.get(unit_id, unit_id))
         if unit is None:
-            raise ModbusException(ExceptionCode.GATEWAY_TARGET_FAILED)
+            raise register_map.ModbusException(register_map.ExceptionCode.GATEWAY_TARGET_FAILED)
         if pdu[0] == IDENTIFY:
             return identify(pdu, unit.identification)
         request = decode_request(pdu)
@@ -193,7 +188,9 @@ class RegisterServer:
         words = self._read(unit, request.table, request.address, request.count)
         return encode_response(request, words)
 
-    def _read(self, unit: UnitImage, table: Table, address: int, count: int) -> list[int]:
+    def _read(
+        self, unit: UnitImage, table: register_map.Table, address: int, count: int
+    ) -> list[int]:
         row = self._fresh_row()
         return unit.read(table, address, count, row.sequence, row.values)
 
@@ -210,7 +207,7 @@ class RegisterServer:
         self._fresh_row()
         self._read_beside(unit, request)  # or it would be refused after the write
         if len(assignments) > MOST_ASSIGNMENTS or len(self._queued) >= MOST_WAITING:
-            raise ModbusException(ExceptionCode.SERVER_DEVICE_BUSY)
+            raise register_map.ModbusException(register_map.ExceptionCode.SERVER_DEVICE_BUSY)
         meant = memory.choose(assignments, unit.rivals)
         deadline = self._clock() + ANSWER_TIMEOUT
         self._queued.append(_PendingWrite(unit, request, meant, reply, deadline))
@@ -233,10 +230,10 @@ class RegisterServer:
     def _write_response(self, write: _PendingWrite, code: int) -> bytes:
         request = write.request
         if code:
-            return encode_exception(request.function, ExceptionCode(code))
+            return encode_exception(request.function, register_map.ExceptionCode(code))
         try:
             return encode_response(request, self._read_beside(write.unit, request))
-        except ModbusException as refusal:
+        except register_map.ModbusException as refusal:
             return encode_exception(request.function, refusal.code)
 
     def _fresh_row(self) -> Row:
@@ -247,7 +244,7 @@ class RegisterServer:
         """
         row = self._watch()
         if row is None or self._clock() - self._moved_at > self._stale_after:
-            raise ModbusException(ExceptionCode.SERVER_DEVICE_FAILURE)
+            raise register_map.ModbusException(register_map.ExceptionCode.SERVER_DEVICE_FAILURE)
         return row
 
     def _watch(self) -> Row | None:

@@ -13,13 +13,7 @@ from hil_bench.abilities.commissioning.plan import LimitError
 from hil_bench.abilities.commissioning.procedure import Procedure, communication
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.session import recorded_channels
-from hil_bench.abilities.commissioning.verbs.commission_settings import (
-    limits_by_channel,
-    limits_text,
-    open_journal,
-    print_returned,
-    restore_command,
-)
+from hil_bench.abilities.commissioning.verbs import commission_settings as settings
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.recorder import RecordingSink
 from hil_bench.abilities.recording.work import recorded_work
@@ -76,7 +70,7 @@ def play_on_machine(
     chosen = prepare_all(args, machine, paths, given)
     check_consent(args)
     make_directory(args.output)
-    journal = open_journal(args)
+    journal = settings.open_journal(args)
     with open_network(args, machine.config) as opened, interrupted_once():
         if not is_confirmed(args, opened, machine, chosen):
             raise ConfigError("motion was not confirmed; nothing was moved")
@@ -118,8 +112,8 @@ def play_all(
             continue
         samples.view.show(
             now=str(each.scenario.path),
-            detail=limits_text(machine.limits),
-            limits=limits_by_channel(machine.axis.name, machine.limits),
+            detail=settings.limits_text(machine.limits),
+            limits=settings.limits_by_channel(machine.axis.name, machine.limits),
         )
         rig = Rig(
             opened.network,
@@ -133,7 +127,9 @@ def play_all(
             result = _play(opened, machine, each, rig)
         finally:
             returned = rig.close()
-            print_returned(returned, restore_command(args), is_quiet=is_silent(args))
+            settings.print_returned(
+                returned, settings.restore_command(args), is_quiet=is_silent(args)
+            )
             if returned.unrestored:
                 samples.ending.take(ExitCode.CHECK_FAILED)
         is_stopped, is_interrupted = bool(result.problem), result.is_interrupted

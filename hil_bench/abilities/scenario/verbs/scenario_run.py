@@ -19,14 +19,8 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario, parameter_val
 from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.run import PlayOptions, prepare, prepare_on
 from hil_bench.abilities.scenario.stage import Stage
+from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_parameter
-from hil_bench.abilities.scenario.verbs.scenario_report import (
-    exit_code_for,
-    finding_content,
-    finding_lines,
-    result_content,
-    result_lines,
-)
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
@@ -90,7 +84,7 @@ class _Played:
         return Guest(lambda: director.is_over, self._lines, self._content, self._shown, self._code)
 
     def _code(self) -> ExitCode:
-        return exit_code_for(each.judgement.outcome for each in self.findings)
+        return scenario_report.exit_code_for(each.judgement.outcome for each in self.findings)
 
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -99,11 +93,13 @@ class _Played:
 
     def _lines(self) -> Iterator[str]:
         yield f"{self._scenario.path}: {self._scenario.title}"
-        yield from finding_lines(self.findings)
+        yield from scenario_report.finding_lines(self.findings)
 
     def _content(self) -> dict[str, object]:
         path = str(self._scenario.path)
-        return {"scenario": {"path": path, "findings": finding_content(self.findings)}}
+        return {
+            "scenario": {"path": path, "findings": scenario_report.finding_content(self.findings)}
+        }
 
 
 def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
@@ -113,9 +109,9 @@ def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
         options = PlayOptions(record=recording_wish(args), beside=company.beside)
         result = play_for_result(prepared, options)
     ending = Ending(args)
-    ending.take(exit_code_for(result.outcomes), company.code, wish.code)
-    lines = (*result_lines([result]), *company.lines())
-    content = {"scenario": result_content(result), "recording": company.recording}
+    ending.take(scenario_report.exit_code_for(result.outcomes), company.code, wish.code)
+    lines = (*scenario_report.result_lines([result]), *company.lines())
+    content = {"scenario": scenario_report.result_content(result), "recording": company.recording}
     with ending.going_on():
         print_results(args, lines, content)
     return ending.code

@@ -14,6 +14,7 @@ from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
 from hil_bench.abilities.scenario.run import PlayOptions, prepare
+from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.machine_side import (
     add_machine_arguments,
     is_on_machine,
@@ -23,15 +24,6 @@ from hil_bench.abilities.scenario.verbs.machine_test import play_on_machine
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,
-)
-from hil_bench.abilities.scenario.verbs.scenario_report import (
-    add_report_argument,
-    check_report_argument,
-    exit_code_for,
-    result_content,
-    result_lines,
-    run_chapter,
-    write_report,
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
@@ -92,7 +84,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--junit", type=Path, metavar="FILE", help="also write the verdicts as a JUnit file"
     )
-    add_report_argument(parser)
+    scenario_report.add_report_argument(parser)
     add_json_argument(parser)
     add_units_argument(parser)
     add_machine_arguments(parser)
@@ -109,19 +101,21 @@ def run(args: argparse.Namespace) -> int:
     chapters: list[Chapter] = []
     if is_on_machine(args):
         results = play_on_machine(args, paths, given, ending)
-        lines = [*result_lines(results)]
+        lines = [*scenario_report.result_lines(results)]
     else:
         results, chapters = _test_virtually(args, paths, given, ending)
         lines = []  # each was printed when it was known
     ending.take(_code_of(results))
     with ending.going_on():
-        print_results(args, lines, {result.path: result_content(result) for result in results})
+        print_results(
+            args, lines, {result.path: scenario_report.result_content(result) for result in results}
+        )
     if args.junit:
         with ending.going_on():
             write_junit(results, args.junit)
     if chapters:
         with ending.going_on():
-            write_report(args, "Test report", chapters)
+            scenario_report.write_report(args, "Test report", chapters)
     return ending.code
 
 
@@ -131,7 +125,7 @@ def _check_outputs(args: argparse.Namespace) -> None:
     Raises:
         ConfigError: a folder or a library is missing, or options do not go together.
     """
-    check_report_argument(args)
+    scenario_report.check_report_argument(args)
     if args.junit is not None and not args.junit.parent.is_dir():
         missing = f"there is no folder {args.junit.parent}; make it first"
         raise ConfigError(f"--junit {args.junit}: {missing}")
@@ -146,7 +140,7 @@ def _code_of(results: Sequence[ScenarioResult]) -> ExitCode:
     whole = [result for result in results if not result.is_interrupted]
     outcomes = set().union(*(result.outcomes for result in whole))
     interrupted = ExitCode.INTERRUPTED if len(whole) < len(results) else ExitCode.DONE
-    return worst(exit_code_for(outcomes), interrupted)
+    return worst(scenario_report.exit_code_for(outcomes), interrupted)
 
 
 class Task(NamedTuple):
@@ -203,7 +197,7 @@ def _test_virtually(
                 chapters.append(played.chapter)
             if not args.json:
                 with ending.going_on():
-                    print_lines(args, *result_lines([played.result]))
+                    print_lines(args, *scenario_report.result_lines([played.result]))
             following = chosen[played.number + 1 :]
             show_results(
                 view, results, len(chosen), str(following[0].scenario.path) if following else ""
@@ -283,7 +277,7 @@ def _play(args: argparse.Namespace, number: int, prepared: PreparedScenario) -> 
 def _ended(
     args: argparse.Namespace, number: int, prepared: PreparedScenario, result: ScenarioResult
 ) -> Played:
-    chapter = run_chapter(prepared, result, args.given) if args.report else None
+    chapter = scenario_report.run_chapter(prepared, result, args.given) if args.report else None
     return Played(number, replace(result, evidence=None), chapter)
 
 

@@ -21,7 +21,7 @@ from mkdocs.structure.pages import Page
 import hil_bench
 import hil_drivers
 from hil_bench import cli
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import own_verbs
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -36,7 +36,7 @@ from hil_bench.abilities.recording.frames import message_of, open_frame_file
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import own_verbs
 from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve

@@ -38,8 +38,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import occasion
+from hil_bench.abilities.common.arguments import find_cylinder
 from hil_bench.bench.configuration import load_config
-from hil_bench.cli.arguments import find_cylinder
 from linear_models import fit_line, fit_second_order
 from plain_fit import fit
 from stranger_prediction import (

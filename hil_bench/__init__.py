@@ -5,8 +5,6 @@ this package exports: other modules may change with each version. Nothing is imp
 first use; `__init__.pyi` has the names with their types.
 """
 
-import sys
-
 _MODULES = {
     "bench.assembly": ("embedded_bus",),
     "bench.configuration": ("BenchConfig", "load_config"),
@@ -23,45 +21,6 @@ def _exports() -> dict[str, str]:
     from hil_bench.ability import own_abilities  # noqa: PLC0415 - see above
 
     return {name: place for each in own_abilities() for name, place in each.exports.items()}
-
-
-class _Moved:
-    """Finds modules by the names that they had before they went into an ability.
-
-    Args:
-        name: that of today.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    @classmethod
-    def find_spec(cls, name: str, *_: object) -> object:
-        """Find a module, after all others have failed; None where it has not moved."""
-        if not name.startswith(f"{__name__}."):
-            return None
-        from importlib.machinery import ModuleSpec  # noqa: PLC0415 - see above
-
-        from hil_bench.ability import own_abilities  # noqa: PLC0415 - see above
-
-        for old, new in (each for ability in own_abilities() for each in ability.moved.items()):
-            if name == old:
-                return ModuleSpec(name, None, is_package=True)
-            if name.startswith(f"{old}."):
-                return ModuleSpec(name, cls(new + name.removeprefix(old)))
-        return None
-
-    def create_module(self, _spec: object) -> None:
-        """Leave it to the import system: another one is there."""
-
-    def exec_module(self, module: object) -> None:
-        """Put the module of today in place of that of the old name."""
-        from importlib import import_module  # noqa: PLC0415 - see above
-
-        sys.modules[module.__name__] = import_module(self._name)
-
-
-sys.meta_path.append(_Moved)
 
 
 def __getattr__(name: str) -> object:

@@ -103,8 +103,6 @@ class Ability(NamedTuple):
             and alone imports its module, or a part of the core. docs/abilities.md has them all.
         fixtures: a plugin of pytest with fixtures, options, hooks; imported in each of its runs.
         registries: ``module:registry`` by what it has, as in "kind of controller"; for `doctor`.
-        moved: modules that have gone into the ability since others import them: their old names,
-            each with that of today; those within a package go with it.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
@@ -122,7 +120,6 @@ class Ability(NamedTuple):
     gives: Mapping[str, str] = _NOTHING
     fixtures: str = ""
     registries: Mapping[str, str] = _NOTHING
-    moved: Mapping[str, str] = _NOTHING
     exports: Mapping[str, str] = _NOTHING
 
 

@@ -12,7 +12,7 @@ import yaml
 from support.documents import ROOT
 
 from hil_bench.cli import build_parser
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import own_verbs
 
 ACTION = ROOT / "examples" / "ci" / "action" / "action.yml"
 TEMPLATE = ROOT / "examples" / "ci" / "gitlab-template.yml"

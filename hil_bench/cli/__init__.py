@@ -1,7 +1,7 @@
 """The command line: one verb a file.
 
 A verb is a module with ``add_parser(subparsers)``, which sets ``run`` as a default, and
-``run(args) -> int``; `verbs` has those of the core and of all abilities. It is imported only when
+``run(args) -> int``; `parser` has those of the core and of all abilities. It is imported only when
 it is called, so that ``--help`` and ``--version`` stay quick whatever a verb needs.
 """
 
@@ -15,9 +15,8 @@ from typing import Any, cast
 
 import hil_bench
 from hil_bench.ability import GROUPS, Verb
-from hil_bench.cli.exit_codes import ExitCode, report_error, worst
-from hil_bench.cli.parser import Parser, apply_units
-from hil_bench.cli.streams import (
+from hil_bench.cli.exit_codes import (
+    ExitCode,
     PatientHandler,
     add_verbosity_arguments,
     add_verbosity_below,
@@ -25,8 +24,10 @@ from hil_bench.cli.streams import (
     discard_output,
     flush_output,
     prepare_streams,
+    report_error,
+    worst,
 )
-from hil_bench.cli.verbs import all_verbs, own_verbs
+from hil_bench.cli.parser import Parser, all_verbs, apply_units, own_verbs
 from hil_bench.shown_units import choice_of_a_call
 
 _EXAMPLES = """\

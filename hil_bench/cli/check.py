@@ -12,8 +12,8 @@ from hil_bench.bench.configuration.records import Joining
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.devices import read_devices
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.parser import add_options, take_over
 from hil_bench.cli.results import add_json_argument, json_text, warn_of
-from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.config.settings import Origin
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, summarise_supply
 from hil_bench.plants.kind import Fact

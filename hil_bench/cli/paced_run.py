@@ -16,9 +16,8 @@ from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import BenchEvents, Helpers
-from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up
-from hil_bench.cli.terminal import ecu_text
-from hil_bench.cli.views import ShownWork, watched_run
+from hil_bench.cli.results import ecu_text
+from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up, watched_run
 from hil_bench.outside.bits import BusLoad, bitrate_text, load_of
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
@@ -144,7 +143,7 @@ class Guest(NamedTuple):
     is_over: IsOver
     lines: Callable[[], Iterable[str]]
     content: Callable[[], Mapping[str, object]]
-    shown: ShownWork
+    shown: object
     code: Callable[[], ExitCode]
 
 

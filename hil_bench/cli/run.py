@@ -11,10 +11,9 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import add_loss_argument
-from hil_bench.cli.parser import add_units_argument
+from hil_bench.cli.parser import add_options, add_units_argument, check_options, take_over
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
-from hil_bench.cli.verbs import add_options, check_options, take_over
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_protocol import DEFAULT_PORT
 

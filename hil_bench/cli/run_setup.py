@@ -17,13 +17,19 @@ from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.bench.events import event_content
 from hil_bench.bench.peers import peers_of
 from hil_bench.cli.devices import device_table
-from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
+from hil_bench.cli.exit_codes import (
+    Ending,
+    ExitCode,
+    Interruption,
+    collection_put_off,
+    interruption,
+    worst,
+)
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.results import print_results, warn_of
-from hil_bench.cli.streams import collection_put_off
 from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable
 from hil_bench.outside.bits import USUAL_BITRATE, load_of
-from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
+from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.can_interfaces import bitrate_of
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport
@@ -251,6 +257,45 @@ def introduction(config: BenchConfig, bus: OpenBus, served: Sequence[Served]) ->
     lines += [line for part in served for line in part.lines]
     lines += [line for part in config.parts for line in part.lines]
     return "\n".join((*lines, "", device_table(config), ""))
+
+
+# Those who watch a bench that runs.
+
+Health = Callable[[], Mapping[str, float]]
+"""Returns counters of the bus, and what else says how the loop is."""
+
+
+@contextlib.contextmanager
+def watched_run(
+    args: argparse.Namespace,
+    config: BenchConfig,
+    session: Session,
+    *,
+    statistics: TickStatistics | None = None,
+    health: Health = dict,
+    work: object = None,
+) -> Iterator[Callable[[], None] | None]:
+    """Let people watch a session in the block.
+
+    Args:
+        args: the command line.
+        config: of the bench.
+        session: to be watched.
+        statistics: of the loop, shared.
+        health: asked ten times a second while somebody watches.
+        work: what is played on it, as they take it; None where nothing is.
+
+    Yields:
+        What is to be called after each tick; None where nobody can watch.
+    """
+    for module in given_to("view"):
+        opened = module.watched_run(
+            args, config, session, statistics=statistics, health=health, work=work
+        )
+        with opened as look:
+            yield look
+        return
+    yield None
 
 
 # The timing of a run as a file for programs: summary and histograms in JSON.

@@ -6,7 +6,15 @@ from support.live_bench import live_bench, panel
 from support.live_work import live_work
 from support.patience import GUARD
 
-from hil_bench.cli.views import Band, Course, Failure, Histogram, WorkItem, WorkMargin, WorkState
+from hil_bench.abilities.common.work import (
+    Band,
+    Course,
+    Failure,
+    Histogram,
+    WorkItem,
+    WorkMargin,
+    WorkState,
+)
 
 pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("folder")]
 expect = pytest.importorskip("playwright.sync_api").expect

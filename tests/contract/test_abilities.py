@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 from support.distribution import PLUGIN, declare
 
-from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.ability import OWN, Ability, own_abilities
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import own_verbs
 from hil_bench.errors import ConfigError
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -38,6 +37,9 @@ ON_FAULTY_BENCHES = {"commissioning", "shadow"}
 """Abilities whose golden runs have faults in the file of their bench."""
 
 
+COMMON = "common"
+"""The folder of what abilities have in common, which is no ability and needs none."""
+
 OF_LIVE = {"attached", "ctl", "feed"}
 """Parts that the live view takes of other abilities, under names of its parts."""
 
@@ -50,7 +52,7 @@ def imported(ability: Ability) -> set[str]:
     own = (path for path in folder.rglob("*.py") if str(path.relative_to(ROOT)) not in given)
     sources = (path.read_text(encoding="utf-8") for path in own)
     found = {name for text in sources for name in re.findall(r"hil_bench\.abilities\.(\w+)", text)}
-    return found - {ability.name}
+    return found - {ability.name, COMMON}
 
 
 def gone_with(name: str) -> set[str]:
@@ -95,7 +97,7 @@ def without(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 def test_each_folder_of_an_ability_is_listed():
     folders = {path.parent.name for path in ROOT.glob("hil_bench/abilities/*/__init__.py")}
-    assert {*OWN} == folders
+    assert {*OWN} == folders - {COMMON}
     assert [ability.name for ability in own_abilities()] == [*OWN]
 
 
@@ -116,12 +118,11 @@ def test_the_core_names_no_ability():
     assert found == []
 
 
-def test_a_module_that_went_into_an_ability_is_found_by_its_old_name():
-    """One and the same: kinds of another distribution are instances of our class."""
-    old = importlib.import_module("hil_bench.devices.faults.kind")
-    assert old.FaultKind is FaultKind
-    with pytest.raises(ModuleNotFoundError, match=r"hil_bench\.abilities\.faults\.nothing"):
-        importlib.import_module("hil_bench.devices.faults.nothing")
+def test_what_abilities_have_in_common_needs_none():
+    folder = ROOT / "hil_bench" / "abilities" / COMMON
+    sources = [path.read_text(encoding="utf-8") for path in folder.rglob("*.py")]
+    found = {name for text in sources for name in re.findall(r"hil_bench\.abilities\.(\w+)", text)}
+    assert found <= {COMMON}
 
 
 def test_a_public_name_of_the_core_imports_no_ability():

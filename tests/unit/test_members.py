@@ -2,8 +2,8 @@
 
 import pytest
 
+from hil_bench.abilities.common.members import find_members
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.members import find_members
 from hil_bench.errors import ConfigError
 
 B_FIRST = """

@@ -23,8 +23,9 @@ from hil_bench.abilities.analysis.study import (
     trajectories_study,
     write_study,
 )
+from hil_bench.abilities.common.arguments import add_output_argument, find_cylinder
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
+from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, json_text, print_lines
 from hil_bench.cli.status_line import Work, shown_work

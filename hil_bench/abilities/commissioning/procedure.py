@@ -8,8 +8,8 @@ from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.abilities.commissioning.plan import Step, expected_speed
 from hil_bench.abilities.commissioning.rig import Rig
+from hil_bench.abilities.common.members import Members
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.members import Members
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters

@@ -15,7 +15,7 @@ import numpy as np
 from hil_bench.abilities.commissioning.journal import BorrowedNodes, Returned, SettingsJournal
 from hil_bench.abilities.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.abilities.commissioning.plan import LimitError, Limits, Sample, check_sample
-from hil_bench.bench.members import Members
+from hil_bench.abilities.common.members import Members
 from hil_bench.outside.recording.channels import TIME, Recording, RowSink, recording_dtype
 from hil_drivers import (
     DriverError,

@@ -26,8 +26,8 @@ from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, com
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
+from hil_bench.abilities.common.members import find_members
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.members import find_members
 from hil_bench.outside.recording.channels import Channel, RowSink
 from hil_drivers import BusLostError, DriverError, Network
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
+from hil_bench.abilities.common.page import cell, plain
 from hil_bench.abilities.conformance.check import Degree, Impact
 from hil_bench.abilities.conformance.suite import Outcome, Result
 from hil_bench.canopen_device.eds_document import EdsFinding
-from hil_bench.outside.page import cell, plain
 
 # Clauses that careful readers understand in more than one way, and how the checks read them.
 

@@ -9,9 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.common.page import render_page
 from hil_bench.abilities.evidence.pack import sha256_of
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.outside.page import render_page
 
 # The content of a pack in a form for JSON; the page shows the same.
 

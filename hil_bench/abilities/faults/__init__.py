@@ -11,7 +11,6 @@ ABILITY = Ability(
     bench_attributes={"faults": f"{_HERE}.faults:faults_of"},
     fixtures=f"{_HERE}.fixtures",
     registries={"kind of fault": f"{_HERE}.registry:FAULT_KINDS"},
-    moved={"hil_bench.devices.faults": _HERE},
     exports={"Faults": f"{_HERE}.faults"},
     options={"run": f"{_HERE}.options", "check": f"{_HERE}.options"},
     gives={

@@ -11,9 +11,9 @@ from xml.etree.ElementTree import Element, SubElement
 from pythonfmu import Fmi2Causality, Fmi2Variability, Real
 from pythonfmu.default_experiment import DefaultExperiment
 
+from hil_bench.abilities.common.together import axes_with, build_together
 from hil_bench.abilities.fmu.export import find_inputs, prefixes
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.together import axes_with, build_together
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.plants.plant import Plant
 

@@ -22,16 +22,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
-from hil_bench.errors import BusError
-from hil_bench.frame import bits_of, frame_bits
-from hil_bench.outside.bits import bitrate_text
-from hil_bench.outside.reception import (
+from hil_bench.abilities.common.reception import (
     WaitingRoom,
     capacity,
     say_errors_in_a_line,
     serve_at,
     watch_over,
 )
+from hil_bench.errors import BusError
+from hil_bench.frame import bits_of, frame_bits
+from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.transports import socketcand_protocol as protocol
 
 MAX_CLIENTS = 64

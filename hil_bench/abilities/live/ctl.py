@@ -13,8 +13,7 @@ from hil_bench.ability import given_to
 from hil_bench.cli.arguments import parse_value
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.parser import Parser, add_units_argument
-from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.terminal import ecu_text, health_text, node_text
+from hil_bench.cli.results import add_json_argument, ecu_text, health_text, node_text, print_results
 from hil_bench.errors import (
     BusError,
     ConfigError,

@@ -11,6 +11,8 @@ from functools import partial
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
+from hil_bench.abilities.common.packed_frames import pack_frames
+from hil_bench.abilities.common.work import WorkState
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.server import FeedPlan, FeedProcess
 from hil_bench.ability import load
@@ -19,9 +21,8 @@ from hil_bench.bench.events import EventWatch
 from hil_bench.bench.peers import Peer, peers_of
 from hil_bench.canopen_device.datatypes import Value
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.views import Health, WorkState
+from hil_bench.cli.run_setup import Health
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
-from hil_bench.outside.packed_frames import pack_frames
 from hil_bench.session.commands import (
     Command,
     Controls,

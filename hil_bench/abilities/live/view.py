@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import hil_bench
+from hil_bench.abilities.common.work import ShownWork, WorkState, WorkView
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.places import HAS_SOCKETS, NAME, Place, check_panel_argument
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
@@ -23,7 +24,7 @@ from hil_bench.abilities.live.session_feed import Feed, Shown, feed_parts
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
-from hil_bench.cli.views import Health, ShownWork, WorkState, WorkView
+from hil_bench.cli.run_setup import Health
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.shared_ring import SharedRing
@@ -171,7 +172,7 @@ def watched_run(
     health: Health = dict,
     work: ShownWork | None = None,
 ) -> Iterator[Callable[[], None] | None]:
-    """Let people watch a session in the block; see `cli.views`.
+    """Let people watch a session in the block; see `cli.run_setup`.
 
     Yields:
         What is to be called after each tick; None where there is no feed.
@@ -349,7 +350,7 @@ _PATIENCE = 15.0  # with a panel that starts [s]; the work begins with it
 
 
 def add_work_arguments(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Add what concerns those who watch the work; see `cli.views`."""
+    """Add what concerns those who watch the work; see `common.work`."""
     group = parser.add_argument_group("watching")
     group.add_argument(
         "--panel",
@@ -372,7 +373,7 @@ def watched_work(
     channels: "Sequence[Channel]" = (),
     again: Sequence[str] = (),
 ) -> Iterator[WorkView]:
-    """Let people watch work in the block; see `cli.views`.
+    """Let people watch work in the block; see `common.work`.
 
     Yields:
         Takes what is to be seen.

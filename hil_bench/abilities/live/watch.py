@@ -11,8 +11,8 @@ from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors
 from hil_bench.ability import given_to
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.parser import add_units_argument
-from hil_bench.cli.terminal import (
+from hil_bench.cli.parser import add_options, add_units_argument, take_over
+from hil_bench.cli.results import (
     ONCE,
     REFRESH,
     STATE_STYLES,
@@ -23,7 +23,6 @@ from hil_bench.cli.terminal import (
     make_table,
     node_text,
 )
-from hil_bench.cli.verbs import add_options, take_over
 from hil_bench.errors import BusError, printable
 from hil_bench.shown_units import shown_unit
 

@@ -4,9 +4,9 @@ import argparse
 import contextlib
 from collections.abc import Iterator
 
+from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.opening import open_transport
 from hil_drivers import Network

@@ -23,8 +23,8 @@ from hil_bench.cli.run_setup import (
     common_content,
     open_bus,
     set_up,
+    watched_run,
 )
-from hil_bench.cli.views import watched_run
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.shared_ring import Snapshot

@@ -19,13 +19,19 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from hil_bench.abilities.common.reception import (
+    ROOM,
+    WaitingRoom,
+    capacity,
+    lengthen_queues,
+    watch_over,
+)
 from hil_bench.abilities.live.messages import encode
 from hil_bench.abilities.panel.desk import Desk
 from hil_bench.abilities.panel.guard import EXPORT, App, Guard, Secret
 from hil_bench.abilities.panel.hub import Hub, Viewer
 from hil_bench.abilities.panel.record import MOST_BYTES, make_mf4
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.reception import ROOM, WaitingRoom, capacity, lengthen_queues, watch_over
 
 # The connections of a panel, bounded in number and patience: uvicorn's own have no such bounds.
 #

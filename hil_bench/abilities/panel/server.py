@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import uvicorn
 
+from hil_bench.abilities.common.reception import say_errors_in_a_line
 from hil_bench.abilities.live.messages import MOST_REQUEST
 from hil_bench.abilities.panel import DEFAULT_PORT
 from hil_bench.abilities.panel.app import AT_ONCE, Connections, Panel, Server
@@ -18,7 +19,6 @@ from hil_bench.abilities.panel.desk import Desk
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.hub import MOST_VIEWERS, Hub
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.reception import say_errors_in_a_line
 
 LOOPBACK = "127.0.0.1"
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import can
 
 from hil_bench import __version__
+from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.abilities.recording.formats import Heading
 from hil_bench.abilities.recording.recorder import (
     InlineRecorder,
@@ -15,7 +16,6 @@ from hil_bench.abilities.recording.recorder import (
     RecordingSink,
 )
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
-from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.channels import Channel
 

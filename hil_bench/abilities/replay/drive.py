@@ -13,8 +13,8 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.together import axes_with, build_together
 from hil_bench.bench.configuration import AxisConfig, BenchConfig
-from hil_bench.bench.together import axes_with, build_together
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.recording.channels import (

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import can
 
+from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
@@ -89,7 +90,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help='largest deviation allowed, as in "position=0.5 mm" or "axis1.P_A=3 bar" '
         "(default: position 1 mm, pressures 2 bar, spool position 2 %%)",
     )
-    arguments.add_column_arguments(virtual)
+    common.add_column_arguments(virtual)
     virtual.add_argument("--axis", metavar="NAME", help="axis of --columns (default: the first)")
     virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
     parser.set_defaults(run=run)
@@ -203,7 +204,7 @@ def _read_signals(args: argparse.Namespace, config: BenchConfig) -> Recording:
     """
     if not args.columns and not args.map:
         return read_recording(args.recording)
-    axis = arguments.find_cylinder(config, args.axis, "replay --columns").name
+    axis = common.find_cylinder(config, args.axis, "replay --columns").name
     mapped = read_column_map(args.columns, args.map).of(args.recording.name)
     check_polarities(args.recording, mapped)
     recorded = read_mapped(args.recording, mapped, axis)

@@ -4,13 +4,13 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from hil_bench.abilities.common.work import Band, WorkMargin
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_margin
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import UNBOUNDED, Comparison, Condition, Relation, Window
 from hil_bench.abilities.scenario.resolve import PreparedScenario, Requirement
 from hil_bench.abilities.scenario.witness import Witness
-from hil_bench.cli.views import Band, WorkMargin
 
 _BLOCK = 64
 """Ticks that are judged together: how exactly the time of a margin is known before the end."""

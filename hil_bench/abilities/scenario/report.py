@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from hil_bench.abilities.common.page import render_page
 from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.judgement import (
     WORST_FIRST,
@@ -14,7 +15,6 @@ from hil_bench.abilities.scenario.judgement import (
 )
 from hil_bench.abilities.scenario.picture import Scene, draw_scene
 from hil_bench.abilities.scenario.recorded import Finding
-from hil_bench.outside.page import render_page
 from hil_bench.outside.recording.channels import LoggedFrame
 from hil_bench.session.virtual_bench import FrameReader
 

@@ -3,7 +3,7 @@ import gc
 import pytest
 
 from hil_bench import cli
-from hil_bench.cli.streams import collection_put_off
+from hil_bench.cli.exit_codes import collection_put_off
 
 
 def test_nothing_is_collected_within_the_block_and_all_is_as_before_after_it():

@@ -121,7 +121,8 @@ def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
     folder, monkeypatch, capsys
 ):
     monkeypatch.setattr(
-        "hil_bench.cli.controller_side.open_can_bus", lambda *_: pytest.fail("bus opened")
+        "hil_bench.abilities.common.controller_side.open_can_bus",
+        lambda *_: pytest.fail("bus opened"),
     )
     plan = PLAN.replace("[-150, 150]", "[-150, 250]")
     (folder / "plan.toml").write_text(plan)
@@ -149,7 +150,8 @@ def test_a_silent_bus_fails_and_nobody_is_asked(capsys, monkeypatch):
 def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin.isatty", lambda: False)
     monkeypatch.setattr(
-        "hil_bench.cli.controller_side.open_can_bus", lambda *_: pytest.fail("bus opened")
+        "hil_bench.abilities.common.controller_side.open_can_bus",
+        lambda *_: pytest.fail("bus opened"),
     )
     assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x"]) == 2
     assert capsys.readouterr().err == (

@@ -8,10 +8,10 @@ import pytest
 from support.machine_record import Machine, random_steps
 
 from hil_bench import extras
+from hil_bench.abilities.common.arguments import find_cylinder
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.arguments import find_cylinder
 from hil_bench.outside.recording.block_file import RecordingFile
 
 # A coarse step, which makes this quick; the machine is the built-in bench's.

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from support.machines import WRONG_REVISION
 
+from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.recorded import SetPoints, lay_samples
 from hil_bench.abilities.scenario.resolve import SetAction
 from hil_bench.abilities.scenario.verbs import machine_test
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
 from hil_bench.session.virtual_bench import VirtualBench

@@ -18,7 +18,7 @@ from hil_bench.__main__ import main as command
 from hil_bench.ability import Verb
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import own_verbs
 from hil_bench.errors import (
     BusError,
     ConfigError,

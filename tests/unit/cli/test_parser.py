@@ -7,8 +7,7 @@ import pytest
 
 from hil_bench.ability import GROUPS
 from hil_bench.cli import build_parser, main
-from hil_bench.cli.parser import Parser
-from hil_bench.cli.verbs import own_verbs
+from hil_bench.cli.parser import Parser, own_verbs
 
 VERBS = own_verbs()
 

@@ -10,8 +10,8 @@ import threading
 import pytest
 
 from hil_bench.cli import main, status_line
+from hil_bench.cli.exit_codes import PatientHandler
 from hil_bench.cli.status_line import PERIOD, Progress, Work, WorkLines, shown_work
-from hil_bench.cli.streams import PatientHandler
 
 
 def test_a_line_a_minute_of_the_machines_time():

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import pytest
 
 from hil_bench.cli import main
+from hil_bench.cli.parser import own_verbs
 from hil_bench.cli.results import print_results
-from hil_bench.cli.verbs import own_verbs
 
 
 class Pair(NamedTuple):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hil_bench.cli.streams import prepare_streams
+from hil_bench.cli.exit_codes import prepare_streams
 
 CALL = f"{sys.executable} -m hil_bench"
 

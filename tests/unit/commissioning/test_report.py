@@ -17,7 +17,7 @@ from hil_bench.abilities.commissioning.measures import (
 )
 from hil_bench.abilities.commissioning.report import ReportHead, write_report
 from hil_bench.abilities.commissioning.session import Commissioning
-from hil_bench.outside.page import POLICY
+from hil_bench.abilities.common.page import POLICY
 from hil_bench.outside.recording.channels import TIME, recording_dtype
 
 HEAD = ReportHead("Report of <axis 1>", {"date": "2026-01-02", "plan": "a|b.toml"})

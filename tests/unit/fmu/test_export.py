@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.common.together import build_together
 from hil_bench.abilities.fmu.export import export_axis, find_inputs, validate
 from hil_bench.bench.configuration import load_config
-from hil_bench.bench.together import build_together
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError

@@ -11,12 +11,12 @@ from support.patience import GUARD
 
 from hil_bench.abilities.campaign.verbs import campaign
 from hil_bench.abilities.commissioning.verbs import commission
+from hil_bench.abilities.common.work import ShownRows, WorkView
 from hil_bench.abilities.live import view as live_view
 from hil_bench.abilities.live.client import connect
 from hil_bench.abilities.live.places import Place, find_names
 from hil_bench.abilities.scenario.verbs import test as test_verb
 from hil_bench.cli import main
-from hil_bench.cli.views import ShownRows, WorkView
 
 
 class Seen(WorkView):

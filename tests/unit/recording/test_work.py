@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import can
 
+from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.outside.recording.channels import Channel
 
 

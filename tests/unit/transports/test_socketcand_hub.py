@@ -9,10 +9,10 @@ import re
 
 import pytest
 
+from hil_bench.abilities.common.reception import ROOM
 from hil_bench.abilities.hub import server as socketcand_hub
 from hil_bench.abilities.hub.server import MAX_CLIENTS, Hub, HubCounters
 from hil_bench.errors import BusError
-from hil_bench.outside.reception import ROOM
 from hil_bench.outside.transports import socketcand_protocol
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, MOST_BAD
 

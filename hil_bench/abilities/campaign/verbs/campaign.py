@@ -30,6 +30,7 @@ from hil_bench.abilities.campaign.verbs.campaign_view import (
     add_jobs_argument,
     count_runs,
 )
+from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,
@@ -39,7 +40,6 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict
 from hil_bench.cli.parser import add_units_argument, count, count_from_zero
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError, about_file, whole_file
 
 logger = logging.getLogger(__name__)

@@ -10,10 +10,17 @@ from hil_bench.abilities.campaign.records import RunResult, Verdict
 from hil_bench.abilities.campaign.reports import bin_margins
 from hil_bench.abilities.campaign.summary import show_point, size_of, smallest_margin
 from hil_bench.abilities.campaign.table import Note
+from hil_bench.abilities.common.work import (
+    MOST_ITEMS,
+    Course,
+    Failure,
+    Histogram,
+    WorkItem,
+    WorkView,
+)
 from hil_bench.abilities.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.cli.parser import count_from_zero
 from hil_bench.cli.status_line import Work
-from hil_bench.cli.views import MOST_ITEMS, Course, Failure, Histogram, WorkItem, WorkView
 
 _PERIOD = 0.5  # between two pictures [s]
 

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 from hil_bench.abilities.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench
+from hil_bench.abilities.common import arguments as common
+from hil_bench.abilities.common.controller_side import open_network
 from hil_bench.cli import arguments
-from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
 from hil_bench.errors import ConfigError, about_file, whole_file
@@ -35,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
     )
     arguments.add_bench_arguments(parser)
-    arguments.add_network_arguments(parser)
+    common.add_network_arguments(parser)
     parser.add_argument(
         "--network",
         type=Path,
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     if args.concise_dcf is not None:
         return _write_concise(args, plan)
     if plan is None:
-        plan = plan_of_bench(arguments.seen_from_bus(args, config))
+        plan = plan_of_bench(common.seen_from_bus(args, config))
     with open_network(args, config) as opened:
         if not is_silent(args):
             print_lines(args, f"bus      {opened.description}")

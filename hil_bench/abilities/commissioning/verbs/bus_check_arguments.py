@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
+from hil_bench.abilities.common.arguments import add_network_arguments
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.arguments import add_network_arguments
 from hil_bench.errors import ConfigError
 
 

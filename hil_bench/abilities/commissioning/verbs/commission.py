@@ -35,18 +35,23 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
     restore_command,
     result_text,
 )
+from hil_bench.abilities.common import arguments as common
+from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.work import (
+    ShownRows,
+    add_work_arguments,
+    hold_to_real_time,
+    watched_work,
+)
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli import arguments
-from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
-from hil_bench.cli.parser import add_units_argument
+from hil_bench.cli.parser import add_options, add_units_argument, check_options
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.cli.verbs import add_options, check_options
-from hil_bench.cli.views import ShownRows, add_work_arguments, hold_to_real_time, watched_work
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 
@@ -121,7 +126,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "plan", type=Path, metavar="PLAN.toml", help="plan: steps, limits, tolerances"
     )
     arguments.add_bench_arguments(parser)
-    arguments.add_network_arguments(parser)
+    common.add_network_arguments(parser)
     parser.add_argument(
         "--machine",
         metavar="FILE",
@@ -137,7 +142,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="run no step: restore the devices' settings that a run which was killed has left "
         "changed, as its --output says",
     )
-    arguments.add_output_argument(parser, "hil-bench-commissioning", "report and recording")
+    common.add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     add_json_argument(parser)
     add_units_argument(parser)
     add_work_arguments(parser, "commission")
@@ -155,7 +160,7 @@ def run(args: argparse.Namespace) -> int:
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)
     bench = arguments.load_bench_config(args)
-    config = arguments.seen_from_bus(args, bench)
+    config = common.seen_from_bus(args, bench)
     check_against(plan, choose_axis(plan, config))
     arguments.make_directory(args.output)
     machine = load_config(args.machine, seed=args.seed) if args.machine else bench

@@ -13,10 +13,10 @@ from hil_bench.abilities.commissioning.measures import StepResult
 from hil_bench.abilities.commissioning.plan import CommissioningPlan, Limits, Step
 from hil_bench.abilities.commissioning.report import verdict_of
 from hil_bench.abilities.commissioning.session import Commissioning
-from hil_bench.cli.arguments import bus_words
-from hil_bench.cli.controller_side import OpenNetwork
+from hil_bench.abilities.common.arguments import bus_words
+from hil_bench.abilities.common.controller_side import OpenNetwork
+from hil_bench.abilities.common.work import WorkItem, WorkView
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.views import WorkItem, WorkView
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.shown_units import shown_unit

@@ -4,8 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from hil_bench.cli.arguments import add_bench_arguments, add_network_arguments, load_bench_config
-from hil_bench.cli.controller_side import open_network
+from hil_bench.abilities.common.arguments import add_network_arguments
+from hil_bench.abilities.common.controller_side import open_network
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError

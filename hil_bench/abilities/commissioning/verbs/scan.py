@@ -14,8 +14,9 @@ from hil_bench.abilities.commissioning.discovery import (
 )
 from hil_bench.abilities.commissioning.identity import NodeDescription
 from hil_bench.abilities.commissioning.survey import LssAddress, LssScan, Survey, survey
-from hil_bench.cli.arguments import add_bench_arguments, add_network_arguments, load_bench_config
-from hil_bench.cli.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.arguments import add_network_arguments
+from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.abilities.common import arguments as common
+from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
@@ -18,7 +20,6 @@ from hil_bench.bench.configuration.nodes_section import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import arguments
-from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, json_text
 from hil_bench.cli.status_line import Work, shown_work
@@ -52,7 +53,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
     )
     arguments.add_bench_arguments(parser)
-    arguments.add_network_arguments(parser)
+    common.add_network_arguments(parser)
     parser.add_argument("--node-id", type=int, required=True, metavar="N", help="of the device")
     parser.add_argument(
         "--eds",
@@ -88,7 +89,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Run the checks and tell what was found."""
     config = arguments.load_bench_config(args)
-    seen = arguments.seen_from_bus(args, config)
+    seen = common.seen_from_bus(args, config)
     allowed = _allowed(args)
     node_id = _node_id(args)
     eds = _eds(args, seen)

@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
+from hil_bench.abilities.common.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.outside.transports.socketcand_protocol import (
     CLASSICAL,
     JOIN_DELAY,

@@ -9,10 +9,10 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from hil_bench.abilities.common.members import find_members
 from hil_bench.abilities.controllers.python.controller import Rig
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.bench.members import find_members
 from hil_bench.errors import ConfigError
 from hil_drivers import (
     ControllerParameters,

@@ -4,9 +4,9 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
+from hil_bench.abilities.common.members import Members
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.bench.members import Members
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.encoder_406 import RotaryEncoderConfig
 from hil_bench.session.virtual_bench import VirtualBench

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hil_bench.abilities.common.members import Members, find_members
 from hil_bench.abilities.demo.verbs.demo_sensors import (
     SensorBus,
     Sensors,
@@ -20,7 +21,6 @@ from hil_bench.abilities.demo.verbs.demo_sensors import (
 )
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot

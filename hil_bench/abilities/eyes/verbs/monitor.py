@@ -5,6 +5,7 @@ import json
 import sys
 import time
 
+from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import Change, Explainer, LiveFindings
@@ -17,7 +18,7 @@ from hil_bench.abilities.eyes.verbs.explain import (
 )
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration.records import BenchConfig
-from hil_bench.cli.arguments import load_bench_config, seen_from_bus
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, plain, print_lines
 from hil_bench.frame import bits_of

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterable
 from pathlib import Path
 
+from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.abilities.eyes.channels import BusChannels
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
@@ -12,7 +13,7 @@ from hil_bench.abilities.eyes.verbs import eyes_arguments, listening
 from hil_bench.abilities.recording import options
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
-from hil_bench.cli.arguments import load_bench_config, seen_from_bus
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError

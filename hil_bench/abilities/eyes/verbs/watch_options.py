@@ -18,7 +18,7 @@ def take_over(args: argparse.Namespace) -> int | None:
     if not _is_for_bus(args):
         return None
     from hil_bench.abilities.eyes.verbs.watch_bus import watch_bus  # noqa: PLC0415 - brings much
-    from hil_bench.cli.terminal import make_console  # noqa: PLC0415 - likewise
+    from hil_bench.cli.results import make_console  # noqa: PLC0415 - likewise
 
     return watch_bus(args, make_console())
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
@@ -41,7 +42,6 @@ from hil_bench.abilities.recording.column_map import (
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.cli.status_line import Work, shown_work
@@ -88,7 +88,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "says what is known of the machine and where the search starts; without it "
         "HIL_BENCH_CONFIG, or else the built-in bench",
     )
-    arguments.add_column_arguments(parser)
+    common.add_column_arguments(parser)
     parser.add_argument(
         "--truth",
         action="store_true",
@@ -134,7 +134,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="N",
         help="runs of the plant at a time (default: 1)",
     )
-    arguments.add_output_argument(parser, "hil-bench-identify", "the files")
+    common.add_output_argument(parser, "hil-bench-identify", "the files")
     add_design_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -152,10 +152,10 @@ def run(args: argparse.Namespace) -> int:
     limits = _check_arguments(args)
     files = _sort_files(args.files, is_design=args.design)
     config = load_config(str(files.bench) if files.bench else None)
-    axis = arguments.find_cylinder(config, args.axis, "identification")
+    axis = common.find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
-    with arguments.output_directory(args.output):
+    with common.output_directory(args.output):
         if args.design:
             return run_design(args, Question(config, axis, files.bench))
         asked = Question(config, axis)

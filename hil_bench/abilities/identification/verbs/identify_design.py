@@ -15,6 +15,8 @@ from hil_bench.abilities.commissioning.plan import (
     check_against,
     load_plan,
 )
+from hil_bench.abilities.common.arguments import find_cylinder
+from hil_bench.abilities.common.members import find_members
 from hil_bench.abilities.identification.design import (
     Bounds,
     StrokeRun,
@@ -25,8 +27,6 @@ from hil_bench.abilities.identification.design import (
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario, SetStep
 from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.members import find_members
-from hil_bench.cli.arguments import find_cylinder
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig

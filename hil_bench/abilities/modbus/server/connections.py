@@ -8,11 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from hil_bench.abilities.common.reception import capacity
 from hil_bench.abilities.modbus.protocol.register_map import TlsConfig
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import tcp_session
 from hil_bench.errors import BusError
-from hil_bench.outside.reception import capacity
 
 # Modbus/TCP Security: TLS with certificates on both sides, and roles that may write.
 #

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.abilities.common.arguments import add_column_arguments
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import read_recording
@@ -19,7 +20,6 @@ from hil_bench.abilities.scenario.verbs.scenario_report import (
     recording_chapter,
     write_report,
 )
-from hil_bench.cli.arguments import add_column_arguments
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of

@@ -15,14 +15,15 @@ from hil_bench.abilities.commissioning.plan import (
     choose_axis,
     load_plan,
 )
+from hil_bench.abilities.common.arguments import seen_from_bus
+from hil_bench.abilities.common.controller_side import OpenNetwork
+from hil_bench.abilities.common.members import Members, find_members
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import MachineScenario, prepare_for_machine
 from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.members import Members, find_members
-from hil_bench.cli.arguments import add_bus_arguments, load_bench_config, seen_from_bus
-from hil_bench.cli.controller_side import OpenNetwork
+from hil_bench.cli.arguments import add_bus_arguments, load_bench_config
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig

@@ -14,6 +14,8 @@ from hil_bench.abilities.commissioning.procedure import Procedure, communication
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.session import recorded_channels
 from hil_bench.abilities.commissioning.verbs import commission_settings as settings
+from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.work import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.recorder import RecordingSink
 from hil_bench.abilities.recording.work import recorded_work
@@ -29,10 +31,8 @@ from hil_bench.abilities.scenario.verbs.machine_side import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.arguments import make_directory
-from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.results import is_silent
-from hil_bench.cli.views import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_drivers import BusLostError, DriverError

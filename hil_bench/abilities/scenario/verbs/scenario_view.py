@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.common.work import ShownWork, WorkItem, WorkMargin, WorkState, WorkView
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.scenario.dimensions import UNITS
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -13,7 +14,6 @@ from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, SyncStep
 from hil_bench.abilities.scenario.resolve import Action, PreparedScenario, SetAction
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.abilities.scenario.stage import Stage
-from hil_bench.cli.views import ShownWork, WorkItem, WorkMargin, WorkState, WorkView
 from hil_bench.errors import ConfigError
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.report import Chapter
@@ -29,7 +30,6 @@ from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
 from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
-from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders

@@ -11,15 +11,16 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.common.arguments import check_one_bus
+from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.arguments import add_bench_arguments, check_one_bus, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.views import add_work_arguments, watched_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.transports.opening import open_can_bus

@@ -1,4 +1,4 @@
-"""The views of runs and of other work for people, by the ability that shows them."""
+"""The view of work for people, by the ability that shows it."""
 
 import argparse
 import contextlib
@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from hil_bench.ability import given_to
-from hil_bench.bench.configuration import BenchConfig
 from hil_bench.outside.realtime.clock import MonotonicClock
-from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
@@ -276,12 +274,6 @@ def watched_work(
     yield WorkView()
 
 
-# Those who watch a bench that runs.
-
-Health = Callable[[], Mapping[str, float]]
-"""Returns counters of the bus, and what else says how the loop is."""
-
-
 class ShownWork(NamedTuple):
     """The work that plays on a bench, for those who watch.
 
@@ -294,36 +286,3 @@ class ShownWork(NamedTuple):
     verb: str
     title: str
     state: Callable[[], WorkState]
-
-
-@contextlib.contextmanager
-def watched_run(
-    args: argparse.Namespace,
-    config: BenchConfig,
-    session: Session,
-    *,
-    statistics: TickStatistics | None = None,
-    health: Health = dict,
-    work: ShownWork | None = None,
-) -> Iterator[Callable[[], None] | None]:
-    """Let people watch a session in the block.
-
-    Args:
-        args: the command line.
-        config: of the bench.
-        session: to be watched.
-        statistics: of the loop, shared.
-        health: asked ten times a second while somebody watches.
-        work: what is played on it; None where nothing is.
-
-    Yields:
-        What is to be called after each tick; None where nobody can watch.
-    """
-    for module in given_to("view"):
-        opened = module.watched_run(
-            args, config, session, statistics=statistics, health=health, work=work
-        )
-        with opened as look:
-            yield look
-        return
-    yield None

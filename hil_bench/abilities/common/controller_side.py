@@ -5,10 +5,10 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.cli.arguments import seen_from_bus
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_drivers import BusLostError, Network

@@ -1,0 +1,1 @@
+"""Parts that several abilities have in common and the core does without; no ability itself."""

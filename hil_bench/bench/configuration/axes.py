@@ -16,8 +16,13 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
     variable_pump,
 )
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
-from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C, find_oil, known_oil
-from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import EFFICIENCY, derive_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
+    EFFICIENCY,
+    TEMPERATURE_C,
+    derive_pump,
+    find_oil,
+    known_oil,
+)
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.keys import (
     PUMP_SHEET,

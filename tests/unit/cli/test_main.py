@@ -261,7 +261,7 @@ def test_a_run_imports_what_it_needs(tmp_path: Path) -> None:
     """With kernels that want no NumPy, as those that a wheel carries; any bench may have faults."""
     program = (
         "import sys; from hil_bench.cli import main; "
-        "needed = '.verbs options .faults. .live. .recording.'.split(); "
+        "needed = '.verbs options .common. .faults. .live. .recording.'.split(); "
         "code = main('-q run -i virtual -c nobody --speed max --duration 0.001'.split()); "
         "unused = {*'numba numpy scipy canopen hil_drivers'.split()} & sys.modules.keys(); "
         "unused |= {name for name in sys.modules if name.startswith('hil_bench.abilities.') "

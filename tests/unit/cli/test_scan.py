@@ -97,11 +97,11 @@ def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
 
 def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
     """Two benches with the same node-IDs: each read has two answers."""
-    from hil_bench.abilities.commissioning import survey  # noqa: PLC0415
+    from hil_bench.abilities.commissioning import discovery  # noqa: PLC0415
 
-    discover = survey.discover
+    discover = discovery.discover
     monkeypatch.setattr(
-        survey,
+        discovery,
         "discover",
         lambda *args, **options: [
             each._replace(answers=2 if each.node_id in {1, 4} else 1)
@@ -130,9 +130,11 @@ def test_an_identifier_has_all_its_digits(can_id, is_extended, words):
 
 def test_a_bus_in_operation_is_only_heard(monkeypatch, capsys):
     """The line names what was heard, and what the scan would send."""
-    from hil_bench.abilities.commissioning import survey  # noqa: PLC0415
+    from hil_bench.abilities.commissioning import discovery  # noqa: PLC0415
 
-    monkeypatch.setattr(survey, "signs_of_operation", lambda _traffic: ("node 3 is OPERATIONAL",))
+    monkeypatch.setattr(
+        discovery, "signs_of_operation", lambda _traffic: ("node 3 is OPERATIONAL",)
+    )
     arguments = ["scan", "--virtual", "--lss", "--nodes", "1-9"]
     assert main(arguments) == 6
     lines = capsys.readouterr().out.splitlines()

@@ -5,6 +5,7 @@ import random
 
 import pytest
 
+from hil_bench.abilities.copper.wire.arbitration import dominant_errors
 from hil_bench.abilities.copper.wire.attempt import (
     ErrorKind,
     disturbed,
@@ -12,7 +13,6 @@ from hil_bench.abilities.copper.wire.attempt import (
     unacknowledged,
 )
 from hil_bench.abilities.copper.wire.bits import exact_bits, stuffed_bits
-from hil_bench.abilities.copper.wire.recovery import dominant_errors
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire
 from hil_bench.canopen_device.emcy import CanEvent

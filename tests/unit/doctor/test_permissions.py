@@ -28,8 +28,8 @@ class Kernel:
 @pytest.fixture
 def examine(monkeypatch):
     def examine_with(*refused, runtime="950000", may_lock=True, has_capability=False):
-        place = "hil_bench.abilities.doctor.machine."
-        monkeypatch.setattr(place + "linux", Kernel(*refused))
+        monkeypatch.setattr("hil_bench.abilities.doctor.machine.linux", Kernel(*refused))
+        place = "hil_bench.outside.realtime.scheduling."
         monkeypatch.setattr(place + "may_lock_memory", lambda: may_lock)
         monkeypatch.setattr(place + "has_capability", lambda _number: has_capability)
         topic = examine_permissions(lambda _path: runtime)

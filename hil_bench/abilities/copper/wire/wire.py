@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, NamedTuple
 
-from hil_bench.abilities.copper.wire.arbitration import Arbitration
+from hil_bench.abilities.copper.wire.arbitration import Absence, Arbitration, dominant_errors
 from hil_bench.abilities.copper.wire.attempt import (
     AFTER_FLAGS,
     FLAG,
@@ -19,7 +19,6 @@ from hil_bench.abilities.copper.wire.attempt import (
     Disturbances,
     ErrorKind,
 )
-from hil_bench.abilities.copper.wire.recovery import Absence, dominant_errors
 from hil_bench.abilities.copper.wire.station import BUS_OFF_FROM, Station
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.emcy import CanEvent

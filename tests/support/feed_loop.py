@@ -6,7 +6,8 @@ number of ticks, not after a time.
 
 import json
 
-from hil_bench.abilities.live.client import ClientLink, FeedClient
+from hil_bench.abilities.live.client import FeedClient
+from hil_bench.abilities.live.client_link import ClientLink
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedServer
 from hil_bench.abilities.live.session_feed import LOOK, Feed
 from hil_bench.abilities.live.view import hello_of

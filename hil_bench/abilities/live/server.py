@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from hil_bench.abilities.common.packed_frames import unpack_frames
 from hil_bench.abilities.common.reception import capacity, say_errors_in_a_line, serve_at
 from hil_bench.abilities.live import messages
-from hil_bench.abilities.live.client import ClientLink
+from hil_bench.abilities.live.client_link import ClientLink
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics

@@ -8,7 +8,7 @@ from support.feed_loop import FeedLoop, Wire
 
 from hil_bench.abilities.faults.fault import MOST_FAULTS
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.abilities.live.client import MOST_OPEN
+from hil_bench.abilities.live.client_link import MOST_OPEN
 from hil_bench.abilities.live.messages import MOST_REQUEST
 from hil_bench.abilities.live.server import MOST_CLIENTS
 from hil_bench.canopen_device.frame import Frame

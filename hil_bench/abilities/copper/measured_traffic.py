@@ -13,7 +13,6 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.errors import ConfigError
 from hil_bench.session.session import open_session
 
 _DEPTH: Final = 256
@@ -44,16 +43,11 @@ def measure_traffic(
         bitrate: of the bus [bit/s].
         duration: how long [ns].
         others: frames of others and their periods [ns]; the controller's station sends them, too.
-
-    Raises:
-        ConfigError: no node is on the bus.
     """
     config, number = _of_copper(config, name, bitrate), list(config.buses).index(name)
     commands = [frame._replace(bus=number) for frame in commands]
     session, found = open_session(config), MeasuredTraffic()
-    copper = session.bench.find(Copper)
-    if copper is None:
-        raise ConfigError("the bench has no node on this bus; give it one")
+    copper = session.bench.part(Copper)
     session.start()
     boot = config.tick_ns * _BOOT_TICKS
     for now in range(0, boot, config.tick_ns):

@@ -238,6 +238,13 @@ def seconds(amount: records.Amount, parameters: Mapping[str, records.Parameter])
     return amount
 
 
+def _latest(amount: records.Amount, parameters: Mapping[str, records.Parameter]) -> float:
+    """Return a time [s]; of a parameter with a range, the end of that."""
+    if isinstance(amount, records.Reference) and (span := parameters[amount.name].span):
+        return parameters[amount.name].unit.to_si(span[1])
+    return seconds(amount, parameters)
+
+
 def _read_controller(document: Document, problems: Problems) -> records.Controller | None:
     if "controller" not in document:
         return None
@@ -308,9 +315,10 @@ def _check_times(
     taken: dict[tuple[object, ...], str] = {}
     for step, table in zip(steps, tables, strict=True):
         at = seconds(step.at, parameters)
+        latest = _latest(step.at, parameters)
         place = problems.place(table, "at_s")
-        if at > duration:
-            wrong = f"{at:g} s is after the end at {duration:g} s"
+        if latest > duration:
+            wrong = f"{latest:g} s is after the end at {duration:g} s"
             problems.add(place, f"{wrong}; give an earlier time or a longer duration_s")
         thing = (
             type(step),

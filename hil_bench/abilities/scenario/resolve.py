@@ -133,14 +133,24 @@ def resolve_steps(
         sensor_units: those in which faults have their amounts, as in a `BenchConfig`; steps that
             disturb a sensor without one are not checked.
 
-    A fault that lacks its amount, or has it in another unit than its sensor measures, is a
-    `ConfigError`.
+    Raises:
+        ConfigError: a fault lacks its amount, or has it in another unit than its sensor measures;
+            or a parameter's value, or the ticks, bring a step behind the end.
     """
     resolver = _Resolver(scenario, tick_ns, values, sensor_units)
     actions = [
         TimedAction(resolver.ticks(step.at), resolver.action(step), step.place)
         for step in scenario.steps
     ]
+    last = records.ticks_of(scenario.duration, tick_ns) - 1
+    late = [
+        f"{each.place}: acts behind the last tick, at {last * tick_ns / 1e9:g} s; "
+        "give an earlier time or a longer duration_s"
+        for each in actions
+        if each.tick > last
+    ]
+    if late:
+        raise ConfigError("\n".join(late))
     return tuple(sorted(actions, key=lambda each: each.tick))
 
 

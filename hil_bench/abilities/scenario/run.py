@@ -28,13 +28,14 @@ from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, Step, SyncStep
 from hil_bench.abilities.scenario.stage import Director, Stage
 from hil_bench.abilities.scenario.targets import Targets
-from hil_bench.abilities.scenario.usage import idle_steps, usage_problems
+from hil_bench.abilities.scenario.usage import MANUAL, idle_steps, usage_problems
 from hil_bench.abilities.scenario.witness import bench_vocabulary
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.events import event_spans
 from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.kinds.registry import VALVE
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import FrameReader, VirtualBench
@@ -43,6 +44,9 @@ from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 _MOST_BEHIND = 10_000_000_000
 """Time behind a run [ns] that a controller has to say why it had not begun its work."""
+
+_SENT_BY_EXAMPLE = ("spool_setpoint", "0x6300.01", "0x6040")
+"""Targets that an example sends too as it enables a valve."""
 
 
 def controller_of(
@@ -95,13 +99,15 @@ class RunnerDriver:
     Args:
         bench: on which.
         desks: its controllers; None for nobody.
+        enabled: the valve that its example enables, and whose set-points are the steps'; or none.
 
     Attributes:
         desks: likewise.
     """
 
-    def __init__(self, bench: VirtualBench, desks: Desks | None) -> None:
+    def __init__(self, bench: VirtualBench, desks: Desks | None, enabled: str = "") -> None:
         self._bench, self.desks = bench, desks
+        self._overwritten = {f"{enabled}.{each}" for each in _SENT_BY_EXAMPLE} if enabled else ()
 
     def drive(self, director: Director, last_tick: int) -> str:
         """Let time pass until the run is over; return how a controller ended before that.
@@ -109,7 +115,9 @@ class RunnerDriver:
         Raises:
             ControllerError: one has failed.
         """
-        session, tick_ns = self._bench.session, self._bench.config.tick_ns
+        session, tick_ns, desks = self._bench.session, self._bench.config.tick_ns, self.desks
+        if desks is not None and self._overwritten:
+            director.overwrites = lambda name: name in self._overwritten and not desks.have_begun
         session.tick((), 0)
         while not director.is_over and session.now < last_tick * tick_ns:
             session.tick((), session.now + tick_ns)
@@ -147,7 +155,14 @@ def driver_of(prepared: resolve.PreparedScenario, bench: VirtualBench) -> Iterat
         commands = [step.command for step in scenario.steps if _is_for_it(step)]
         if commands[:1] == [Power.START]:
             desks.leave_off()
-        yield RunnerDriver(bench, desks)
+        is_manual = scenario.controller is not None and scenario.controller.example == MANUAL
+        yield RunnerDriver(bench, desks, _first_valve(prepared.config) if is_manual else "")
+
+
+def _first_valve(config: BenchConfig) -> str:
+    axis = config.first_axis.name
+    valves = (each for each in config.nodes if each.kind is VALVE)
+    return next((each.name for each in valves if getattr(each, "axis", None) == axis), "")
 
 
 def _is_for_it(step: Step) -> TypeGuard[FirmwareStep]:

@@ -1,7 +1,7 @@
 """A scenario on a session: its steps act there at the start of their ticks."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -205,7 +205,10 @@ class Director:
     Attributes:
         is_over: whether the run has come to its end.
         problem: what a step could not do; empty where all went well.
+        overwrites: says of a target whether the controller, as it begins, overwrites its value.
     """
+
+    overwrites: Callable[[str], bool] = staticmethod(lambda _name: False)
 
     def __init__(
         self,
@@ -263,6 +266,11 @@ class Director:
             yield from self._set(name, course.target, course.at(tick))
             if tick >= course.points[-1][0]:
                 del self._courses[name]
+                if self.overwrites(name) and not self.problem:
+                    when = f"has its value at {tick * self._plan.tick_ns / 1e9:g} s"
+                    why = "before the example has enabled the valve, and loses it then"
+                    self.problem = f"{name}: {when}, {why}; give a later at_s"
+                    self.is_over = True
         for name, target in self._repeated.items():
             if tick >= self._repeats_at[name]:
                 yield from self._set(name, target, self._values[name])

@@ -23,7 +23,7 @@ from hil_bench.kinds.registry import VALVE
 _WORD = re.compile(r"\w+")
 _ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
 """The control word of a valve, and its switch to the local set-point."""
-_MANUAL = "manual"
+MANUAL = "manual"
 """The example that reads no sensor."""
 
 
@@ -114,7 +114,7 @@ def _unread_sensors(
     """Yield the faults of sensors that no controller, no other node and no expectation reads."""
     listed = {each.name: each for each in config.nodes}
     texts = " ".join(each.that for each in scenario.expectations)
-    is_closed = scenario.controller is not None and scenario.controller.example != _MANUAL
+    is_closed = scenario.controller is not None and scenario.controller.example != MANUAL
     for fault, place in _faults(actions, SENSORS):
         name = fault.target.partition(".")[0]
         node = listed.get(name)

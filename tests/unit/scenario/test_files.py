@@ -124,6 +124,15 @@ def test_steps_act_at_ticks_with_numbers(tmp_path):
     assert [each.tick for each in actions] == sorted(each.tick for each in actions)
 
 
+@pytest.mark.parametrize(("at", "given"), [('"late_s"', 6.5), ("6.0002", 1.0)])
+def test_a_step_that_would_never_act_is_refused(tmp_path, at, given):
+    """A given value lies behind the end; 6.0002 s behind the last tick of 6.0004 s."""
+    head = HEAD.replace("6.0", "6.0004") + "[parameters]\nlate_s = 1.0\n"
+    scenario = load(tmp_path, head + f"[[step]]\nat_s = {at}\nsync = true\n" + EXPECT)
+    with pytest.raises(ConfigError, match=r":7:8: step\[1\].*: acts behind the last tick, at 6 s"):
+        resolve_steps(scenario, MS, {"late_s": given})
+
+
 def test_a_value_for_what_is_no_parameter_is_refused(tmp_path):
     scenario = load(tmp_path, WHOLE)
     with pytest.raises(
@@ -281,6 +290,11 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
         (
             HEAD + "[[step]]\nat_s = 7\nsync = true\n" + EXPECT,
             ":4:8: step[1].at_s: 7 s is after the end at 6 s; give an earlier time",
+        ),
+        (
+            HEAD + "[parameters]\nt_s = { value = 1, range = [0, 7] }\n"
+            '[[step]]\nat_s = "t_s"\nsync = true\n' + EXPECT,
+            ":6:9: step[1].at_s: 7 s is after the end at 6 s; give an earlier time",
         ),
         (
             HEAD + "[[step]]\nat_s = 1\n" + EXPECT,

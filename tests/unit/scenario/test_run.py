@@ -244,6 +244,18 @@ def test_a_controller_that_cannot_begin_is_no_run(tmp_path):
         run(tmp_path, text + expect("always axis1.P_A < 250 bar"))
 
 
+@pytest.mark.parametrize(("at", "over"), [(0.01, 0.0), (0.01, 0.02), (0.01, 0.1), (0.1, 0.0)])
+def test_a_set_point_that_the_example_overwrites_is_no_run(tmp_path, at, over):
+    """It enables the valve, with set-point 0, after some 65 ms."""
+    ramp = f'set = {{ "valve.spool_setpoint" = 0.5 }}\nover_s = {over}'
+    text = HEAD + EXAMPLE + step(at, ramp) + expect("eventually axis1.spool_setpoint > 0.4")
+    if at + over < 0.05:
+        with pytest.raises(ConfigError, match=r"before the example has enabled the valve"):
+            run(tmp_path, text)
+    else:
+        assert run(tmp_path, text).findings[0].judgement.outcome == "passed"
+
+
 def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
     text = HEAD + EXAMPLE + step(0.15, 'fault = "silence"\ntarget = "valve"')
     text = text.replace("manual", "position_control") + expect("always axis1.P_A < 250 bar")

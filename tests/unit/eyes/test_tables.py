@@ -1,0 +1,274 @@
+"""What the eyes say by the tables of CiA 301, 303-2, 305, 404, 406 and 408, entry by entry."""
+
+import random
+from types import SimpleNamespace
+
+import pytest
+from support.sdo_frames import MS
+
+from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
+from hil_bench.abilities.eyes.frame_words import error_text, lss_text, meaning_of
+from hil_bench.abilities.eyes.sight import Service, Sight
+from hil_bench.abilities.eyes.values import scale_of
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.frame import ERROR_FLAG
+
+LSS = """04 switch state global, 11 configure node-ID, 13 configure bit timing,
+15 activate bit timing, 17 store configuration, 44 switched by its address,
+4C identify non-configured slave, 4F slave identified,
+50 non-configured slave identified, 51 fastscan, 5A inquire vendor-ID,
+5B inquire product code, 5C inquire revision number, 5D inquire serial number, 5E inquire node-ID"""
+IDENTITY = ("vendor-ID", "product code", "revision number", "serial number")
+BOUNDS = [f"{bound} {number}" for number in IDENTITY[2:] for bound in ("lowest", "highest")]
+ADDRESSED = {
+    "switch state selective": (0x40, IDENTITY),
+    "identify slave": (0x46, [*IDENTITY[:2], *BOUNDS]),
+}
+
+
+def test_each_service_of_lss_has_its_words_and_others_their_number():
+    words = {int(line[:2], 16): line[3:] for line in LSS.replace("\n", " ").split(", ")}
+    for service, (first, parts) in ADDRESSED.items():
+        words |= {first + n: f"{service}, {part}" for n, part in enumerate(parts)}
+    for number in range(256):
+        text = words.get(number, f"command {number}")
+        assert lss_text(bytes([number, 9])) == text
+        assert meaning_of(0x7E5, bytes([number]) + bytes(7)) == text
+    assert lss_text(b"") == ""
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "words"),
+    [
+        (0x000, "0204", "stop, node 4"),
+        (0x000, "8000", "enter pre-operational, all nodes"),
+        (0x000, "8200", "reset communication, all nodes"),
+        (0x000, "82", ""),
+        (0x701, "04", "STOPPED"),
+        (0x701, "7f", "PRE_OPERATIONAL"),
+        (0x701, "0505", ""),
+        (0x080, "07", "counter 7"),
+        (0x080, "0707", ""),
+        # 12 h and 1 ms of 4 bits unused; day 2
+        (0x100, "01 2e 93 f2 02 00", "day 2 since 1984-01-01, 43200.001 s"),
+        (0x100, "00 5c 26 05 02 00", "day 2 since 1984-01-01, 0.000 s"),
+        (0x100, "00 5c 26 05 02", ""),
+        (0x081, "10 81 11 00 00 00 00 00",
+         "0x8110, CAN overrun, objects lost, error register 0x11"),
+        (0x081, "10 81 11 00 00 00 00 0a",
+         "0x8110, CAN overrun, objects lost, error register 0x11, manufacturer 00 00 00 00 0A"),
+        (0x605, "8017100002000106",
+         "abort 0x1017.00, 0x06010002, attempt to write a read only object"),
+        (0x585, "8017100001000000", "abort 0x1017.00, 0x00000001, unknown abort code"),
+        (0x605, "6017100000000000", "segment or block"),
+        (0x585, "2017100000000000", "segment or block"),
+        (0x585, "c017100000000000", "segment or block"),
+    ],
+)  # fmt: skip
+def test_a_frame_has_just_these_words(can_id, data, words):
+    assert meaning_of(can_id, bytes.fromhex(data)) == words
+
+
+# linux/can/error.h
+@pytest.mark.parametrize(
+    ("classes", "data", "text"),
+    [
+        (0x001, "", "transmission timed out"),
+        (0x002, "", "arbitration lost"),
+        (0x010, "", "transceiver"),
+        (0x020, "", "no acknowledge"),
+        (0x040, "", "bus-off"),
+        (0x080, "", "error frame"),
+        (0x100, "", "back from bus-off"),
+        (0x004, "0001", "receive buffer overflow"),
+        (0x004, "0002", "transmit buffer overflow"),
+        (0x004, "0004", "receive warning level"),
+        (0x004, "0008", "transmit warning level"),
+        (0x004, "0030", "error-passive by reception, error-passive by transmission"),
+        (0x004, "0040", "error-active again"),
+        (0x008, "000000", "error while receiving"),
+        (0x008, "000081", "bit error while sending"),
+        (0x008, "000006", "form error and stuff error while receiving"),
+        (0x008, "000098", "a dominant bit not sent and a recessive bit not sent while sending"),
+        (0x008, "000020", "overload while receiving"),
+        (0x200, "000000000000 80 7f", "TEC 128, REC 127"),
+        (0x20A, "0000010000000102",
+         "arbitration lost, bit error while receiving, TEC 1, REC 2"),
+        (0x000, "00ffff", "error frame"),
+    ],
+)  # fmt: skip
+def test_an_error_frame_says_each_of_its_bits(classes, data, text):
+    assert error_text(Frame(ERROR_FLAG | classes, bytes.fromhex(data))) == text
+
+
+class Objects(dict):
+    """Values by index and sub-index, as the eyes look them up."""
+
+    def find(self, index, subindex=0):
+        value = self.get((index, subindex))
+        return None if value is None else SimpleNamespace(value=value)
+
+
+def shown(objects, index, subindex=0):
+    scale = scale_of(Objects(objects), index, subindex)
+    return None if scale is None else (scale.factor, scale.unit.symbol, scale.offset)
+
+
+# CiA 303-2: 4E bar, AB psi, 2D degree Celsius, 22 pascal; the highest byte is a power of ten.
+@pytest.mark.parametrize("code", [0x4E, 0xAB, 0x2D, 0x22])
+@pytest.mark.parametrize("power", range(-9, 10))
+def test_a_measured_value_has_its_unit_with_the_prefix(code, power):
+    symbol = {0x4E: "bar", 0xAB: "psi", 0x2D: "°C", 0x22: "Pa"}[code]
+    base = {0x4E: 1e5, 0xAB: 6894.757293168361, 0x2D: 1.0, 0x22: 1.0}[code]
+    prefix = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}.get(power)
+    word = (power & 0xFF) << 24 | code << 16
+    objects = Objects({(0x1000, 0): 0x30194, (0x6131, 2): word, (0x6132, 2): 3})
+    scale = scale_of(objects, 0x6130, 2)
+    assert (scale is None) is (prefix is None)
+    if scale is not None:
+        assert (scale.factor, scale.offset, scale.unit.symbol) == (1.0, 0.0, prefix + symbol)
+        assert scale.unit.factor == pytest.approx(base * 10.0**power)
+    integer = scale_of(objects, 0x9130, 2)
+    assert integer.factor == pytest.approx(1e-3)
+    assert integer.unit.symbol == ("-" if prefix is None else prefix + symbol)
+    assert scale_of(Objects({**objects, (0x6131, 2): word | 1}), 0x6130, 2) is None
+
+
+MEASURED = (0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149)
+
+
+def test_the_process_values_of_cia_404_have_a_scale_and_their_neighbours_have_none():
+    objects = {(0x1000, 0): 404, (0x6131, 1): 0x4E0000, (0x6132, 1): 2}
+    found = {i: shown(objects, i, 1) for i in range(0x6100, 0x9180)}
+    floats = dict.fromkeys(MEASURED, (1.0, "bar", 0.0))
+    integers = {i + n * 0x1000: (0.01, "bar", 0.0) for i in MEASURED for n in (1, 2, 3)}
+    assert {i: s for i, s in found.items() if s is not None} == floats | integers
+    for digits, has in ((-1, False), (0, True), (9, True), (10, False)):
+        assert (shown({**objects, (0x6132, 1): digits}, 0x7130, 1) is not None) is has
+
+
+LINEAR = {(0x1000, 0): 406, (0x6005, 1): 5000, (0x6005, 2): 7}
+ROTARY = {(0x1000, 0): 406, (0x6000, 0): 4, (0x6001, 0): 4096, (0x6501, 0): 8192,
+          (0x6031, 3): 10, (0x6031, 4): 3}  # fmt: skip
+VALVE = {(0x1000, 0): 408, (0x6311, 1): 16384, (0x6391, 1): 200}
+MOTION = {(0x6600, 2): 1, (0x6600, 3): -6}
+
+
+@pytest.mark.parametrize(
+    ("objects", "index", "expected"),
+    [
+        # 406: position in 0.001 um, speed in 0.01 mm/s a step
+        (LINEAR, 0x6004, (5e-3, "mm", 0.0)),
+        (LINEAR, 0x6020, (5e-3, "mm", 0.0)),
+        (LINEAR, 0x6030, (0.07, "mm/s", 0.0)),
+        (LINEAR, 0x6005, None),
+        ({(0x1000, 0): 406}, 0x6004, None),
+        ({(0x1000, 0): 406}, 0x6030, None),
+        (ROTARY, 0x6004, (1 / 4096, "rev", 0.0)),
+        (ROTARY, 0x6020, (1 / 4096, "rev", 0.0)),
+        (ROTARY | {(0x6000, 0): 3}, 0x6004, (1 / 8192, "rev", 0.0)),
+        (ROTARY, 0x6030, (60.0 * 3 / 10 / 4096, "rpm", 0.0)),
+        (ROTARY | {(0x6031, 3): 0}, 0x6030, None),
+        (ROTARY, 0x6005, None),
+        *[(VALVE, i, (100 / 16384, "%", 0.0)) for i in (
+            0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350)],
+        *[(VALVE, i, (0.5, "%", 0.0)) for i in (0x6380, 0x6381, 0x6390, 0x6394)],
+        *[(VALVE, i, None) for i in (0x6302, 0x6311, 0x6322, 0x6382, 0x6391, 0x6600)],
+        ({(0x1000, 0): 408}, 0x6300, None),
+        *[(VALVE | {(i, 2): 1, (i, 3): -6}, i, (1e-3, "mm", 0.0)) for i in (
+            0x6600, 0x6601, 0x6610, 0x6614, 0x6620, 0x6621, 0x6650)],
+        (VALVE | {(0x6600, 2): 2}, 0x6600, None),
+        (VALVE | {(0x6602, 2): 1}, 0x6602, None),
+        ({(0x1000, 0): 401, (0x6005, 1): 5}, 0x6004, None),
+        ({}, 0x6004, None),
+    ],
+)  # fmt: skip
+def test_a_number_has_the_scale_of_its_profile(objects, index, expected):
+    found = shown(objects, index)
+    if expected is None:
+        assert found is None
+    else:
+        assert found == (pytest.approx(expected[0]), *expected[1:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_load_is_that_of_the_busiest_hundred_milliseconds(seed):
+    """Bits by hand: 47 and 8 a byte, 20 more with 29 bits, and half of the most stuff bits."""
+    dice = random.Random(seed)  # noqa: S311 - no secrets
+    load, windows, shares = Load(10_000), {}, {}
+    now = 0
+    while now < 2_000 * MS:
+        window = now // (100 * MS)
+        can_id = 0x100 if dice.random() < 0.5 + 0.1 * seed else dice.randrange(0x200, 0x210)
+        frame = Frame(can_id, bytes(dice.randrange(9)), is_extended=dice.random() < 0.3)
+        load.count(now, frame)
+        head, length = 20 * frame.is_extended, 8 * len(frame.data)
+        bits = 47 + head + length + (34 + head + length - 1) / 4 / 2
+        before = windows.get(window, 0.0)
+        windows[window] = before + bits
+        if before + bits > 500:
+            shares.setdefault(window, {}).setdefault(frame._replace(data=b""), []).append(bits)
+        now += dice.choice((3, 5, 20) if window % 4 else (5, 9)) * MS
+    assert load.total == pytest.approx(sum(windows.values()))
+    load.count(now, Frame(1))  # ends the last window
+    high = {window: bits for window, bits in windows.items() if bits > 800}
+    (finding,) = load.findings(now)
+    assert finding.begin == min(high) * 100 * MS
+    most = max(high, key=high.get)
+    assert (
+        f"load up to {high[most] / 1000:.0%} in 100 ms, from {min(high) / 10:.3f} s" in finding.text
+    )
+    sums = {frame: sum(each) for frame, each in shares[most].items()}
+    frame = max(sums, key=sums.get)
+    is_most = sums[frame] > 0.5 * sum(sums.values())
+    assert ("most of it is" in finding.text) is is_most
+    assert f"most of it is 0x{frame.can_id:03X}" in finding.text or not is_most
+
+
+def test_a_load_of_exactly_eighty_percent_is_none():
+    load = Load(10_000)
+    load._bits = 800.0
+    load.count(100 * MS, Frame(1))
+    assert list(load.findings(0)) == []
+    load._bits, load._shares = 800.5, {Frame(1): 1.0, Frame(2): 1.0}
+    load.count(200 * MS, Frame(1))
+    (finding,) = load.findings(0)
+    assert "most of it" not in finding.text
+
+
+def emcy(now, code, node="valve"):
+    frame = Frame(0x81, code.to_bytes(2, "little") + bytes(6))
+    return Sight(now, frame, Service.EMCY, "EMCY", node)
+
+
+@pytest.mark.parametrize("times", [1, 2, 5])
+@pytest.mark.parametrize("reset", [None, -1, 0, 1])
+def test_an_emergency_says_how_often_and_whether_it_is_gone(times, reset):
+    watch = Emergencies()
+    for number in range(times):
+        watch.hear(emcy(number * MS, 0x8130))
+    if reset is not None:
+        watch.hear(emcy((times - 1 + reset) * MS, 0))
+    (found,) = watch.findings(0)
+    assert found.text.startswith("valve reports 0x8130, life guard or heartbeat error, at 0")
+    assert (f", {times} times" in found.text) is (times > 1)
+    assert ("; gone at" in found.text) is (reset == 1)
+
+
+def test_4096_kinds_of_errors_are_kept():
+    watch = Emergencies()
+    for code in range(4097):
+        watch.hear(emcy(0, 0x100 + code))
+    watch.hear(emcy(1, 0x100))  # of a kind that is known
+    found = list(watch.findings(0))
+    assert len(found) == 4096
+    assert ", 2 times" in found[0].text
+
+
+def test_error_frames_are_counted_and_others_are_not():
+    watch = ErrorFrames()
+    for now, can_id in enumerate((1, ERROR_FLAG | 0x40, 2, ERROR_FLAG | 0x100)):
+        watch.hear(Sight(now * MS, Frame(can_id), Service.OTHER, "", problem=f"p{now}"))
+    (found,) = watch.findings(0)
+    assert found.text.startswith("2 error frames, the first at 0.001")
+    assert found.text.endswith("p1")

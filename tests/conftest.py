@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.distribution import PLUGIN, declare
 from support.patience import LIMIT
-from support.slow_tests import pytest_collection_modifyitems, pytest_runtest_protocol  # noqa: F401
+from support.slow_tests import mark, pytest_runtest_protocol  # noqa: F401 - a hook
 
 LEVEL = logging.root.level  # of pytest
 
@@ -26,6 +26,28 @@ def pytest_configure(config):
     """End what hangs: here, as pytest refuses the ini key of a plugin that is not installed."""
     if config.pluginmanager.hasplugin("timeout") and config.option.timeout is None:
         config.option.timeout = LIMIT
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    """Let each worker begin with other files, so that none rewrites what another has rewritten.
+
+    In a fresh checkout that takes longer than all else before the first test.
+    """
+    report = yield
+    if isinstance(collector, pytest.Directory) and "PYTEST_XDIST_WORKER" in os.environ:
+        worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+        first = len(report.result) * worker // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        report.result = report.result[first:] + report.result[:first]
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Put the items back in order, which is the same for all workers, and mark the slow ones."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items.sort(key=lambda item: item.path)
+    mark(items)
 
 
 @pytest.hookimpl

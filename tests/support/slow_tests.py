@@ -28,8 +28,7 @@ def function_of(node_id: str) -> str:
     return node_id.partition("[")[0]
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
+def mark(items):
     """Mark as slow what the list names, and what needs more than this: long, a browser, a bus."""
     listed = set(LIST.read_text(encoding="utf-8").split())
     for item in items:

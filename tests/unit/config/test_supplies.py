@@ -288,7 +288,11 @@ line_a_inner_mm = 12
 """
 
 
-@pytest.mark.parametrize("more", ["", LINE, MOTOR], ids=["cylinder", "line", "motor"])
+@pytest.mark.parametrize(
+    "more",
+    ["", pytest.param(LINE, marks=pytest.mark.long), MOTOR],
+    ids=["cylinder", "line", "motor"],
+)
 def test_an_own_unit_shows_what_the_steady_motion_draws_from_it(write, more):
     """The pump limits the motion: all of its flow goes to the axis, none over the relief valve."""
     text = f'[plant.axis1]\nsupply = "unit"\npump_flow_l_min = 3\n{more}'

@@ -51,6 +51,7 @@ def compared(before: AxisRecord, machine: Machine) -> Comparison:
     return compare(before, record_of(machine), AXIS, SETTINGS, Options(wish))
 
 
+@pytest.mark.long
 def test_the_same_machine_has_not_changed(before: AxisRecord) -> None:
     found = compared(before, replace(SOUND, state=None))
 
@@ -119,6 +120,7 @@ def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> N
     assert found.changes[0].after == pytest.approx(2e-12 * 6e4 * 1e5, rel=0.1)
 
 
+@pytest.mark.long
 def test_less_supply_is_named(before: AxisRecord) -> None:
     weak = replace(paper_parameters(), P_S=9.3e6)
 

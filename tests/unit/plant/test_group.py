@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def cylinders(count, *, extended=()):
+def cylinders(count, *, extended=frozenset()):
     """Return as many cylinders, no two of them alike; those named hold a leak to the tank."""
     paper, bench = paper_parameters(), PlantOptions.bench()
     return [
@@ -121,16 +121,16 @@ def test_a_plant_that_has_left_the_finite_numbers_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("plants", "is_grouped"),
+    ("count", "extended", "is_grouped"),
     [
-        (cylinders(FEWEST), True),
-        (cylinders(FEWEST - 1), False),
-        (cylinders(FEWEST, extended={0}), False),
-        (cylinders(FEWEST + 1, extended={0}), True),
+        (FEWEST, set(), True),
+        (FEWEST - 1, set(), False),
+        (FEWEST, {0}, False),
+        (FEWEST + 1, {0}, True),
     ],
 )
-def test_only_enough_plants_without_extensions_make_a_group(plants, is_grouped):
-    assert (group_cylinders(plants) is not None) is is_grouped
+def test_only_enough_plants_without_extensions_make_a_group(count, extended, is_grouped):
+    assert (group_cylinders(cylinders(count, extended=extended)) is not None) is is_grouped
 
 
 def test_without_numba_plants_move_one_by_one(monkeypatch):

@@ -54,6 +54,10 @@ _EMERGENCY_CLASSES: Final = {
 """Emergency error codes of CiA 301: one by one, and by their high byte."""
 
 
+NO_MEANING: Final = "code without a meaning in CiA 301"
+"""The text of an emergency error code that CiA 301 does not have."""
+
+
 def is_error_reset(code: int) -> bool:
     """Return True if an emergency error code reports an error as gone: 0x0000 to 0x00FF."""
     return code < 0x0100
@@ -65,7 +69,7 @@ def emergency_text(code: int) -> str:
         return "error reset"
     high = code >> 8
     text = _EMERGENCIES.get(code) or _EMERGENCY_CLASSES.get(high)
-    return text or _EMERGENCY_CLASSES.get(high & 0xF0) or "code without a meaning in CiA 301"
+    return text or _EMERGENCY_CLASSES.get(high & 0xF0) or NO_MEANING
 
 
 def can_text(can: Mapping[str, Any]) -> str:

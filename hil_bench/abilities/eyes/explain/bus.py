@@ -1,11 +1,11 @@
-"""EMCY, error frames and the load of a bus."""
+"""The language of a bus, its EMCY, error frames and load."""
 
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.words import emergency_text, is_error_reset
+from hil_bench.canopen_device.words import NO_MEANING, emergency_text, is_error_reset
 from hil_bench.frame import bits_of, frame_bits, is_error_frame
 
 _WINDOW = 100_000_000
@@ -18,6 +18,109 @@ _BITS = [
 
 _MOST = 4096
 """Kinds of errors that are kept."""
+
+
+_SEEN_FOR_ONE = 20
+"""Frames that CANopen does not have, for each that only CANopen has, on a bus that speaks it."""
+
+_LEAST_INDEX = 0x1000
+"""Of an object that can be read or written (CiA 301, table 39)."""
+
+
+_UNKNOWN = ("command", "state")
+"""How the words of an NMT, a heartbeat or an LSS message begin that CiA 301 and 305 lack."""
+
+
+class Language:
+    """Counts the frames that show whether a bus speaks CANopen, and whether J1939.
+
+    Only CANopen has an NMT command, a heartbeat, node guarding, an empty SYNC, an LSS command, an
+    SDO request that is answered. It has no such message of another length or content.
+    """
+
+    hears = frozenset(Service) - {Service.PDO, Service.OTHER, Service.TIME}
+
+    def __init__(self) -> None:
+        self.for_canopen = 0
+        self.against = Evidence()
+        self.is_j1939 = False
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        if sight.service is Service.J1939:
+            self.is_j1939 = True
+        elif _is_against(sight):
+            self.against.append(sight)
+        else:
+            self.for_canopen += _is_for(sight)
+
+    def pause(self, length: int) -> None:
+        """Nothing of it depends on the time."""
+
+    def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
+        """Yield nothing: it says who else may."""
+        return iter(())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The languages that the frames show to be spoken."""
+        is_spoken = {"CANopen": self.is_canopen, "J1939": self.is_j1939}
+        return tuple(name for name, is_one in is_spoken.items() if is_one)
+
+    @property
+    def is_canopen(self) -> bool:
+        """The frames show that CANopen is spoken."""
+        return 0 < self.for_canopen * _SEEN_FOR_ONE >= self.against.total
+
+    @property
+    def is_foreign(self) -> bool:
+        """The frames show that it is not."""
+        return not self.is_canopen and self.against.total > 0
+
+    def notes(self, frames: int) -> Iterator[str]:
+        """Yield a line where CANopen is not what they speak.
+
+        Args:
+            frames: how many there were.
+
+        Yields:
+            At most one line.
+        """
+        if self.is_foreign:
+            first = self.against[0]
+            what = f"{first.frame.can_id:03X} [{first.frame.data.hex(' ').upper()}]"
+            yield (
+                f"this is no CANopen: {self.against.total} of {frames} frames are not as CiA 301 "
+                f"has them, the first at {seconds(first.now)}: {what}"
+            )
+        elif frames and not self.names:
+            yield (
+                f"none of {frames} frames shows that CANopen or J1939 is spoken: no NMT command, "
+                "no heartbeat, no answered SDO request, no address claim"
+            )
+
+
+def _is_for(sight: Sight) -> bool:
+    match sight.service:
+        case Service.SYNC:
+            return not sight.frame.data
+        case Service.SDO:
+            return sight.transfer is not None and sight.transfer.is_answered
+        case Service.EMCY:
+            return False  # any eight bytes can be one
+    return True
+
+
+def _is_against(sight: Sight) -> bool:
+    match sight.service:
+        case Service.SDO if sight.transfer is not None:
+            return not sight.transfer.is_answered and sight.transfer.index < _LEAST_INDEX
+        case Service.SDO:
+            return not sight.frame.is_remote  # of no transfer
+        case Service.EMCY:
+            code = sight.emcy_code
+            return bool(sight.problem) or (code is not None and emergency_text(code) == NO_MEANING)
+    return bool(sight.problem) or sight.words.startswith(_UNKNOWN)
 
 
 class ErrorFrames:

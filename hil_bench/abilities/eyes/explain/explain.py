@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
+from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Language, Load
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, seconds
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
@@ -90,6 +90,9 @@ class Clock:
 _AT_ONCE = 5_000_000
 """Time within which the PDOs of several nodes stay out together [ns]."""
 
+_CANOPEN = "CiA"
+"""How the clauses of causes begin that only CANopen has."""
+
 _OF_SDO = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER})
 
 
@@ -103,6 +106,8 @@ class Explanation(NamedTuple):
         nodes: names of those that were heard or spoken to.
         load: share of the bus's time that was taken [-].
         notes: what is odd with the log itself.
+        languages: those that its frames show to be spoken, "CANopen" and "J1939".
+        is_judged: whether one of them is, or the bus has known nodes and no frame is against them.
     """
 
     findings: tuple[Finding, ...]
@@ -111,6 +116,8 @@ class Explanation(NamedTuple):
     nodes: tuple[str, ...]
     load: float
     notes: tuple[str, ...] = ()
+    languages: tuple[str, ...] = ()
+    is_judged: bool = True
 
 
 class Explainer:
@@ -138,7 +145,9 @@ class Explainer:
         self._load, self._silence, self._clock = Load(bitrate, speedup), Silence(), Clock()
         self._recordings = Recordings()
         self._presence = Presence(self._decoder, nodes)
+        self._has_nodes, self._language = bool(nodes), Language()
         self._watches: tuple[Watch, ...] = (
+            self._language,
             self._presence,
             Heartbeats(self._decoder),
             Transfers(self._decoder),
@@ -192,6 +201,11 @@ class Explainer:
         for hear in self._hearers[sight.service]:
             hear(sight)
 
+    def _heard_nodes(self) -> tuple[str, ...]:
+        if self._language.is_foreign and not self._has_nodes:
+            return ()
+        return tuple(node.name for _, node in sorted(self._decoder.nodes.items()))
+
     @property
     def now(self) -> int:
         """Time of the last frame, from the first on [ns]."""
@@ -215,14 +229,18 @@ class Explainer:
         found += self._recordings.findings()
         scanned = self._presence.scanned
         found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
-        duration = now * 1e-9
+        spoken, duration = self._language, now * 1e-9
+        if spoken.is_foreign and not self._has_nodes:
+            found = [f for f in found if not f.cause.clause.startswith(_CANOPEN)]
         return Explanation(
             _together(fewest(found)),
             self._frames,
             duration,
-            (*(node.name for _, node in sorted(self._decoder.nodes.items())), *self._senders),
+            (*self._heard_nodes(), *self._senders),
             self._load.total / (self._bitrate * duration) if duration else 0.0,
-            tuple(self._clock.notes()),
+            (*self._clock.notes(), *spoken.notes(self._frames)),
+            spoken.names,
+            bool(spoken.names or (self._has_nodes and not spoken.is_foreign)),
         )
 
 

@@ -23,7 +23,8 @@ examples:
   hil-bench explain trace.log bench.toml --json
   hil-bench explain trace.log --dbc vehicle.dbc            frames of others in its words
 
-exit code 1 where something is wrong, 0 where nothing was found
+exit code 1 where something is wrong, 0 where nothing was found, 6 where no frame shows that
+CANopen or J1939 is spoken
 """
 
 
@@ -68,7 +69,14 @@ def run(args: argparse.Namespace) -> int:
     lines = explanation_lines(found, bitrate, DbcMessages(args.dbc).explain)
     print_results(args, lines, explanation_content(found))
     eyes_arguments.print_losses(args, left_out)
-    return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
+    return explanation_code(found)
+
+
+def explanation_code(found: Explanation) -> ExitCode:
+    """Return the exit code of an explanation."""
+    if found.findings:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if found.is_judged else ExitCode.INCONCLUSIVE
 
 
 def explanation_lines(
@@ -104,7 +112,9 @@ def explanation_lines(
         yield f"   do  {finding.cause.advice}"
     for note in found.notes:
         yield f"the log: {note}"
-    if not found.findings:
+    if not found.is_judged:
+        yield "not judged by CiA 301: load, silence and error frames are all that was looked at"
+    elif not found.findings:
         yield "nothing wrong found"
 
 
@@ -116,6 +126,8 @@ def explanation_content(found: Explanation) -> dict[str, object]:
         "nodes": found.nodes,
         "load": found.load,
         "notes": found.notes,
+        "languages": found.languages,
+        "is_judged": found.is_judged,
         "findings": [finding_content(each) for each in found.findings],
     }
 

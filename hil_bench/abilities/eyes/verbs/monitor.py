@@ -12,6 +12,7 @@ from hil_bench.abilities.eyes.explain.explain import Change, Explainer, LiveFind
 from hil_bench.abilities.eyes.listener import loss_words
 from hil_bench.abilities.eyes.verbs import eyes_arguments, listening
 from hil_bench.abilities.eyes.verbs.explain import (
+    explanation_code,
     explanation_content,
     explanation_lines,
     finding_content,
@@ -56,9 +57,7 @@ def explain_bus(args: argparse.Namespace, config: BenchConfig) -> int:
         print(json.dumps(plain(explanation_content(found)), allow_nan=False), flush=True)
     else:
         print_lines(args, *explanation_lines(found, bitrate, say))
-    if not frames:
-        return ExitCode.INCONCLUSIVE
-    return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
+    return explanation_code(found) if frames else ExitCode.INCONCLUSIVE
 
 
 def _show(args: argparse.Namespace, change: Change) -> None:

@@ -33,6 +33,7 @@ _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
         signals.TRANSPORT_CONNECTION: "TP.CM, transport connection",
         signals.ADDRESS_CLAIMED: "address claimed",
         0xEF00: "proprietary A",
+        0x1EF00: "proprietary A2",
         0xF001: "EBC1, brakes",
         0xF002: "ETC1, transmission",
         0xF003: "EEC2, accelerator pedal",
@@ -65,6 +66,7 @@ _RANGES: Final = (
     (range(0xFE20, 0xFE30), "auxiliary valve {} measured flow"),
     (range(0xFE30, 0xFE40), "auxiliary valve {} command"),
     (range(0xFF00, 0x10000), "proprietary B"),
+    (range(0x1F000, 0x20000), "NMEA 2000"),
 )
 _TRANSPORTS: Final[Mapping[int, str]] = MappingProxyType(
     {

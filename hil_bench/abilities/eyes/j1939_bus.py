@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.abilities.eyes.j1939 import content_of, group_name
-from hil_bench.abilities.eyes.j1939_transfers import LongMessage, LongMessages
+from hil_bench.abilities.eyes.j1939_transfers import FastPackets, LongMessage, LongMessages
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.abilities.eyes.sight import J1939Message, Service, Sight
 from hil_bench.abilities.j1939.protocol.signals import (
@@ -57,7 +57,7 @@ class J1939Reader:
         self._at: dict[Place, KnownEcu] = {(each.bus, each.address): each for each in known}
         self._buses = {each.bus for each in known}
         self._named: dict[int, int] = {}
-        self._long = LongMessages()
+        self._long, self._fast = LongMessages(), FastPackets()
         self._asked: dict[Place, int] = {}
         self._last: dict[tuple[int, int, int], Frame] = {}
 
@@ -97,8 +97,12 @@ class J1939Reader:
         return [*sights, self._of_frame(logged, group, way)]
 
     def _is_proof(self, frame: Frame, group: int) -> bool:
-        """Return True if enough frames of named parameter groups show that J1939 is spoken."""
-        if len(frame.data) == NAME_BYTES and (group_name(group) or group in _ASSIGNED):
+        """Return True if enough frames of named parameter groups show that J1939 is spoken.
+
+        Any small identifier of 29 bits is one of group 0, so that shows nothing.
+        """
+        is_named = group and (group_name(group) or group in _ASSIGNED)
+        if len(frame.data) == NAME_BYTES and is_named:
             self._named[frame.bus] = self._named.get(frame.bus, 0) + 1
         if self._named.get(frame.bus, 0) >= _PROOF:
             self._buses.add(frame.bus)
@@ -131,6 +135,11 @@ class J1939Reader:
 
     def _of_frame(self, logged: LoggedFrame, group: int, way: tuple[int, int]) -> Sight:
         frame, (source, destination) = logged.frame, way
+        part = self._fast.part_of((frame.bus, *way), group, frame.data, logged.now)
+        if part is not None:
+            words = f"frame {part[0]} of {part[1]} of a fast packet {_digits(frame.data)}"
+            head = logged.now, frame, Service.J1939, f"PGN {group}", self.label(frame.bus, source)
+            return Sight(*head, said=words)
         receiver = self._receiver(frame.bus, destination)
         signals = self._signals(frame.bus, source, group)
         shown = tuple((each.name, each.shown(frame.data)) for each in signals)

@@ -277,3 +277,51 @@ def _missing(message: LongMessage) -> tuple[str, int]:
     if message.is_whole:
         return f"not acknowledged, {what}", culprit
     return f"not complete, {len(message.packets)} of {message.count} packets, {what}", culprit
+
+
+# Fast packets of NMEA 2000: up to 223 bytes, one frame of one identifier behind the other.
+
+_FAST: Final = range(0x1ED00, 0x20000)
+"""The parameter groups that can be sent so; those of J1939 are below."""
+
+_COUNT_BITS: Final = 0x1F
+_IN_ONE_FRAME: Final = 8
+_IN_FIRST, _IN_NEXT, _MOST_OF_FAST = 6, 7, 223
+_BEHIND: Final = 50 * _MS
+"""Time within which the next frame follows [ns]."""
+
+
+class FastPackets:
+    """Knows the frames that go on a fast packet.
+
+    The upper three bits of the first byte number the message, the lower five its frames from 0; the
+    second byte of the first one is the length. Other messages of one frame can look like a first
+    one; what follows in time and number is no message of its own.
+    """
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[Key, int], tuple[int, int, int]] = {}
+
+    def part_of(self, key: Key, group: int, data: bytes, now: int) -> tuple[int, int] | None:
+        """Return number and count of a frame that goes on a fast packet; None for any other.
+
+        Args:
+            key: bus, sender and receiver.
+            group: its PGN.
+            data: of the frame.
+            now: when it came [ns].
+        """
+        if group not in _FAST or len(data) != _IN_ONE_FRAME:
+            return None
+        before = self._open.pop((key, group), None)
+        if data[0] & _COUNT_BITS == 0:
+            if _IN_ONE_FRAME < data[1] <= _MOST_OF_FAST and len(self._open) < _MOST:
+                frames = 1 - -(data[1] - _IN_FIRST) // _IN_NEXT
+                self._open[key, group] = data[0], frames, now
+            return None
+        if before is None or data[0] != before[0] + 1 or now - before[2] > _BEHIND:
+            return None
+        number = (data[0] & _COUNT_BITS) + 1
+        if number < before[1]:
+            self._open[key, group] = data[0], before[1], now
+        return number, before[1]

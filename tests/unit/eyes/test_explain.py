@@ -135,7 +135,7 @@ def test_a_node_that_obeys_late_has_obeyed(last, causes):
     assert [each.cause for each in found] == causes
 
 
-@pytest.mark.parametrize(("boots", "more"), [([0, 500], ""), ([0, 500, 900], ", and 1 times more")])
+@pytest.mark.parametrize(("boots", "more"), [([0, 500], ""), ([0, 500, 900], ", and once more")])
 def test_restarts_are_counted(boots, more):
     (finding,) = findings_of(*((time, Frame(0x702, b"\0")) for time in boots))
     assert finding.text.startswith(f"node 2 restarts by itself at 0.500 s{more}: its supply")

@@ -83,7 +83,7 @@ def test_a_protected_pdo_without_its_protection_is_too_short():
         (
             [1, 2, 5, 6, 8],
             Cause.PDO_LOST,
-            "from 2 to 5 at 0.040 s, 2 sent and not seen; 1 times more, 3 not seen in all",
+            "from 2 to 5 at 0.040 s, 2 sent and not seen; once more, 3 not seen in all",
         ),
         ([9, 10, 3, 4, 5], Cause.PDO_LOST, "goes back from 10 to 3 at 0.040 s, overtaken or"),
     ],

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Language, Load
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, seconds
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, more, seconds
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
 from hil_bench.abilities.eyes.explain.j1939_addresses import Addresses, Names, Restarts
@@ -78,8 +78,8 @@ class Clock:
     def notes(self) -> Iterator[str]:
         """Yield a line for each oddity."""
         if self._backs:
-            more = f", and {self._back_count - 1} times more" if self._back_count > 1 else ""
-            at = f"the clock goes back at {seconds(self._backs[0])}{more}"
+            again = more(self._back_count, ", and")
+            at = f"the clock goes back at {seconds(self._backs[0])}{again}"
             yield f"{at}; what follows is joined on"
         if self._left_out:
             yield f"{self._left_out} frames of an earlier time, as of a second log, are left out"

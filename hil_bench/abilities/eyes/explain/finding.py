@@ -35,6 +35,11 @@ class Evidence(list[Sight]):
             super().append(sight)
 
 
+def more(count: int, sign: str = ";") -> str:
+    """Return the words for what came so many times in all; empty for once."""
+    return f"{sign} {count - 1} times more" if count > 2 else f"{sign} once more" * (count > 1)
+
+
 class Cause(Enum):
     """The possible causes, in the order in which an expert looks, each with its clause and advice.
 

@@ -86,6 +86,7 @@ class Requests(OfJ1939):
     def __init__(self) -> None:
         self._open: dict[tuple[int, int, int], Sight] = {}
         self._failed: dict[tuple[str, str, str], Evidence] = {}
+        self._heard: set[Who] = set()
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -93,6 +94,8 @@ class Requests(OfJ1939):
         if message is None:
             return
         bus, data = sight.frame.bus, message.data or b""
+        if len(self._heard) < _MOST:
+            self._heard.add((bus, message.source))
         if (
             message.group == signals.REQUEST
             and message.destination != signals.GLOBAL
@@ -123,16 +126,18 @@ class Requests(OfJ1939):
         """
         silent = {
             (s.node, s.words, "not answered"): Evidence([s])
-            for s in self._open.values()
+            for (bus, asked, group), s in self._open.items()
             if end - s.now > _ANSWER
+            # Who asks at an address of nobody for its claim looks whether it is free.
+            if group != signals.ADDRESS_CLAIMED or (bus, asked) in self._heard
         }
         for (node, words, what), sights in [*self._failed.items(), *silent.items()]:
             first = sights[0]
             text = f"{node}: {words}: {what}, at {seconds(first.now)}"
             text += f"; {sights.total} times" if sights.total > 1 else ""
-            asked = first.message.receiver if first.message is not None else ""
+            receiver = first.message.receiver if first.message is not None else ""
             found = finding(Cause.J1939_REQUEST, node, sights, text)
-            yield found._replace(others=(asked,))
+            yield found._replace(others=(receiver,))
 
     def _fail(self, sight: Sight, why: str) -> None:
         key = sight.node, sight.words, why

@@ -1,7 +1,7 @@
 """Address claims on J1939: clashes of addresses and NAMEs, and devices that restart."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.explain.finding import (
@@ -42,6 +42,14 @@ _DARK: Final = 250 * _MS
 _LONGER: Final = 1.5
 """Silence before a claim that nobody has asked for, of a device that restarts: at least so long
 [ns], and so many times the usual time between two frames of the device."""
+
+_AT_ONCE: Final = 750 * _MS
+"""Time within which all answer who were asked for their claims [ns]: 250 ms, and up to 153 ms by
+chance for those that begin to claim then, with as much again for a busy bus."""
+
+_ALL: Final = 3
+"""Devices that claim at once on a bus that goes on: somebody has asked whom the log does not show,
+as an adapter that does not record what it sends itself."""
 
 _FEWEST: Final = 3
 _MOST: Final = 4096
@@ -206,6 +214,32 @@ class _Life:
     usual: float = 0.0
 
 
+class _Claim(NamedTuple):
+    """A claim that nobody has asked for: whose, its frames before, whether it claimed before."""
+
+    who: Who
+    sight: Sight
+    life: _Life | None
+    is_again: bool
+
+
+@dataclass(slots=True)
+class _Round:
+    """Claims that come at once.
+
+    Attributes:
+        begin: time of the first one [ns].
+        is_busy: other frames came until then.
+        claims: those that are not counted yet.
+        who: the devices of all.
+    """
+
+    begin: int
+    is_busy: bool
+    claims: list[_Claim] = field(default_factory=list)
+    who: set[Who] = field(default_factory=set)
+
+
 class Restarts(OfJ1939):
     """Watches for devices that claim their address anew after a silence, and nobody has asked."""
 
@@ -215,6 +249,8 @@ class Restarts(OfJ1939):
         self._contended: dict[Who, int] = {}
         self._found: dict[Who, tuple[Evidence, int]] = {}  # with the first silence [ns]
         self._again: dict[Who, Evidence] = {}
+        self._last: dict[int, int] = {}  # time of the last frame of each bus, but for claims [ns]
+        self._rounds: dict[int, _Round] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
@@ -225,6 +261,7 @@ class Restarts(OfJ1939):
         if message.group == signals.ADDRESS_CLAIMED:
             self._hear_claim(who, message, sight)
             return
+        self._last[who[0]] = sight.now
         life = self._lives.get(who)
         if life is None:
             if len(self._lives) < _MOST:
@@ -244,20 +281,43 @@ class Restarts(OfJ1939):
             self._names[who] = name
         if before is not None and before != name:
             self._contended[who] = sight.now
+            if who[0] in self._rounds:
+                claims = self._rounds[who[0]].claims
+                claims[:] = [each for each in claims if each.who != who]
             found = self._found.get(who)
             if found is not None and _is_recent(found[0][1].now, sight):
                 del self._found[who]  # the claim before was that of a contender
             return
         if claim.is_answer or _is_recent(self._contended.get(who), sight):
             return
-        if before is not None and len(self._again) < _MOST:
+        bus, now = who[0], sight.now
+        current = self._rounds.get(bus)
+        if current is None or now - current.begin > _AT_ONCE:
+            self._settle(bus)
+            current = _Round(now, now - self._last.get(bus, now) < _DARK)
+            self._rounds[bus] = current
+        current.claims.append(_Claim(who, sight, life, before is not None))
+
+    def _settle(self, bus: int) -> None:
+        """Count the claims of a round; many at once, on a bus that goes on, were asked for."""
+        current = self._rounds.get(bus)
+        if current is None:
+            return
+        claims, current.claims = current.claims, []
+        current.who.update(each.who for each in claims)
+        if current.is_busy and len(current.who) >= _ALL:
+            return
+        for each in claims:
+            self._count(each)
+
+    def _count(self, claim: _Claim) -> None:
+        who, sight, life, is_again = claim
+        if is_again and len(self._again) < _MOST:
             self._again.setdefault(who, Evidence()).append(sight)
         if life is None or life.frames < _FEWEST:
             return
         dark = sight.now - life.last.now
-        if dark < max(_DARK, _LONGER * life.usual):
-            return
-        if len(self._found) < _MOST:
+        if dark >= max(_DARK, _LONGER * life.usual) and len(self._found) < _MOST:
             said, _ = self._found.setdefault(who, (Evidence([life.last]), dark))
             said.append(sight)
 
@@ -270,6 +330,8 @@ class Restarts(OfJ1939):
         Yields:
             The findings.
         """
+        for bus in self._rounds:
+            self._settle(bus)
         for said, silence in self._found.values():
             last, claim = said[0], said[1]
             text = f"{claim.node} sends nothing for {milliseconds(silence)} after"

@@ -28,6 +28,8 @@ _FEWEST_OF_SILENT: Final = 4
 _SHARE_OF_SILENT: Final = 0.6
 _LATE_OF_SILENT: Final = 5.0
 """Less is asked of the messages of a device that sends nothing at all any more."""
+_OFTEN: Final = 12
+"""Gaps of a message, or silences of a device, from which on they are its way to send."""
 _SEVERAL: Final = 2
 """Messages with a period of a device that was away; of one message it is this that stayed out."""
 
@@ -201,7 +203,8 @@ class Cycles(OfJ1939):
         """
         silent = set()
         for away in self._away.values():
-            yield away.finding()
+            if away.times < _OFTEN:
+                yield away.finding()
         for who, cycles in self._by_sender().items():
             period, group, _ = _quickest(cycles)
             last = self._heard[who]
@@ -215,7 +218,7 @@ class Cycles(OfJ1939):
                 yield Finding(Cause.J1939_SILENT, last.node, last.now, text, (last,))
         for (bus, source, group), cycle in self._cycles.items():
             period = _period(cycle)
-            if not period or (bus, source) in silent:
+            if not period or cycle.gaps >= _OFTEN or (bus, source) in silent:
                 continue
             before, after = cycle.gap or (cycle.last, None)
             lasts = end - cycle.due_from if after is None else after.now - before.now

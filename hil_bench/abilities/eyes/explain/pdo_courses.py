@@ -10,6 +10,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     Finding,
     finding,
     milliseconds,
+    more,
     seconds,
 )
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
@@ -213,8 +214,8 @@ def _standstill_finding(count: _Count) -> Finding:
     text += f"{count.stood} frames repeated"
     if count.stood == 1:
         text = f"{node.name} {pdo.name}: frame with counter {count.stood_at} repeated at {since}"
-    if others := count.standstills - 1:
-        text += f"; {others} times more, {count.repeated.total} frames repeated in all"
+    if count.standstills > 1:
+        text += f"{more(count.standstills)}, {count.repeated.total} frames repeated in all"
     return finding(Cause.PDO_REPEATED, node.name, count.repeated, text)
 
 
@@ -224,6 +225,6 @@ def _jump_finding(count: _Count) -> Finding:
     text = f"{node.name} {pdo.name}: counter goes {way}from {before} to {after}"
     text += f" at {seconds(count.jumps[0].now)}"
     text += f", {lost} sent and not seen" if lost else ", overtaken or started anew"
-    if others := count.jumps.total - 1:
-        text += f"; {others} times more, {count.lost} not seen in all"
+    if count.jumps.total > 1:
+        text += f"{more(count.jumps.total)}, {count.lost} not seen in all"
     return finding(Cause.PDO_LOST, node.name, count.jumps, text)

@@ -11,6 +11,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     Finding,
     finding,
     milliseconds,
+    more,
     seconds,
 )
 from hil_bench.abilities.eyes.frame_sights import transfer_title
@@ -234,7 +235,7 @@ class Transfers:
         for node, sights in self._shared.items():
             text = f"{node}: another request came before the answer to {sights[0].words}, "
             text += f"at {seconds(sights[0].now)}"
-            text += f", and {sights.total - 1} times more" if sights.total > 1 else ""
+            text += more(sights.total, ", and")
             yield finding(Cause.SDO_SHARED, node, sights, text + ": two clients, or one in haste")
         for (node, *_), sights in self._aborted.items():
             first = sights[0]

@@ -11,6 +11,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     Finding,
     finding,
     milliseconds,
+    more,
     seconds,
 )
 from hil_bench.abilities.eyes.known_node import KnownNode
@@ -273,9 +274,7 @@ class Presence:
         elif life.restarts:
             count = life.restarts.total
             when = seconds(life.restarts[0].now)
-            text = f"{name} restarts by itself at {when}" + (
-                f", and {count - 1} times more" if count > 1 else ""
-            )
+            text = f"{name} restarts by itself at {when}{more(count, ', and')}"
             text += ": its supply, or its watchdog; it then waits to be configured and started"
             yield finding(Cause.RESTART, name, life.restarts, text)
         elif life.late:
@@ -319,6 +318,6 @@ def _slowness(life: _Life, late: tuple[Sight, Sight]) -> Finding:
     name, (given_up, answer) = life.node.name, late
     after = milliseconds(answer.now - given_up.now)
     text = f"{name} answers {after} after its client has given up, at {seconds(answer.now)}"
-    text += f", and {life.late_answers - 1} times more" if life.late_answers > 1 else ""
+    text += more(life.late_answers, ", and")
     text += ": it is slow, or the client's time-out short"
     return Finding(Cause.SDO_LATE, name, given_up.now, text, late, life.late_answers)

@@ -10,6 +10,7 @@ from hil_bench.abilities.eyes.explain.finding import (
     Finding,
     finding,
     milliseconds,
+    more,
     seconds,
 )
 from hil_bench.abilities.eyes.explain.pdo_courses import (
@@ -240,7 +241,7 @@ class ProcessData:
         else:
             meaning = "time-out" if is_rpdo else "event timer"
             what += f"; its {meaning} is {pdo.event_time_ms} ms"
-        what += f"; {gaps - 1} times more" if gaps > 1 else ""
+        what += more(gaps)
         reported = self._reported(node.name, frozenset({_RPDO_EMCY})) if is_rpdo else []
         what += (
             f"; {node.name} reports it by EMCY at {seconds(reported[0].now)}" if reported else ""

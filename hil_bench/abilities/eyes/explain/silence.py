@@ -7,7 +7,7 @@ from statistics import median
 from typing import Final
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, seconds
+from hil_bench.abilities.eyes.explain.finding import Cause, Finding, milliseconds, more, seconds
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import Way
 from hil_bench.canopen_device.frame import Frame
@@ -116,7 +116,7 @@ class Silence:
             since, gap, senders = first
             text = f"nothing is on the bus for {milliseconds(gap)} after {seconds(since)}, of "
             text += f"{senders} senders that were due"
-            text += f"; {gaps - 1} times more" if gaps > 1 else ""
+            text += more(gaps)
             yield Finding(Cause.BUS_SILENT, "", since, text)
 
     def _due(self, now: int, gap: int) -> int:
@@ -273,8 +273,7 @@ class Heartbeats:
             text += ", and none until the end"
         else:
             text += f", for {milliseconds(next_one.now - last.now)}"
-        if gaps > 1:
-            text += f"; {gaps - 1} times more"
+        text += more(gaps)
         noticed = [
             emcy
             for emcy in self._emergencies

@@ -3,6 +3,7 @@
 import math
 from itertools import pairwise
 
+import can
 import pytest
 
 from hil_bench.abilities.copper.extension import Copper
@@ -200,3 +201,18 @@ def test_traffic_is_measured_frame_by_frame():
     slow = measured(100 * MS, 10_000)
     assert slow.waiting > 5
     assert all(late >= early for early, late in pairwise(slow.worst[each] for each in ids[1:3]))
+
+
+def test_each_frame_is_logged_at_its_end_and_as_coming_from_its_side():
+    with VirtualBench(wired({}, bitrate=125_000)) as bench:
+        bench.bus.send(can.Message(arbitration_id=0x7F0, is_extended_id=False))
+        bench.run(0.01)
+        logged = list(bench.frames)
+    outside = [(each.frame, each.now) for each in logged if each.is_received]
+    assert outside == [(Frame(0x7F0), BIT * exact_bits(Frame(0x7F0)))]
+    assert [each.frame.can_id for each in logged if not each.is_received] == [
+        0x701,
+        0x702,
+        0x703,
+        0x704,
+    ]

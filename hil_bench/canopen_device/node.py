@@ -175,6 +175,11 @@ class Node:
         return self._agenda.due
 
     @property
+    def has_power(self) -> bool:
+        """Return True from `start` to `switch_off`."""
+        return self._is_started
+
+    @property
     def sync_id(self) -> int | None:
         """Identifier of SYNC, None where the device knows none."""
         return self._process_data.sync.can_id
@@ -214,6 +219,11 @@ class Node:
         """
         self._is_started = True
         self._rest.bring_forward(now)
+
+    def switch_off(self) -> None:
+        """Power off: forget what is not stored, and say nothing until `start`."""
+        self._reset(NmtCommand.RESET_NODE)
+        self._is_started = False
 
     def receive(self, frame: Frame, now: int) -> None:
         """Take a frame from the bus: NMT, SYNC, RPDO act at once; SDO requests are queued."""

@@ -85,6 +85,7 @@ class Measurement:
         rate_path: the way of the rate, None without one.
         measured: what was published last [SI]; of a share, before the division by `full`.
         measured_rate: the rate that was published last.
+        has_power: False: the device is off and publishes nothing; what is measured is NaN.
         full: as passed in.
         channels: what is recorded: name and unit of `measured` / `full` and `measured_rate`.
     """
@@ -103,6 +104,7 @@ class Measurement:
         self.path = SignalPath(stages)
         self.rate_path = None if rate is None else SignalPath(rate.stages)
         self.measured = self.measured_rate = math.nan
+        self.has_power = True
         self.channels = [(f"{name}.measured", quantity.unit)]
         self._publish = publish
         self._place = quantity.output or 0
@@ -119,13 +121,19 @@ class Measurement:
             value = stage(value)
         self.measured = value
         if self.rate_path is None:
-            self._publish(value, now)
+            if self.has_power:
+                self._publish(value, now)
+            else:
+                self.measured = math.nan
             return
         rate = output[self._rate_place]
         for stage in self.rate_path.stages:
             rate = stage(rate)
         self.measured_rate = rate
-        self._publish(value, rate, now)
+        if self.has_power:
+            self._publish(value, rate, now)
+        else:
+            self.measured = self.measured_rate = math.nan
 
 
 class CommandSource(Protocol):

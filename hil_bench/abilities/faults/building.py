@@ -4,7 +4,13 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Protocol, runtime_checkable
 
-from hil_bench.abilities.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.abilities.faults.effects import (
+    Act,
+    DefectPoint,
+    SensorPoint,
+    SpoolPoint,
+    SupplyPoint,
+)
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.points import (
@@ -22,13 +28,10 @@ from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
+from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
-
-_RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
 
 def build_faults(config: BenchConfig, bench: Bench, planned: Sequence[FaultConfig]) -> Faults:
@@ -74,8 +77,9 @@ def find_fault_points(config: BenchConfig, bench: Bench) -> FaultPoints:
             defects = {each.name: each for each in supply.defects}
             worn[supply.name] = DefectPoint(supply, defects, {})
     for name, node in nodes.items():
-        reset = partial(node.receive, _RESET)
-        points.of(NODES)[name] = NodePoint(node, reset, reset, buses[name])
+        points.of(NODES)[name] = NodePoint(
+            node, partial(_switch_off, node), partial(_switch_on, node), buses[name]
+        )
     if bench.medium is not None:
         devices = {**nodes, **{name: peer.ecu for name, peer in peers.items()}}
         plugs = {name: bench.medium.point(device) for name, device in devices.items()}
@@ -83,7 +87,33 @@ def find_fault_points(config: BenchConfig, bench: Bench) -> FaultPoints:
     for extension in bench.extensions:
         if isinstance(extension, Fallible):
             extension.add_points(points, buses)
+    _cut_sensors_off(points.of(NODES), fittings)
     return points
+
+
+def _switch_off(node: Node, _now: int) -> None:
+    node.switch_off()
+
+
+def _switch_on(node: Node, now: int) -> None:
+    node.switch_off()  # forgets what its device has done meanwhile
+    node.start(now)
+
+
+def _cut_sensors_off(nodes: dict[str, NodePoint], fittings: Mapping[str, Fitting]) -> None:
+    """Let the sensors of each device lose their power with it."""
+
+    def switch(act: Act, fitting: Fitting, now: int, *, has_power: bool) -> None:
+        act(now)
+        for _, sensor in (*fitting.sensors, *fitting.sources):
+            sensor.has_power = has_power
+
+    for name, fitting in fittings.items():
+        if name in nodes:
+            point = nodes[name]
+            off = partial(switch, point.off, fitting, has_power=False)
+            on = partial(switch, point.on, fitting, has_power=True)
+            nodes[name] = point._replace(off=off, on=on)
 
 
 def _add_signals(

@@ -69,15 +69,23 @@ def ecu_reader(ecus: Mapping[str, EcuHandle], name: str) -> Read | None:
     if rest in ecu:
         value = ecu.values[rest]
         factor = si_unit(value.unit)[1]
-        return lambda _row: value.read() * factor
+        return lambda _row: value.read() * factor if _is_on(ecu) else math.nan
     if rest == _STATE:
         return lambda _row: float(_STATES[ecu.ecu.state])
     return (lambda _row: float(ecu.address)) if rest == _ADDRESS else None
 
 
+def _is_on(ecu: EcuHandle) -> bool:
+    return ecu.ecu.state is not ClaimState.OFF
+
+
 def _code_reader(ecu: EcuHandle, code: tuple[int, ...]) -> Read:
     """Return the reader of an active code with this SPN and FMI; those left out match any."""
-    return lambda _row: float(any(each[: len(code)] == code for each in ecu.trouble_codes))
+    return lambda _row: (
+        float(any(each[: len(code)] == code for each in ecu.trouble_codes))
+        if _is_on(ecu)
+        else math.nan
+    )
 
 
 _EMCY_OBJECT = 0x1014
@@ -208,15 +216,17 @@ class Witness:
         if name in self._registers:
             return partial(_shown, self._registers[name])
         owner, _, rest = name.partition(".")
-        if rest == "nmt" and owner in self._nodes:
-            return partial(_nmt, self._nodes[owner])
-        state = states.get(owner)
-        if rest == "state" and state is not None:
-            return partial(_state, state)
-        if owner in self._nodes:
-            wanted = [v for v in _numbers(self._nodes[owner]) if _is_named(v, rest)]
-            return partial(_held, wanted[0])
-        return lambda _row: float(name in self._heard)
+        if owner not in self._nodes:
+            return lambda _row: float(name in self._heard)
+        node, state = self._nodes[owner], states.get(owner)
+        if rest == "nmt":
+            read: Callable[[], float] = lambda: float(node.state)  # noqa: E731
+        elif rest == "state" and state is not None:
+            read = partial(_state, state)
+        else:
+            wanted = [v for v in _numbers(node) if _is_named(v, rest)]
+            read = partial(_held, wanted[0])
+        return lambda _row: read() if node.has_power else math.nan
 
 
 def _numbers(node: Node) -> Iterator[Variable]:
@@ -227,7 +237,7 @@ def _is_named(variable: Variable, name: str) -> bool:
     return name_object(variable.index, variable.subindex) == name
 
 
-def _held(variable: Variable, _row: Sequence[float]) -> float:
+def _held(variable: Variable) -> float:
     return math.nan if variable.value is None else float(variable.value)
 
 
@@ -235,9 +245,5 @@ def _shown(target: RegisterTarget, _row: Sequence[float]) -> float:
     return target.read()
 
 
-def _nmt(node: Node, _row: Sequence[float]) -> float:
-    return float(node.state)
-
-
-def _state(read: Callable[[], str], _row: Sequence[float]) -> float:
+def _state(read: Callable[[], str]) -> float:
     return float(_VALVE_STATES.get(read(), math.nan))

@@ -256,6 +256,36 @@ def test_a_set_point_that_the_example_overwrites_is_no_run(tmp_path, at, over):
         assert run(tmp_path, text).findings[0].judgement.outcome == "passed"
 
 
+@pytest.mark.parametrize(
+    ("that", "outcome"),
+    [
+        ("always pressure_a.measured < 250 bar", "inconclusive"),
+        ("always pressure_a.0x6130.01 < 250", "inconclusive"),
+        ('always pressure_a.nmt == "PRE_OPERATIONAL"', "inconclusive"),
+        ('always valve.state != "HOLD"', "passed"),
+        ('eventually after 0.16 s pressure_a.nmt == "PRE_OPERATIONAL"', "passed"),
+    ],
+)
+def test_nothing_is_known_of_a_node_without_power(tmp_path, that, outcome):
+    """The others go on, and the node itself with its boot-up at 0.15 s."""
+    text = HEAD + step(0.05, 'fault = "reset"\ntarget = "pressure_a"\nfor_s = 0.1')
+    (found,) = run(tmp_path, text + expect(that)).findings
+    assert found.judgement.outcome == outcome
+    if outcome == "inconclusive":
+        assert found.judgement.coverage.unknown == pytest.approx(0.1)
+
+
+LEVER = Path(__file__).parents[3] / "examples/j1939_lever.toml"
+
+
+@pytest.mark.parametrize("that", ["always joystick.x < 200 %", "always not dm1(joystick)"])
+def test_nothing_is_known_of_a_j1939_device_without_power(tmp_path, that):
+    head = HEAD + f'bench = "{LEVER}"\n'
+    text = head + step(0.05, 'fault = "reset"\ntarget = "joystick"\nfor_s = 0.1')
+    (found,) = run(tmp_path, text + expect(that)).findings
+    assert found.judgement.coverage.unknown == pytest.approx(0.1)
+
+
 def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
     text = HEAD + EXAMPLE + step(0.15, 'fault = "silence"\ntarget = "valve"')
     text = text.replace("manual", "position_control") + expect("always axis1.P_A < 250 bar")

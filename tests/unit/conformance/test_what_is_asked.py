@@ -163,7 +163,94 @@ def test_lss_is_asked_as_cia_305_says(laboratory):
     ]
 
 
-@pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS"])
+# CiA 301, 7.2.4.3.9 to 7.2.4.3.14: A4 and A3 begin an upload, A2 confirms a block with the size of
+# the next one, A1 ends it; C6 begins a download, D5 and D9 end it with 5 and 6 bytes unused.
+def begun(size, threshold=0, index=0x1008):
+    return f"605 a4{index.to_bytes(2, 'little').hex()}00{size:02x}{threshold:02x}0000"
+
+
+GO, END = "605 a300000000000000", "605 a100000000000000"
+TEXT = [number * 7 % 95 + 32 for number in range(100)]
+
+
+def confirmed(*pairs):
+    return [f"605 a2{count:02x}{size:02x}0000000000" for count, size in pairs]
+
+
+def segments(data):
+    """Return the segments of a block: numbered, of seven bytes, the last with bit 7."""
+    parts = [bytes(data[start : start + 7]).ljust(7, b"\0") for start in range(0, len(data), 7)]
+    last = len(parts)
+    return [f"605 {n | (n == last) << 7:02x}{part.hex()}" for n, part in enumerate(parts, 1)]
+
+
+def crc(data):
+    """CRC-CCITT bit by bit, as its bytes are sent (7.2.4.3.16)."""
+    found = 0
+    for byte in data:
+        found ^= byte << 8
+        for _ in range(8):
+            found = (found << 1 ^ 0x1021 * (found >> 15)) & 0xFFFF
+    return found.to_bytes(2, "little").hex()
+
+
+def test_blocks_are_transferred_as_their_clauses_say(laboratory):
+    """The longest text, 0x1008, has two segments; 0x2020 takes a hundred bytes."""
+    lists = asked(laboratory, "SDO block transfer")
+    plain = ("605 60", "605 70", "605 80", begun(127, index=0x1000))  # reads, aborts, a first look
+    found = [[each for each in check if not each.startswith(plain)] for check in lists]
+    assert found[:6] == [
+        [begun(127), GO, *confirmed((2, 127)), END],
+        [begun(1), GO, *confirmed((1, 2), (1, 3)), END],
+        [begun(127), GO, *confirmed((0, 127), (1, 127), (1, 127)), END],
+        [begun(0), begun(128)],
+        [begun(1), GO, *confirmed((127, 1))],
+        [begun(127), GO],
+    ]
+    assert begun(127, 4, index=0x1000) in found[6]
+    begin, end = "605 c620200064000000", f"605 d5{crc(TEXT)}0000000000"
+    assert found[7][:17] == [begin, *segments(TEXT), end]
+    lost = segments(TEXT)
+    del lost[2]
+    assert found[8][:29] == [begin, *lost, *segments(TEXT[14:]), end]
+    # 0x1017 has two bytes: 0 as it was, or 7; the CRC of the first of these is wrong.
+    small = "605 c617100002000000"
+    seven, zero = "605 8107000000000000", "605 8100000000000000"
+    assert found[9][:2] == [small, seven]
+    assert found[9][2][:6] == "605 d5"
+    assert found[9][2][6:10] != crc([7, 0])
+    assert found[10][:3] == [small, zero, "605 d900000000000000"]
+    assert found[11][:2] == [small, "605 0000000000000000"]
+    assert found[12][:2] == [small, seven]
+    aborts = {each for check in lists for each in check if each.startswith("605 80")}
+    assert {each[12:] for each in aborts} == {"00000008"}  # 0800 0000h, general error
+
+
+def test_sync_and_time_are_asked_as_their_clauses_say(laboratory):
+    """0x1005 has bit 30 where the device produces SYNC, every 0x1006 microseconds; 0x1019 counts
+    it up to 240. 0x6D2 is another identifier that nobody has; TIME is 0x100."""
+    on, off = "1005.00=40000080", "1005.00=00000080"
+    period, none, second = (f"1006.00={each:08x}" for each in (20_000, 0, 1_000_000))
+    counted, uncounted = ["1019.00=05"], ["1019.00=00"]
+    moved = tpdo("01", START, *["6d2"] * 3, *["SYNC"] * 3, PREPARE)
+    found = asked(laboratory, "SYNC and TIME")
+    assert found[:8] == [
+        [],
+        ["1005.00=000006d2", *moved, off],
+        ["1019.00=01", "1019.00=f1"],
+        [period, "1019.00=0a", none],
+        [on, off, *uncounted, period, on, off, none, *uncounted],
+        [on, off, *counted, period, on, off, none, *uncounted],
+        [on, off, second, on, "1005.00=400006d2", off, none],
+        [f"1012.00={each}" for each in (
+            "00000100", "000006d2", "800006d2", "800006d3", "000006d2", "00000100")],
+    ]  # fmt: skip
+    # Milliseconds since midnight in four bytes, days in two; then less of it, and a remote frame.
+    lengths = [len(bytes.fromhex(each[4:])) for each in found[8][:3]]
+    assert (lengths, found[8][3]) == ([6, 3, 0], "100 remote")
+
+
+@pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS", "SYNC and TIME"])
 def test_the_device_is_sound_in_these(laboratory, title):
     chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
     assert {each.outcome for each in laboratory.run(chapters=chapters)} == {Outcome.PASSED}

@@ -402,6 +402,29 @@ def test_explain_names_cause_node_clause_and_frames(folder, capsys):
     assert capsys.readouterr().out.endswith("nothing wrong found\n")
 
 
+FOREIGN = [Frame(0x625, bytes(6)), Frame(0x1F5, bytes(8)), Frame(0x710, bytes(8))]
+
+
+def test_a_bus_that_is_no_canopen_is_said_to_be_none(folder, capsys):
+    with open_frame_file(folder / "car.log") as file:
+        file.write_frames([LoggedFrame(each, n * 10**6, None) for n, each in enumerate(FOREIGN)])
+    note = "this is no CANopen: 2 of 3 frames are not as CiA 301 has them, the first at 0.000 s: "
+    assert main(["explain", "car.log"]) == 6
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("3 frames in 0.002 s, load ")
+    assert shown[1].startswith(f"the log: {note}625 [00 00 00 00 00 00]")
+    assert shown[2:] == [
+        "not judged by CiA 301: load, silence and error frames are all that was looked at"
+    ]
+    assert main(["explain", "car.log", "--json"]) == 6
+    content = json.loads(capsys.readouterr().out)
+    assert (content["languages"], content["is_judged"], content["nodes"]) == ([], False, [])
+    assert main(["decode", "car.log"]) == 0
+    said = capsys.readouterr().err
+    assert note in said
+    assert "are read as those of the built-in bench" not in said
+
+
 @pytest.mark.parametrize(("aborts", "shown", "rest"), [(3, 3, []), (5, 3, ["and 2 more"])])
 def test_explain_shows_the_first_frames_of_a_finding_and_counts_the_rest(
     folder, capsys, aborts, shown, rest

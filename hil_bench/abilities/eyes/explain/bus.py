@@ -54,6 +54,13 @@ class Language:
         else:
             self.for_canopen += _is_for(sight)
 
+    def listen(self, sights: list[Sight]) -> list[Sight]:
+        """Take sights, and return them."""
+        for sight in sights:
+            if sight.service in self.hears:
+                self.hear(sight)
+        return sights
+
     def pause(self, length: int) -> None:
         """Nothing of it depends on the time."""
 

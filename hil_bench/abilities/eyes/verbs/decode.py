@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from hil_bench.abilities.eyes.channels import BusChannels, TickRows
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.explain.bus import Language
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs import eyes_arguments
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     decoder = _decoder(args)
     eyes_arguments.check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
-    is_canopen = False
+    language: Language | None = None
     is_writing = _is_writing(args)
     with shown_work(args, Work("decode", unit="frames"), prints=not is_writing) as work:
         frames = counted(work, frames)
@@ -100,12 +101,12 @@ def run(args: argparse.Namespace) -> int:
             work.stage = "their values"
             count = _write(args, decoder, read, ending)
         else:
-            count, is_canopen = _print(args, decoder, frames)
+            count, language = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
     eyes_arguments.print_losses(args, left_out)
-    if is_canopen:
-        eyes_arguments.say_assumed(args, load_bench_config(args))
+    if language is not None:
+        eyes_arguments.say_language(args, load_bench_config(args), language, count)
     return ending.code
 
 
@@ -131,16 +132,16 @@ def _check_outputs(args: argparse.Namespace) -> None:
 
 def _print(
     args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]
-) -> tuple[int, bool]:
-    """Print all lines; return the number of frames, and whether some had 11-bit identifiers."""
+) -> tuple[int, Language | None]:
+    """Print all lines; return the number of frames, and what is spoken by 11-bit identifiers."""
     lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
-    dbc, is_canopen = DbcMessages(args.dbc), False
+    dbc, is_base, language = DbcMessages(args.dbc), False, Language()
     for logged in frames:
         count += 1
-        is_canopen = is_canopen or not logged.frame.is_extended
-        lines.show(map(dbc.explain, decoder.take(logged)))
-    lines.show(decoder.finish())
-    return count, is_canopen
+        is_base = is_base or not logged.frame.is_extended
+        lines.show(map(dbc.explain, language.listen(decoder.take(logged))))
+    lines.show(language.listen(decoder.finish()))
+    return count, language if is_base else None
 
 
 def _write(

@@ -92,8 +92,9 @@ def explanation_lines(
     Yields:
         The lines.
     """
+    nodes = f"{len(found.nodes)} nodes, " if found.nodes else ""
     yield (
-        f"{found.frames} frames in {found.duration:.3f} s, {len(found.nodes)} nodes, "
+        f"{found.frames} frames in {found.duration:.3f} s, {nodes}"
         f"load {found.load:.1%} of {bitrate_text(bitrate)}"
     )
     for number, finding in enumerate(found.findings, 1):

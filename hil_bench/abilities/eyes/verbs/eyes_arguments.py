@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.explain.bus import Language
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, ecus_of
 from hil_bench.abilities.eyes.known_node import KnownNode, merge_nodes, node_of_eds, nodes_of
 from hil_bench.abilities.eyes.sight import Service
@@ -15,6 +16,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
 from hil_bench.cli.parser import positive
+from hil_bench.cli.results import warn_of
 from hil_bench.errors import ConfigError, printable
 
 _SHOWN = f"--eds alone, else {BUILT_IN}"
@@ -126,6 +128,16 @@ def say_assumed(args: argparse.Namespace, config: BenchConfig) -> None:
         numbers = ", ".join(str(node.node_id) for node in config.nodes)
         what = f"nodes {numbers} are read as those of the built-in bench"
         print(f"hil-bench: {what}; give bench.toml or --eds N=FILE for others", file=sys.stderr)
+
+
+def say_language(
+    args: argparse.Namespace, config: BenchConfig, language: Language, frames: int
+) -> None:
+    """Say on standard error that the bus is no CANopen, or else as which nodes it is read."""
+    if not language.is_foreign:
+        say_assumed(args, config)
+    else:
+        warn_of([*language.notes(frames)])
 
 
 def _is_named(args: argparse.Namespace) -> bool:

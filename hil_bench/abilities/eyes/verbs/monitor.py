@@ -8,6 +8,7 @@ import time
 from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
+from hil_bench.abilities.eyes.explain.bus import Language
 from hil_bench.abilities.eyes.explain.explain import Change, Explainer, LiveFindings
 from hil_bench.abilities.eyes.listener import loss_words
 from hil_bench.abilities.eyes.verbs import eyes_arguments, listening
@@ -21,7 +22,7 @@ from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, plain, print_lines
+from hil_bench.cli.results import add_json_argument, plain, print_lines, warn_of
 from hil_bench.frame import bits_of
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 
@@ -116,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     )
     eyes_arguments.check_nodes(args.node, decoder)
     lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0
-    is_canopen = False
+    is_canopen, language = False, Language()
     with listening.open_listener(config.bus) as listener:
         for logged in listening.heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
@@ -124,8 +125,8 @@ def run(args: argparse.Namespace) -> int:
                 is_canopen = True
                 eyes_arguments.say_assumed(args, config)
             bits += bits_of(logged.frame, config.bus.speedup)
-            lines.show(map(dbc.explain, decoder.take(logged)))
-        lines.show(decoder.finish())
+            lines.show(map(dbc.explain, language.listen(decoder.take(logged))))
+        lines.show(language.listen(decoder.finish()))
         losses = loss_words(listener.losses)
     bitrate = config.bus.bitrate or USUAL_BITRATE
     load = 100.0 * bits / (bitrate * last * 1e-9) if last else 0.0
@@ -133,4 +134,6 @@ def run(args: argparse.Namespace) -> int:
         heading = f"{listener.frames} frames in {last * 1e-9:.1f} s on {listener.description}"
         facts = [heading, *losses, f"load {load:.1f} % of {bitrate_text(bitrate)}"]
         print(", ".join(facts), file=sys.stderr)
+    if language.is_foreign:
+        warn_of([*language.notes(listener.frames)])
     return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE

@@ -5,11 +5,14 @@ that a PDO does not exist, bit 30 that it may not be asked for (CiA 301, 7.5.2.3
 Reads (SDO uploads) are left out.
 """
 
+import contextlib
 import struct
+from itertools import groupby
 
 import pytest
 
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
+from hil_bench.abilities.conformance.verdicts import NotApplicable
 
 START, STOP, PREPARE = "NMT 0105", "NMT 0205", "NMT 8005"
 
@@ -33,7 +36,8 @@ def asked(laboratory, title):
     for check in chapter.checks:
         sent = []
         laboratory.hears = lambda frame, sent=sent: [sent.append(frame) or frame][-1:]
-        check.judge(laboratory.dut)
+        with contextlib.suppress(NotApplicable):
+            check.judge(laboratory.dut)
         reads = [each.can_id == 0x605 and each.data[0] == 0x40 for each in sent]
         lists.append(
             [words(each) for each, is_read in zip(sent, reads, strict=True) if not is_read]
@@ -248,6 +252,80 @@ def test_sync_and_time_are_asked_as_their_clauses_say(laboratory):
     # Milliseconds since midnight in four bytes, days in two; then less of it, and a remote frame.
     lengths = [len(bytes.fromhex(each[4:])) for each in found[8][:3]]
     assert (lengths, found[8][3]) == ([6, 3, 0], "100 remote")
+
+
+def test_downloads_are_sent_as_their_clauses_say(laboratory):
+    """7.2.4.3.3: 2 expedited, 1 size given; bits 2 and 3 count unused bytes. 7.2.4.3.4: of a
+    segment bits 1 to 3 count unused bytes, bit 4 toggles, bit 0 ends. 0x1017 has two bytes."""
+    found = asked(laboratory, "SDO download")
+    undo = ["605 8017100000000008", "1017.00=0000"]
+    begin, value = "605 2117100002000000", "605 0bd2040000000000"  # 1234
+    assert found[:5] == [
+        ["1017.00=04d2", *undo],
+        ["605 22171000d2040000", *undo],
+        ["605 2717100000000000", "1017.00=00", *undo],
+        [begin, value, *undo],
+        ["605 2017100000000000", value, *undo],
+    ]
+    length = int.from_bytes(bytes.fromhex(found[5][0][12:]), "little")
+    parts = [bytes.fromhex(each[4:]) for each in found[5][1 : 1 + -(-length // 7)]]
+    commands = [each[0] for each in parts]
+    last = (len(parts) - 1) % 2 << 4 | (-length % 7) << 1 | 1
+    assert commands == [*(place % 2 << 4 for place in range(len(parts) - 1)), last]
+    data = b"".join(each[1:] for each in parts)
+    assert data[:length].decode().isprintable()
+    assert not any(data[length:])
+    assert found[6:9] == [
+        ["605 2117100002000000", "605 1bd2040000000000", *undo],
+        ["605 2117100002000000", "605 0900000000000000", *undo],
+        [
+            "605 2117100002000000", "605 0dd2000000000000", *undo,
+            "605 2120200003000000", "605 0b61620000000000",
+            "605 8020200000000008", "605 2720200061626300",
+        ],
+    ]  # fmt: skip
+    assert found[9][:1] == ["605 2117100003000000"]
+    assert found[10] == ["605 8017100000000008", "605 0b00000000000000"]
+    assert found[11] == [begin, undo[0], value, *undo]
+
+
+def test_nmt_is_commanded_as_its_clauses_say(laboratory):
+    """7.2.8.3.1: 01 start, 02 stop, 80 pre-operational, 81 and 82 reset; 0 means all nodes. States
+    are watched by a heartbeat of 50 ms."""
+    found = asked(laboratory, "NMT")
+    on, off, again = "1017.00=0032", "1017.00=0000", ["NMT 8205", PREPARE]
+    assert found[:5] == [
+        ["NMT 8105", PREPARE],
+        again,
+        [*again, on, START, PREPARE, off],
+        ["NMT 8205", on, PREPARE, off],
+        [on, START, STOP, START, PREPARE, STOP, PREPARE, PREPARE, off],
+    ]
+    others = [f"6{node_id:02x} 4000100000000000" for node_id in range(1, 128) if node_id != 5]
+    assert found[5][:126] == others
+    assert found[6:] == [
+        [on, "NMT 027f", PREPARE, off],
+        [on, "NMT 0305", "NMT 02", "NMT", "NMT remote", "NMT 29 bits 0205", PREPARE, off],
+        [STOP, PREPARE],
+        [START, PREPARE],
+        [*again, "1017.00=0040", *again, "605 8017100000000008", off],
+    ]
+
+
+def test_emergencies_are_provoked_as_their_clauses_say(laboratory):
+    """A heartbeat of node 0x7F that stays out, whose beats are one here: 0x1016.01 waits 500 ms."""
+    sent = [[each for each in check if each[:1] != "6"] for check in asked(laboratory, "EMCY")]
+    found = [[each for each, _ in groupby(check)] for check in sent]
+    wait, none, beat = "1016.01=007f01f4", "1016.01=00000000", "77f 05"
+    assert found[:2] == [[], ["1003.00=01"]]
+    assert found[2] == [wait, beat, none]
+    assert found[3] == [wait, beat, none]
+    assert found[4] == ["NMT 8205", PREPARE, wait, beat, "1003.00=00", none]
+    assert found[5:] == [
+        ["1014.00=80000085", wait, beat, none, "1014.00=00000085"],
+        ["1014.00=00000185"],
+        ["1015.00=07d0", wait, beat, none, "1015.00=0000"],
+    ]
 
 
 @pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS", "SYNC and TIME"])

@@ -177,7 +177,7 @@ def trace(files: Sequence[ResultsFile]) -> dict[str, object]:
         for requirement in dict.fromkeys(row.requirement for row in with_id)
     ]
     return {
-        "verdict": _verdict(rows),
+        "verdict": _verdict(rows) if files else "not applicable",
         "files": [
             {"file": str(file.path), "sha256": hashlib.sha256(file.content).hexdigest()}
             for file in files
@@ -193,9 +193,9 @@ def _worst_outcome(outcomes: Sequence[str]) -> str:
 
 
 def _verdict(rows: Sequence[Row]) -> str:
-    if not rows:
-        return "not applicable"
-    return _worst_outcome([row.outcome for row in rows])
+    """Return the worst result; results that name no requirement trace nothing."""
+    traced = [] if any(row.requirement for row in rows) else ["not exercised"]
+    return _worst_outcome([*(row.outcome for row in rows), *traced])
 
 
 def _rows(file: ResultsFile) -> Iterator[Row]:

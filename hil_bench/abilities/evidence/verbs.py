@@ -39,7 +39,8 @@ _PAGE, _JSON = "index.html", "evidence.json"
 _LONGEST = 20.0
 
 _EXAMPLES = """\
-exit code 1 where a check failed (the pack is written all the same), or where --verify finds a file
+exit code 1 where a check failed, 6 where none did, but a requirement is undecided or was never
+exercised, or --results name none (the pack is written all the same); 1 where --verify finds a file
 that was changed, is missing or was added
 
 examples:
@@ -120,8 +121,10 @@ def run(args: argparse.Namespace) -> int:
         _lines(pack["summary"], args.folder, digest),
         {"folder": str(args.folder), "manifest_sha256": digest, "summary": pack["summary"]},
     )
-    fails = any(line["verdict"] == "failed" for line in pack["summary"])
-    return ExitCode.CHECK_FAILED if fails else ExitCode.DONE
+    verdicts = {line["verdict"] for line in pack["summary"]}
+    if "failed" in verdicts:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.INCONCLUSIVE if verdicts & {"inconclusive", "not exercised"} else ExitCode.DONE
 
 
 def _verify(args: argparse.Namespace) -> int:

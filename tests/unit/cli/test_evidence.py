@@ -227,12 +227,22 @@ def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_failed_requirement_is_exit_code_1(tmp_path):
-    results = tmp_path / "results.json"
-    failed = json.dumps(RESULTS).replace('"passed"', '"failed"')
-    results.write_text(failed, encoding="utf-8")
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (json.dumps(RESULTS), 0),
+        (json.dumps(RESULTS).replace('"passed"', '"failed"'), 1),
+        (json.dumps(RESULTS).replace('"passed"', '"inconclusive"'), 6),
+        (json.dumps(RESULTS).replace('"passed"', '"not exercised"'), 6),
+        ("{}", 6),
+        ('<testsuite><testcase name="names no requirement"/></testsuite>', 6),
+    ],
+)
+def test_the_exit_code_is_that_of_the_requirements(tmp_path, content, code):
+    results = tmp_path / "results"
+    results.write_text(content, encoding="utf-8")
     pack = ["evidence", str(tmp_path / "pack"), "--seconds", "0", "--results", str(results)]
-    assert main(["-q", *pack]) == 1
+    assert main(["-q", *pack]) == code
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """A simulated chip, as the bench asks it."""
 
-import contextlib
 import logging
 import socket
 import subprocess
@@ -58,9 +57,7 @@ class ElfController:
                 start_new_session=True,  # a terminal's signals are the bench's
             )
         try:
-            with contextlib.suppress(OSError):  # it has ended, which is heard
-                send_message(self._link, write_job(job).encode())
-            self._hear()
+            self._exchange(write_job(job).encode())
         except BaseException:
             self.close()
             raise
@@ -120,23 +117,24 @@ class ElfController:
             self._process.communicate()
 
     def _ask(self, order: Order, time: int, frames: Sequence[TimedFrame]) -> Answer:
-        with contextlib.suppress(OSError):  # it has ended, which is heard
-            send_message(self._link, pack_request(order, time, frames))
-        return self._hear()
+        return self._exchange(pack_request(order, time, frames))
 
-    def _hear(self) -> Answer:
-        """Return the next answer.
+    def _exchange(self, request: bytes) -> Answer:
+        """Return the answer to a request.
 
         Raises:
             ControllerError: the program has failed, or the simulator.
         """
         try:
+            send_message(self._link, request)
             message = receive_message(self._link)
         except OSError:
             message = b""
         if not message:
             raise ControllerError(f"the simulator of {self._name} has ended: {self._epitaph()}")
         answer = unpack_answer(message)
+        if answer.state is State.RUNNING and not answer.text:
+            return answer
         lines = answer.text.splitlines()
         reason = lines.pop() if answer.state is State.FAILED else ""
         self._lines.extend(lines)

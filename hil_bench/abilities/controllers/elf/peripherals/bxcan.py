@@ -190,7 +190,9 @@ class BxCan(Peripheral):
             self._control(value)
         elif offset == _IER:
             self._ier = value
-            self._raise_lines()
+            self._raise_line()
+            self._raise_fifo(0)
+            self._raise_fifo(1)
         elif offset == _BTR and self._mcr & _INRQ:
             self._btr = value
 
@@ -211,7 +213,7 @@ class BxCan(Peripheral):
         empty = 1 << 26 + number
         self._tsr &= ~(empty | 0xF << 8 * number)
         self._waiting.append(number)
-        self._raise_lines()
+        self._raise_line()
         self._send_next()
 
     def _acknowledge(self, value: int) -> None:
@@ -221,7 +223,7 @@ class BxCan(Peripheral):
             if value >> 8 * number & _ABRQ and number in self._waiting:
                 self._waiting.remove(number)
                 self._finish(number, _RQCP)
-        self._raise_lines()
+        self._raise_line()
 
     def _send_next(self) -> None:
         """Have the bus take the next frame: by identifier, or in order of request."""
@@ -255,7 +257,7 @@ class BxCan(Peripheral):
     def _finish(self, number: int, flags: int) -> None:
         self._words[(_TX >> 2) + 4 * number] &= ~_TXRQ
         self._tsr |= 1 << 26 + number | flags << 8 * number
-        self._raise_lines()
+        self._raise_line()
 
     def _receive(self, frame: Frame) -> bool:
         """Take a frame of the bus, where a filter wants it; return False to have it wait."""
@@ -288,12 +290,10 @@ class BxCan(Peripheral):
             self._wire.make_room()
         self._raise_fifo(number)
 
-    def _raise_lines(self) -> None:
+    def _raise_line(self) -> None:
         self._words[_TSR >> 2] = self._tsr
         is_done = bool(self._tsr & 0x010101) and bool(self._ier & _TMEIE)
         self._core.hold_line(self._interrupts[0], is_active=is_done)
-        self._raise_fifo(0)
-        self._raise_fifo(1)
 
     def _raise_fifo(self, number: int) -> None:
         enabled = self._ier >> 3 * number

@@ -52,9 +52,10 @@ class Timer(Peripheral):
 
     def follow(self) -> None:
         """Have the count that a core reads be that of now, and of the clock; see `Cells`."""
+        self._hz = self._frequency()
         self._words[_CNT >> 2] = self._held
         ramp = self._ramp
-        ramp[0], ramp[1] = self._begin, self._frequency()
+        ramp[0], ramp[1] = self._begin, self._hz
         ramp[2] = 1_000_000_000 * (self._prescaler + 1) if self._is_counting else 0
         ramp[3] = self._values[_ARR]
 
@@ -100,13 +101,13 @@ class Timer(Peripheral):
     def _count(self) -> int:
         if not self._is_counting:
             return self._held
-        passed = (self._core.now() - self._begin) * self._frequency()
+        passed = (self._core.now() - self._begin) * self._hz
         count = passed // (1_000_000_000 * (self._prescaler + 1))
         return max(min(count, self._values[_ARR]), 0)  # below, where a clock has become slower
 
     def _duration(self, counts: int) -> int:
         """Return the time of some counts, so that they are over then [ns]."""
-        return -(-counts * (self._prescaler + 1) * 1_000_000_000 // self._frequency())
+        return -(-counts * (self._prescaler + 1) * 1_000_000_000 // self._hz)
 
     def _start(self) -> None:
         """Count on from the count that it holds, or stand."""

@@ -10,6 +10,7 @@ import signal
 import socket
 import sys
 
+from hil_bench.abilities.controllers.busy_wait import BusyWait
 from hil_bench.abilities.controllers.elf.exchange import (
     AWAKE,
     Answer,
@@ -34,12 +35,15 @@ def simulate(link: socket.socket) -> None:
         return
     send_message(link, pack_answer(Answer(State.RUNNING, AWAKE, [], "")))
     gc.freeze()  # it stays for good: no collection has to look at it
+    busy = BusyWait(link.fileno())
     while True:
+        busy.wait()
         message = receive_message(link)
         if not message:
             return
         if message[0] == Order.BRANCH:
             link = _branch(link)
+            busy = BusyWait(link.fileno())
         else:
             send_message(link, pack_answer(_obey(machine, message)))
 

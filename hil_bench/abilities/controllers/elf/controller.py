@@ -7,6 +7,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 
+from hil_bench.abilities.controllers.busy_wait import BusyWait
 from hil_bench.abilities.controllers.elf.exchange import (
     Answer,
     Order,
@@ -46,6 +47,7 @@ class ElfController:
         self._now: int | None = None
         self._wake = 0
         self._link, theirs = socket.socketpair()
+        self._busy = BusyWait(self._link.fileno())
         words = [sys.executable, "-P", "-m", __package__, str(theirs.fileno())]
         with theirs:
             self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603 - ourselves
@@ -98,6 +100,7 @@ class ElfController:
                 return
             self._link.close()
             self._link, self._process = ours, None  # that is the child of another
+            self._busy = BusyWait(ours.fileno())
 
         return settle
 
@@ -127,6 +130,7 @@ class ElfController:
         """
         try:
             send_message(self._link, request)
+            self._busy.wait()
             message = receive_message(self._link)
         except OSError:
             message = b""

@@ -178,10 +178,10 @@ class Machine:
         cpu.map_peripheral(
             _TRACE,
             4 * KIB,
-            lambda offset, _: (
+            lambda offset, _size: (
                 cpu.now() * clocks.core() // 10**9 & 0xFFFF_FFFF if offset == 4 else 0
             ),
-            lambda *_: None,
+            lambda _offset, _size, _value: None,
         )
         for timer in family.timers:
             frequency = partial(clocks.timer, timer.bus)

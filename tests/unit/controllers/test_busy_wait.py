@@ -1,0 +1,74 @@
+"""A wait that is busy only while nobody else wants the processor; clock and yields are given."""
+
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hil_bench.abilities.controllers.busy_wait import LONGEST_NS, SHARED_NS, SLEEPS, BusyWait
+
+
+class Machine:
+    """A processor: each offer of it takes a time, and behind some of them an answer is there."""
+
+    def __init__(self, answer: Callable[[], object]) -> None:
+        self.now = self.offers = 0
+        self.takes = 1000  # an offer [ns]
+        self.answers_behind = 0
+        self._answer = answer
+
+    def offer(self) -> None:
+        self.offers += 1
+        self.now += self.takes
+        if self.offers == self.answers_behind:
+            self._answer()
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        yield ours, theirs
+
+
+@pytest.fixture
+def machine(pair: tuple[socket.socket, socket.socket], monkeypatch: pytest.MonkeyPatch) -> Machine:
+    made = Machine(lambda: pair[1].send(b"x"))
+    monkeypatch.setattr(os, "sched_yield", made.offer)
+    monkeypatch.setattr(time, "perf_counter_ns", lambda: made.now)
+    return made
+
+
+@pytest.fixture
+def busy(pair: tuple[socket.socket, socket.socket]) -> BusyWait:
+    return BusyWait(pair[0].fileno())
+
+
+def test_what_comes_soon_is_waited_for_each_time(
+    pair: tuple[socket.socket, socket.socket], machine: Machine, busy: BusyWait
+) -> None:
+    for answers_behind in (5, 10, 15):
+        machine.answers_behind = answers_behind
+        busy.wait()
+        assert machine.offers == answers_behind
+        assert pair[0].recv(9) == b"x"
+
+
+@pytest.mark.parametrize(
+    ("takes", "offers"),
+    [(SHARED_NS + 1, 1), (1000, LONGEST_NS // 1000 + 1)],
+    ids=["others take the processor", "nothing comes"],
+)
+def test_in_vain_it_sleeps_for_a_while(
+    machine: Machine, busy: BusyWait, takes: int, offers: int
+) -> None:
+    machine.takes = takes
+    busy.wait()
+    assert machine.offers == offers
+    for _ in range(SLEEPS):
+        busy.wait()
+    assert machine.offers == offers
+    busy.wait()
+    assert machine.offers == 2 * offers

@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.controllers.busy_wait import BusyWait
 from hil_bench.abilities.controllers.process.program import Program, environment
 from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
@@ -150,6 +151,7 @@ class _Life:
         self._program, self._exchange, self._control = program, exchange, control
         self._cpu_s_per_tick = cpu_s_per_tick
         self._pidfd = os.pidfd_open(program.process.pid)
+        self._busy = BusyWait(control.fileno())
         self._poller = select.poll()
         self._poller.register(control, select.POLLIN)
         self._poller.register(self._pidfd, select.POLLIN)
@@ -218,6 +220,7 @@ class _Life:
         Raises:
             ControllerError: it cannot live on the bench's clock.
         """
+        self._busy.wait()
         ready = self._poller.poll(_GLANCE_MS)
         if not ready:
             return False

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from hil_bench.abilities.controllers.busy_wait import BusyWait
 from hil_bench.abilities.controllers.elf.exchange import (
@@ -50,7 +51,7 @@ class ElfController:
         self._busy = BusyWait(self._link.fileno())
         words = [sys.executable, "-P", "-m", __package__, str(theirs.fileno())]
         with theirs:
-            self._process: subprocess.Popen[bytes] | None = subprocess.Popen(  # noqa: S603 - ourselves
+            self._process: subprocess.Popen[Any] | None = subprocess.Popen(  # noqa: S603 - ourselves
                 words,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

@@ -1,7 +1,7 @@
 """The search for values for which a requirement fails: its cost, its methods, its records."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from time import monotonic
@@ -425,22 +425,15 @@ def _trials_of(
 
 def _find(requirement: str, trials: Sequence[Trial]) -> Find:
     first: dict[Method, int] = {}
+    worst, least = None, (True, math.inf)
     for trial in trials:
         verdict = trial.result.verdict_on(requirement)
-        if verdict is not None and verdict.is_failed:
+        if verdict is None or not verdict.is_decided:
+            continue
+        if verdict.is_failed:
             first.setdefault(trial.method, trial.number)
-    known = [each for each in trials if each.margin(requirement) is not None]
-    worst = min(known, key=_by_margin(requirement), default=None)
-    margin = worst.margin(requirement) if worst else None
+        badness = not verdict.is_failed, size_of(verdict)  # failed ones first, then by margin
+        if badness < least:
+            worst, least = trial, badness
     tally = tally_of(requirement, (each.result for each in trials))
-    return Find(requirement, first, worst, float("inf") if margin is None else margin, tally)
-
-
-def _by_margin(requirement: str) -> Callable[[Trial], tuple[bool, float]]:
-    """Return the order of trials: failed ones first, then by margin."""
-
-    def order(trial: Trial) -> tuple[bool, float]:
-        is_failed = any(v.is_failed for v in trial.result.verdicts if v.id == requirement)
-        return not is_failed, trial.margin(requirement) or 0.0
-
-    return order
+    return Find(requirement, first, worst, least[1], tally)

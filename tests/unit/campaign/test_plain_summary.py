@@ -2,13 +2,17 @@
 
 import math
 import random
+import re
 from statistics import median
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from hil_bench.abilities.campaign import reports
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.search import (
+    Evolution,
     Find,
     Method,
     SearchResult,
@@ -28,6 +32,7 @@ from hil_bench.abilities.campaign.summary import (
 )
 from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
 from hil_bench.abilities.common.work import WorkView
+from hil_bench.errors import ConfigError
 
 NEVER_DECIDED = ("inconclusive", "not exercised")
 ORDER = ("crashed", "timed out", "failed", "inconclusive", "not exercised", "passed")
@@ -358,3 +363,86 @@ def test_a_folder_gives_back_the_results_it_was_given(tmp_path):
     assert sorted(store.results()) == sorted(runs)
     assert store.keys() == {each.key for each in runs}
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_search_starts_anew_at_the_best_it_knows_and_every_second_round_elsewhere(monkeypatch):
+    begun = []
+    monkeypatch.setattr(Evolution, "_start", lambda _self, mean: begun.append(list(mean)))
+    search = Evolution(["R1", "R2"], 2, 1)
+    points = np.array([[0.25, 0.5], [0.75, 0.5], [0.5, 0.125]])
+
+    def run(one, two):
+        margins = {"R1": one, "R2": two}
+        found = tuple(Verdict(name, "passed", margin, "") for name, margin in margins.items())
+        return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=found)
+
+    search.tell(points, [run(0.5, 0.5), run(0.3, 0.9), run(0.9, 0.2)])
+    # Turns: both, R1, R2; a round has three. The first start is for both.
+    for _ in range(8):
+        search._restart()
+    both, first, second = [0.5, 0.125], [0.75, 0.5], [0.5, 0.125]
+    assert [begun[place] for place in (0, 1, 2, 6, 7, 8)] == [both, first, second] * 2
+    elsewhere = begun[3:6]
+    assert not [each for each in elsewhere if each in points.tolist()]
+    assert len({tuple(each) for each in elsewhere}) == 3
+
+
+def test_the_report_of_a_search_says_where_its_smallest_margin_is(tmp_path, drawn):
+    verdicts = (Verdict("R1", "failed", -0.25, ""), Verdict("R2", "inconclusive", None, ""))
+    run = RunResult("k", "s", "", "", None, {}, RunOutcome.FAILED, verdicts=verdicts)
+    trials = (Trial(Method.SOBOL, 3, {"a": 1.5}, run),)
+    finds = tuple(_find(name, trials) for name in ("R1", "R2"))
+    scenario = SimpleNamespace(title="A title", path="a.scenario.toml")
+    plan = SimpleNamespace(methods=(Method.SOBOL, Method.RANDOM), seed=7, given={"b": 2.0})
+    found = SimpleNamespace(
+        search=SearchResult(trials, finds, has_ended_early=False),
+        plan=plan,
+        case=SimpleNamespace(scenario=scenario),
+        failures=(),
+        lines=lambda: ["a line"],
+    )
+    reports.write_search_report(tmp_path / "report.html", found)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    words = " ".join(re.sub(r"<[^>]*>", " ", text.partition("<body")[2]).split())
+    assert "a.scenario.toml , seed 7, b = 2.0: 1 runs of sobol, 0 runs of random." in words
+    assert "R1 fails run 3 none -0.25 a=1.5 R2 never decided none none" in words
+    assert len(drawn) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "field", "value"),
+    [
+        ("", "runs", 64),
+        ("", "levels", 5),
+        ("", "seed", 0),
+        ("", "timeout", 60.0),
+        ("", "seeds", ()),
+        ("", "seed_each", False),
+        ("runs = 1", "runs", 1),
+        ("runs = 10_000_000", "runs", 10_000_000),
+        ("levels = 1000", "levels", 1000),
+        ("timeout_s = 0.1", "timeout", 0.1),
+        ("timeout_s = 1e6", "timeout", 1e6),
+        ('seeds = "each"', "seed_each", True),
+        ('seeds = "each"', "seeds", ()),
+        ("seeds = [3, 0]", "seeds", (3, 0)),
+        ("seeds = [3, 0]", "seed_each", False),
+        ("runs = 10_000_001", None, "runs"),
+        ("runs = 0", None, "runs"),
+        ("levels = 1001", None, "levels"),
+        ("levels = 0", None, "levels"),
+        ("seed = -1", None, "seed"),
+        ("seeds = []", None, "seeds"),
+        ("seeds = [-1]", None, "seeds"),
+        ("timeout_s = 0.09", None, "timeout_s"),
+        ("timeout_s = 1.1e6", None, "timeout_s"),
+    ],
+)
+def test_a_campaign_has_its_defaults_and_takes_its_limits(tmp_path, line, field, value):
+    path = tmp_path / "a.campaign.toml"
+    path.write_text(f'scenarios = ["x.scenario.toml"]\n{line}\n', encoding="utf-8")
+    if field is None:
+        with pytest.raises(ConfigError, match=value):
+            read_campaign(path)
+    else:
+        assert getattr(read_campaign(path), field) == value

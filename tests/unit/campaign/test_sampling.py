@@ -64,7 +64,15 @@ def test_a_normal_distribution_is_cut_off_at_its_bounds():
         ({"range": ["a", 1]}, '"a" is not a number'),
         ({"log_range": [0, 1]}, "0 is not positive"),
         ({"normal": [1, 0]}, "the deviation above 0"),
-        ({"triangular": [1, 0, 2]}, "give [lowest, most likely, highest]"),
+        *[
+            ({"triangular": numbers}, "triangular: give [lowest, most likely, highest]")
+            for numbers in ([1, 0, 2], [1, 1, 1], [0, 2, 1], [0, 1], [0, 1, 2, 3])
+        ],
+        ({"range": [1, 1]}, "range: give [lowest, highest], the lowest below"),
+        ({"range": [1, 2, 3]}, "range: give [lowest, highest]"),
+        ({"range": []}, "is not a list of numbers"),
+        ({"log_range": [2, 2]}, "log_range: give [lowest, highest]"),
+        ({"normal": [1, 2, 3]}, "normal: give [mean, standard deviation]"),
         ({"values": [1, 1]}, "one is there twice"),
     ],
 )
@@ -73,6 +81,14 @@ def test_what_is_no_distribution_is_refused_in_a_line(value, wrong):
         read_distribution(value)
     assert wrong in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("numbers", [[0, 0, 1], [0, 1, 1], [-2, -1, 0]])
+def test_the_most_likely_value_may_be_an_end(numbers):
+    assert read_distribution({"triangular": numbers}).quantiles(np.array([0.0, 1.0])).tolist() == [
+        numbers[0],
+        numbers[2],
+    ]
 
 
 def test_a_grid_has_every_combination():

@@ -142,7 +142,7 @@ class _Shrinker:
 
     def shorten(self) -> None:
         """End the run earlier, where a sound controller passes the shorter run as well."""
-        requirements = prepare(self._whole).requirements
+        requirements = prepare(_tidied(self._whole)).requirements
         if not all(survives_a_cut(each.condition) for each in requirements):
             return
         low, high = 0.0, self._duration

@@ -118,6 +118,20 @@ def test_what_the_author_fixed_stays_when_a_failure_is_made_small(tmp_path, that
         assert {*each.steps} <= {*scenario.steps}
 
 
+def test_a_parameter_of_another_requirement_alone_is_left_out(tmp_path):
+    other = '[[expect]]\nid = "R-9"\nthat = "always axis1.P_B < other_bar"\n'
+    text = FIXED.replace("[parameters]\n", "[parameters]\nother_bar = 200.0\n") + other
+    scenario = load_scenario(write_rest(tmp_path, text))
+
+    def fails(_candidate):
+        verdict = Verdict("R-1", "failed", None, "")
+        return RunResult("k", "s", "", "", None, {}, RunOutcome.FAILED, verdicts=(verdict,))
+
+    trial = Trial(Method.RANDOM, 1, {"limit_bar": 12.0}, fails(scenario))
+    small = shrink(scenario, trial, Target("R-1"), fails)
+    assert "other_bar" not in {each.name for each in small.scenario.parameters}
+
+
 @pytest.mark.parametrize(
     ("low", "high", "short"),
     [

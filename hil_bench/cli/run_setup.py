@@ -16,15 +16,8 @@ from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.bench.events import event_content
 from hil_bench.bench.peers import peers_of
+from hil_bench.cli import exit_codes
 from hil_bench.cli.devices import device_table
-from hil_bench.cli.exit_codes import (
-    Ending,
-    ExitCode,
-    Interruption,
-    collection_put_off,
-    interruption,
-    worst,
-)
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable
@@ -128,7 +121,7 @@ class Companion(Protocol):
     hears_all: bool
 
     @property
-    def code(self) -> ExitCode:
+    def code(self) -> exit_codes.ExitCode:
         """The exit code of the run by now, as far as it is concerned."""
 
     def lines(self) -> list[str]:
@@ -159,14 +152,14 @@ class RunSetup(NamedTuple):
     bus: OpenBus
     served: Sequence[Served]
     companions: Sequence[Companion]
-    wish: Interruption
+    wish: exit_codes.Interruption
 
     def watch(self, *helpers: Helper) -> Helpers:
         """Return the guard of the processes of this run, and of further ones."""
         return Helpers(
             [*self.bus.helpers, *(each for part in self.served for each in part.helpers), *helpers],
             ends_on_loss=self.args.end_on_loss,
-            has_lost_data=lambda: self.code is not ExitCode.DONE,
+            has_lost_data=lambda: self.code is not exit_codes.ExitCode.DONE,
         )
 
     def announcement(self) -> Callable[[], None]:
@@ -186,12 +179,12 @@ class RunSetup(NamedTuple):
 
     def finish(
         self,
-        ending: Ending,
+        ending: exit_codes.Ending,
         helpers: Helpers,
         lost: HilBenchError | None,
         lines: Iterable[str],
         content: Mapping[str, object],
-    ) -> ExitCode:
+    ) -> exit_codes.ExitCode:
         """Print the summary and the error that ended the run, and return the exit code."""
         with ending.going_on():
             print_results(self.args, lines, content)
@@ -204,9 +197,9 @@ class RunSetup(NamedTuple):
         return [line for each in self.companions for line in each.lines()]
 
     @property
-    def code(self) -> ExitCode:
+    def code(self) -> exit_codes.ExitCode:
         """The exit code of the run, as far as its companions are concerned."""
-        return worst(*(each.code for each in self.companions))
+        return exit_codes.worst(*(each.code for each in self.companions))
 
 
 @contextlib.contextmanager
@@ -229,11 +222,11 @@ def set_up(
         All that.
     """
     warn_of(find_doubts(config))
-    with collection_put_off():
+    with exit_codes.collection_put_off():
         session = open_session(config)
     with contextlib.ExitStack() as stack:
         stack.callback(session.door.close)
-        wish = stack.enter_context(interruption())
+        wish = stack.enter_context(exit_codes.interruption())
         companions = [
             stack.enter_context(module.accompany(args, session, config, is_real_time=is_real_time))
             for module in given_to("run")

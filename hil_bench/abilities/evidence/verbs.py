@@ -11,6 +11,7 @@ from typing import Any
 from hil_bench.abilities.analysis.validation.suite import validate
 from hil_bench.abilities.doctor.machine import examine_machine, examine_permissions, read_file
 from hil_bench.abilities.doctor.verbs import found_content, measure
+from hil_bench.abilities.evidence import pack as packs
 from hil_bench.abilities.evidence.content import (
     ResultsFile,
     classification,
@@ -19,15 +20,6 @@ from hil_bench.abilities.evidence.content import (
     read_results,
     summarise,
     trace,
-)
-from hil_bench.abilities.evidence.pack import (
-    Examination,
-    check_folder,
-    examine_determinism,
-    examine_devices,
-    examine_software,
-    verify_pack,
-    write_pack,
 )
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -105,17 +97,17 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--seconds {args.seconds:g}: give 0 to {_LONGEST:g} s")
     if find_spec("jinja2") is None:
         raise ConfigError("evidence needs Jinja2: pip install 'hil-bench[report]'")
-    check_folder(args.folder)
+    packs.check_folder(args.folder)
     results = read_results(args.results)
     config = load_config(args.config)
     traceability = trace(results)
     timing = _timing(args.seconds)  # first: whoever shows the work would be measured, too
     with shown_work(args, Work("evidence", 5)) as work:
         work.begin("devices")
-        devices = examine_devices(config)
+        devices = packs.examine_devices(config)
         pack = _content(config, devices, traceability, timing, work)
         work.begin("writing")
-        digest = write_pack(args.folder, dict(_files(pack, config, devices, results)))
+        digest = packs.write_pack(args.folder, dict(_files(pack, config, devices, results)))
     print_results(
         args,
         _lines(pack["summary"], args.folder, digest),
@@ -128,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    differences = verify_pack(args.folder, args.digest)
+    differences = packs.verify_pack(args.folder, args.digest)
     lines = [f"{args.folder}/{line}" for line in differences]
     print_results(
         args,
@@ -145,7 +137,7 @@ def _timing(seconds: float) -> Mapping[str, object]:
 
 def _content(
     config: BenchConfig,
-    devices: list[Examination],
+    devices: list[packs.Examination],
     traceability: Mapping[str, object],
     timing: Mapping[str, object],
     work: Work,
@@ -154,9 +146,9 @@ def _content(
     work.begin("plant")
     checks = validate(config.axes, config.step_ns * 1e-9)
     work.begin("software")
-    software = examine_software(config)
+    software = packs.examine_software(config)
     work.begin("determinism")
-    determinism = examine_determinism(config)
+    determinism = packs.examine_determinism(config)
     pack: dict[str, Any] = {
         "software": software,
         "plant": [{**asdict(check), "verdict": check.verdict.value} for check in checks],
@@ -173,7 +165,7 @@ def _content(
 def _files(
     pack: dict[str, Any],
     config: BenchConfig,
-    devices: list[Examination],
+    devices: list[packs.Examination],
     results: list[ResultsFile],
 ) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of each file of the pack.

@@ -4,21 +4,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from hil_bench import frame as frames
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
-from hil_bench.frame import (
-    ACK_TO_NEXT,
-    FD_DLC,
-    FD_EXTENSION,
-    FD_HEAD,
-    FD_LENGTHS,
-    fd_crc_bits,
-    priority,
-)
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as DbcMessage
@@ -54,10 +46,10 @@ def worst_fd_bits(length: int, *, is_extended: bool = False) -> tuple[int, int]:
         length: data bytes.
         is_extended: whether the identifier has 29 bits.
     """
-    head = FD_HEAD + FD_EXTENSION * is_extended
-    slow = head + (head - 4) // 4 + ACK_TO_NEXT
-    data = FD_DLC + 8 * length
-    return slow, data + (data - 1) // 4 + fd_crc_bits(length)
+    head = frames.FD_HEAD + frames.FD_EXTENSION * is_extended
+    slow = head + (head - 4) // 4 + frames.ACK_TO_NEXT
+    data = frames.FD_DLC + 8 * length
+    return slow, data + (data - 1) // 4 + frames.fd_crc_bits(length)
 
 
 # Worst-case response times of the messages on a CAN bus.
@@ -238,7 +230,7 @@ def dbc_streams(messages: Iterable["DbcMessage"], given: Assumptions) -> Iterato
         if each.is_fd and not given.data_bitrate:
             wrong = f"{each.name} is of CAN FD, and the bus is classical"
             raise ConfigError(f"--dbc: {wrong}; give fd = true in [bus], or --fd")
-        lengths = FD_LENGTHS if each.is_fd else range(9)
+        lengths = frames.FD_LENGTHS if each.is_fd else range(9)
         length = next((n for n in lengths if n >= each.length), None)
         if length is None:
             wrong = f"{each.name} has {each.length} bytes, at most {lengths[-1]} are right"
@@ -293,7 +285,7 @@ def _stream(
 
 
 def _stream_of(name: str, frame: Frame, period: tuple[int, str], given: Assumptions) -> Stream:
-    message = Message(name, priority(frame), period[0], _longest(frame, given), given.jitter)
+    message = Message(name, frames.priority(frame), period[0], _longest(frame, given), given.jitter)
     return Stream(message, frame, period[1])
 
 

@@ -4,22 +4,12 @@ from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 
+from hil_bench.abilities.faults import stages
 from hil_bench.abilities.faults.checks import BrokenReading, LeakPath, bounded, choose, to_ns
 from hil_bench.abilities.faults.effects import Acts, DefectEffect, SensorEffect, SpoolEffect
 from hil_bench.abilities.faults.fault import Effect
 from hil_bench.abilities.faults.kind import GROWTH, LARGEST, Site, amounts, fault_kind, percent
 from hil_bench.abilities.faults.points import ENABLES, PLANTS, SENSORS, SUPPLIES, VALVES
-from hil_bench.abilities.faults.stages import (
-    Bound,
-    Broken,
-    Frozen,
-    Growth,
-    Lag,
-    Noisy,
-    Shifted,
-    Slowed,
-    Weak,
-)
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, number
 from hil_bench.devices.measurement.low_pass import normal_numbers
@@ -36,20 +26,20 @@ _LONGEST_LAG = 1e6
 @fault_kind(SENSORS)
 def freeze(sensor: Site) -> Effect:
     """Freeze the value of a sensor."""
-    return SensorEffect(sensor.point(SENSORS), Frozen)
+    return SensorEffect(sensor.point(SENSORS), stages.Frozen)
 
 
 @fault_kind(SENSORS, keys=amounts("offset", "amount"))
 def offset(sensor: Site, amount: float) -> Effect:
     """Add an offset [Pa or m] to the value of a sensor."""
-    make = partial(Shifted, bounded("amount", amount), 0.0, sensor.tick)
+    make = partial(stages.Shifted, bounded("amount", amount), 0.0, sensor.tick)
     return SensorEffect(sensor.point(SENSORS), make)
 
 
 @fault_kind(SENSORS, keys=amounts("drift", "rate", rate=True))
 def drift(sensor: Site, rate: float) -> Effect:
     """Let the value of a sensor drift at a rate [Pa/s or m/s]."""
-    make = partial(Shifted, 0.0, bounded("rate", rate), sensor.tick)
+    make = partial(stages.Shifted, 0.0, bounded("rate", rate), sensor.tick)
     return SensorEffect(sensor.point(SENSORS), make)
 
 
@@ -57,14 +47,14 @@ def drift(sensor: Site, rate: float) -> Effect:
 def noise(sensor: Site, rms: float) -> Effect:
     """Add noise of an RMS [Pa or m] to the value of a sensor."""
     draw = normal_numbers(sensor.stream())
-    make = partial(Noisy, bounded("rms", rms, low=0.0), draw)
+    make = partial(stages.Noisy, bounded("rms", rms, low=0.0), draw)
     return SensorEffect(sensor.point(SENSORS), make)
 
 
 @fault_kind(SENSORS, keys=(Key("reads", choice(BrokenReading), BrokenReading.NOTHING),))
 def break_wire(sensor: Site, reads: BrokenReading | str = BrokenReading.NOTHING) -> Effect:
     """Break a sensor's wire: it reads "nothing", or beyond its range, "low" or "high"."""
-    make = partial(Broken, choose("reads", BrokenReading, reads))
+    make = partial(stages.Broken, choose("reads", BrokenReading, reads))
     return SensorEffect(sensor.point(SENSORS), make)
 
 
@@ -84,8 +74,8 @@ def slow(target: Site, time_constant: float) -> Effect:
     lag = bounded("time_constant", time_constant, low=_SHORTEST_LAG, high=_LONGEST_LAG)
     valve = target.points.of(VALVES).get(target.name)
     if valve is None:
-        return SensorEffect(target.point(SENSORS), partial(Slowed, lag, target.tick))
-    return SpoolEffect(valve, lambda position: Lag(lag, target.tick, position).follow)
+        return SensorEffect(target.point(SENSORS), partial(stages.Slowed, lag, target.tick))
+    return SpoolEffect(valve, lambda position: stages.Lag(lag, target.tick, position).follow)
 
 
 # Of valve, cylinder and supply: what wears, breaks, leaks and falls off.
@@ -279,7 +269,8 @@ def bind(valve: Site, band: float, *, growth: float = 0.0) -> Effect:
     point, ticks = valve.point(VALVES), grown(growth, valve)
     bounded("band", band, low=0.0, high=1.0)
     return SpoolEffect(
-        point, lambda position: Bound(Growth(band * point.full, ticks), position).follow
+        point,
+        lambda position: stages.Bound(stages.Growth(band * point.full, ticks), position).follow,
     )
 
 
@@ -289,7 +280,7 @@ def weaken(valve: Site, travel: float, *, growth: float = 0.0) -> Effect:
     point, ticks = valve.point(VALVES), grown(growth, valve)
     bounded("travel", travel, low=0.0, high=1.0)
     return SpoolEffect(
-        point, lambda _position: Weak(Growth(1.0 - travel, ticks), point.full).follow
+        point, lambda _position: stages.Weak(stages.Growth(1.0 - travel, ticks), point.full).follow
     )
 
 
@@ -310,7 +301,7 @@ def wear(axis: Site, amount: float, growth: float = 0.0, **chosen: str) -> Effec
     if name is None or name not in point.known:
         raise ConfigError(f"faults: {axis.lack(point.known)}")
     bounded(kind.name, amount, low=0.0, high=point.known[name].high)
-    make = partial(Growth, amount, grown(growth, axis))
+    make = partial(stages.Growth, amount, grown(growth, axis))
     return DefectEffect(point, name, make, axis.places.holds)
 
 

@@ -22,13 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
-from hil_bench.abilities.common.reception import (
-    WaitingRoom,
-    capacity,
-    say_errors_in_a_line,
-    serve_at,
-    watch_over,
-)
+from hil_bench.abilities.common import reception
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of, frame_bits
 from hil_bench.outside.bits import bitrate_text
@@ -116,8 +110,8 @@ class Hub:
         self.clock = clock
         self._tell_at = 0
         self._buses: dict[str, list[_Client]] = {channel: [] for channel in channels}
-        self._seats, room = capacity(MAX_CLIENTS)
-        self.waiting: WaitingRoom[_Client] = WaitingRoom(
+        self._seats, room = reception.capacity(MAX_CLIENTS)
+        self.waiting: reception.WaitingRoom[_Client] = reception.WaitingRoom(
             _Client.drop, room, clock=lambda: self.clock() * 1e-9
         )
 
@@ -128,7 +122,7 @@ class Hub:
             BusError: the address cannot be had.
         """
         try:
-            return await serve_at(lambda: _Client(self), host, port)
+            return await reception.serve_at(lambda: _Client(self), host, port)
         except OSError as error:
             what = f"hub {host}:{port}: "
             if error.errno == errno.EADDRINUSE:
@@ -376,9 +370,9 @@ def run_hub(
 
 
 async def _serve(hub: Hub, host: str, port: int, ready: Callable[[int], None]) -> None:
-    say_errors_in_a_line("hub")
+    reception.say_errors_in_a_line("hub")
     server = await hub.start(host, port)
-    patience = asyncio.create_task(watch_over(hub.waiting))
+    patience = asyncio.create_task(reception.watch_over(hub.waiting))
     ready(server.sockets[0].getsockname()[1])
     try:
         await server.serve_forever()

@@ -3,17 +3,7 @@
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from hil_bench.abilities.modbus.protocol.register_map import (
-    DATA_TYPES,
-    DeviceIdentification,
-    Holes,
-    Register,
-    RegisterAccess,
-    RegisterMap,
-    ServerConfig,
-    Table,
-    WordOrder,
-)
+from hil_bench.abilities.modbus.protocol import register_map as maps
 from hil_bench.config.document import Sort, Tables
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import choice, describe, integer, number, text
@@ -59,32 +49,32 @@ _EXAMPLES = {"vendor_name": '"maker"', "product_code": '"PT-1"', "revision": '"1
 
 _DEVICE_KEYS = (
     Key("profile", kind_name, example=f'"{PRESSURE.name}"'),
-    Key("word_order", choice(WordOrder), WordOrder.BIG),
+    Key("word_order", choice(maps.WordOrder), maps.WordOrder.BIG),
     *(
         Key(item.name, _identity, "", example=_EXAMPLES.get(item.name, ""))
-        for item in fields(DeviceIdentification)
+        for item in fields(maps.DeviceIdentification)
     ),
 )
 
 _REGISTER_KEYS = (
     Key("address", integer(0, HIGHEST_ADDRESS), example="0"),
     Key("source", text, example='"pressure"'),
-    Key("access", choice(RegisterAccess), RegisterAccess.READ),
+    Key("access", choice(maps.RegisterAccess), maps.RegisterAccess.READ),
     Key("description", text, ""),
 )
 
 _NUMBER_KEYS = (
     *_REGISTER_KEYS,
-    Key("type", choice(DATA_TYPES), example='"float32"'),
+    Key("type", choice(maps.DATA_TYPES), example='"float32"'),
     Key("unit", choice(_KNOWN_UNITS), ONE.symbol),
     Key("scale", _scale, 1.0),
-    Key("word_order", choice(WordOrder)),
+    Key("word_order", choice(maps.WordOrder)),
     Key("low", number()),
     Key("high", number()),
 )
 
 
-def load_register_map(path: Path, word_order: WordOrder | None = None) -> RegisterMap:
+def load_register_map(path: Path, word_order: maps.WordOrder | None = None) -> maps.RegisterMap:
     """Return the register map of a file.
 
     Whatever is wrong in it comes as one `ConfigError`, a line a problem.
@@ -93,10 +83,10 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
         path: the file.
         word_order: takes the place of the file's where a register has none of its own.
     """
-    file = Tables.of_file(path, Sort.REGISTER_MAP, ("device", *Table))
+    file = Tables.of_file(path, Sort.REGISTER_MAP, ("device", *maps.Table))
     problems = file.problems
     device = file.table("device", _DEVICE_KEYS)
-    tables = {table: _read_registers(file, table) for table in Table}
+    tables = {table: _read_registers(file, table) for table in maps.Table}
     problems.raise_any()
 
     order = word_order or device["word_order"].value
@@ -108,16 +98,16 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
     registers.sort(key=_order)
     _check_addresses(registers, problems)
     problems.raise_any()
-    names = [item.name for item in fields(DeviceIdentification)]
-    return RegisterMap(
+    names = [item.name for item in fields(maps.DeviceIdentification)]
+    return maps.RegisterMap(
         source=str(path),
         profile=device["profile"].value,
-        identification=DeviceIdentification(**{name: device[name].value for name in names}),
+        identification=maps.DeviceIdentification(**{name: device[name].value for name in names}),
         registers=tuple(registers),
     )
 
 
-def copy_inputs(register_map: RegisterMap, start: int) -> RegisterMap:
+def copy_inputs(register_map: maps.RegisterMap, start: int) -> maps.RegisterMap:
     """Return the map with its input registers among the holding registers too, read-only.
 
     Many masters know function 3 alone.
@@ -129,16 +119,16 @@ def copy_inputs(register_map: RegisterMap, start: int) -> RegisterMap:
     Raises:
         ConfigError: they do not fit there.
     """
-    holding = register_map.table(Table.HOLDING_REGISTERS)
+    holding = register_map.table(maps.Table.HOLDING_REGISTERS)
     copies = [
         replace(
             register,
             name=f"input_{register.name}",
-            table=Table.HOLDING_REGISTERS,
+            table=maps.Table.HOLDING_REGISTERS,
             address=start + register.address,
-            access=RegisterAccess.READ,
+            access=maps.RegisterAccess.READ,
         )
-        for register in register_map.table(Table.INPUT_REGISTERS)
+        for register in register_map.table(maps.Table.INPUT_REGISTERS)
     ]
     free = max((register.address + register.count for register in holding), default=0)
     end = max((copy.address + copy.count for copy in copies), default=0)
@@ -154,20 +144,20 @@ def copy_inputs(register_map: RegisterMap, start: int) -> RegisterMap:
     )
 
 
-def _order(register: Register) -> tuple[int, int]:
-    return list(Table).index(register.table), register.address
+def _order(register: maps.Register) -> tuple[int, int]:
+    return list(maps.Table).index(register.table), register.address
 
 
-def _read_registers(file: Tables, table: Table) -> dict[str, Settings]:
+def _read_registers(file: Tables, table: maps.Table) -> dict[str, Settings]:
     registers = file.named(table, _REGISTER_KEYS if table.holds_bits else _NUMBER_KEYS)
     for name, settings in registers.items():
         _check_register(f"{table}.{name}", table, settings, file.problems)
     return registers
 
 
-def _check_register(place: str, table: Table, settings: Settings, problems: Problems) -> None:
+def _check_register(place: str, table: maps.Table, settings: Settings, problems: Problems) -> None:
     access = settings.get("access")
-    if access and access.value is not RegisterAccess.READ and not table.is_writable:
+    if access and access.value is not maps.RegisterAccess.READ and not table.is_writable:
         wrong = f'"{access.value}" cannot be, for Modbus only reads {table}'
         problems.add(problems.place(place, "access"), f'{wrong}; give "r"')
     low, high = settings.get("low"), settings.get("high")
@@ -175,16 +165,18 @@ def _check_register(place: str, table: Table, settings: Settings, problems: Prob
         problems.add(problems.place(place, "low"), f"{low.value:g} is above high; give less")
 
 
-def _build_register(name: str, table: Table, settings: Settings, order: WordOrder) -> Register:
+def _build_register(
+    name: str, table: maps.Table, settings: Settings, order: maps.WordOrder
+) -> maps.Register:
     values = {key: setting.value for key, setting in settings.items()}
     if not table.holds_bits:
-        values["data_type"] = DATA_TYPES[values.pop("type")]
+        values["data_type"] = maps.DATA_TYPES[values.pop("type")]
         values["unit"] = _KNOWN_UNITS[values["unit"]]
         values["word_order"] = values["word_order"] or order
-    return Register(name=name, table=table, **values)
+    return maps.Register(name=name, table=table, **values)
 
 
-def _check_addresses(registers: list[Register], problems: Problems) -> None:
+def _check_addresses(registers: list[maps.Register], problems: Problems) -> None:
     """Note values that overlap, or reach beyond the last address."""
     for before, register in zip([None, *registers], registers, strict=False):
         place = problems.place(f"{register.table}.{register.name}", "address")
@@ -220,11 +212,11 @@ class ModbusUnitConfig:
     name: str
     node: str
     unit_id: int
-    register_map: RegisterMap
+    register_map: maps.RegisterMap
     commands: bool
-    word_order: WordOrder | None
+    word_order: maps.WordOrder | None
     watchdog: float
-    holes: Holes
+    holes: maps.Holes
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,5 +228,5 @@ class ModbusConfig:
         units: the devices, each with its unit-ID.
     """
 
-    server: ServerConfig
+    server: maps.ServerConfig
     units: tuple[ModbusUnitConfig, ...]

@@ -16,15 +16,7 @@ from hil_bench.abilities.recording.column_map import check_polarities, read_colu
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.replay.drive import (
-    FrameDirection,
-    SignalDeviation,
-    Verdict,
-    compare_recordings,
-    compared,
-    drive_plant,
-    play_frames,
-)
+from hil_bench.abilities.replay import drive as drives
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import ExitCode, interruption
@@ -63,8 +55,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     arguments.add_bench_arguments(parser)
     parser.add_argument(
         "--frames",
-        choices=[direction.value for direction in FrameDirection],
-        default=FrameDirection.ALL.value,
+        choices=[direction.value for direction in drives.FrameDirection],
+        default=drives.FrameDirection.ALL.value,
         help="frames to replay, as the recorder saw them; a .log does not say (default: all)",
     )
     parser.add_argument(
@@ -117,9 +109,9 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         ConfigError: there are none, or the bus cannot carry them.
         BusError: the bus was lost.
     """
-    direction = FrameDirection(args.frames)
+    direction = drives.FrameDirection(args.frames)
     recorded = list(read_frames(args.recording))
-    if direction is not FrameDirection.ALL and any(
+    if direction is not drives.FrameDirection.ALL and any(
         logged.is_received is None for logged in recorded
     ):
         raise ConfigError(
@@ -129,7 +121,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     frames = [logged for logged in recorded if direction.includes(logged)]
     if not frames:
         there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
-        which = "" if direction is FrameDirection.ALL else f"{direction.value} "
+        which = "" if direction is drives.FrameDirection.ALL else f"{direction.value} "
         raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
     count = 0 if config.bus.fd else sum(logged.frame.fd != 0 for logged in frames)
     if count:
@@ -146,7 +138,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
             work.done += 1
 
         try:
-            report = play_frames(
+            report = drives.play_frames(
                 frames,
                 send,
                 MonotonicClock(),
@@ -171,28 +163,28 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
     """
     recorded = _read_signals(args, config)
     _check_units(args, config, recorded)
-    units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
+    units = {each.name: each.unit for axis in config.axes for each in drives.compared(axis)}
     tolerances = dict(_tolerance(text, units) for text in args.tolerance)
     try:
         with shown_work(args, Work("replay")):
-            driven = drive_plant(config, recorded)
+            driven = drives.drive_plant(config, recorded)
     except ConfigError as error:
         raise ConfigError(f"{args.recording}: {error}") from None
-    deviations = compare_recordings(config, recorded, driven, tolerances)
+    deviations = drives.compare_recordings(config, recorded, driven, tolerances)
     if args.json:
         print(json.dumps(plain(map(_content, deviations)), indent=2))
     elif not args.quiet:
         print("\n".join((_HEAD, *map(_line, deviations))))
     verdicts = {deviation.verdict for deviation in deviations}
-    if Verdict.FAILED in verdicts:
+    if drives.Verdict.FAILED in verdicts:
         return ExitCode.CHECK_FAILED
-    is_decided = Verdict.PASSED in verdicts and Verdict.INCONCLUSIVE not in verdicts
+    is_decided = drives.Verdict.PASSED in verdicts and drives.Verdict.INCONCLUSIVE not in verdicts
     return ExitCode.DONE if is_decided else ExitCode.INCONCLUSIVE
 
 
-def _content(deviation: SignalDeviation) -> dict[str, object]:
+def _content(deviation: drives.SignalDeviation) -> dict[str, object]:
     """Return a deviation for a program to read."""
-    is_within = deviation.verdict in {Verdict.PASSED, Verdict.NOT_JUDGED}
+    is_within = deviation.verdict in {drives.Verdict.PASSED, drives.Verdict.NOT_JUDGED}
     return {**asdict(deviation), "is_within": is_within, "verdict": deviation.verdict}
 
 
@@ -236,14 +228,14 @@ def _check_units(args: argparse.Namespace, config: BenchConfig, recorded: Record
 _HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"
 
 
-def _line(deviation: SignalDeviation) -> str:
+def _line(deviation: drives.SignalDeviation) -> str:
     unit = display_unit(deviation.unit)
     numbers = [
         f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)
     ]
     verdict: str = deviation.verdict
     if deviation.tolerance is not None:
-        shown = verdict.upper() if verdict == Verdict.FAILED else verdict
+        shown = verdict.upper() if verdict == drives.Verdict.FAILED else verdict
         verdict = f"{unit.from_si(deviation.tolerance):g} {unit.symbol}: {shown}"
     if deviation.seen < deviation.duration:
         verdict += f"; seen {deviation.seen:.6g} of {deviation.duration:.6g} s"

@@ -7,37 +7,7 @@ from typing import Final
 
 from hil_bench import units
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
-from hil_bench.abilities.scenario import dimensions, syntax
-from hil_bench.abilities.scenario.nodes import (
-    DM1,
-    EMCY,
-    FRAME,
-    UNBOUNDED,
-    All,
-    Always,
-    Arithmetic,
-    Comparison,
-    Condition,
-    ConditionEdge,
-    Edge,
-    Event,
-    Magnitude,
-    Node,
-    Not,
-    Number,
-    Operation,
-    Position,
-    PreviousCondition,
-    PreviousValue,
-    Rate,
-    Reading,
-    Relation,
-    StateIs,
-    Turn,
-    Vocabulary,
-    Window,
-    is_same,
-)
+from hil_bench.abilities.scenario import dimensions, nodes, syntax
 from hil_bench.config.values import find_nearest, quote
 
 # Arithmetic and comparisons of an expectation, with their units checked.
@@ -46,7 +16,7 @@ _KNOWN_BASES = {"kg", "m", "s", "rad", units.CELSIUS.symbol}
 
 
 def combine(
-    operation: Operation, left: syntax.Operand, right: syntax.Operand
+    operation: nodes.Operation, left: syntax.Operand, right: syntax.Operand
 ) -> syntax.MeasuredValue:
     """Return the arithmetic of two values.
 
@@ -56,32 +26,34 @@ def combine(
     one, other = syntax.quantity_of(left, operation), syntax.quantity_of(right, operation)
     position = one.node.position
     slack = 0.0
-    if operation in {Operation.ADD, Operation.SUBTRACT}:
+    if operation in {nodes.Operation.ADD, nodes.Operation.SUBTRACT}:
         slack = _smallest_of(one, other)
         dimension = common_dimension(one, other, f"{operation} of")
         symbol = one.symbol or other.symbol
     else:
-        sign = 1 if operation is Operation.MULTIPLY else -1
+        sign = 1 if operation is nodes.Operation.MULTIPLY else -1
         dimension = dimensions.multiply(one.dimension, other.dimension, sign)
         symbol = next((q.symbol for q in (one, other) if q.dimension == dimension), "")
-    if operation is Operation.DIVIDE and other.node_value == 0.0:
+    if operation is nodes.Operation.DIVIDE and other.node_value == 0.0:
         raise syntax.ExpectationError(other.node.position, "divides by 0; give another divisor")
-    if isinstance(one.node, Number) and isinstance(other.node, Number):
+    if isinstance(one.node, nodes.Number) and isinstance(other.node, nodes.Number):
         value = _calculate(operation, one.node.value, other.node.value)
-        return syntax.MeasuredValue(Number(value, position=position), dimension, symbol, slack)
-    node = Arithmetic(operation, one.node, other.node, position=position)
+        return syntax.MeasuredValue(
+            nodes.Number(value, position=position), dimension, symbol, slack
+        )
+    node = nodes.Arithmetic(operation, one.node, other.node, position=position)
     return syntax.MeasuredValue(node, dimension, symbol, slack)
 
 
 def compare(
-    operands: list[syntax.Operand], relations: list[Relation], known: Vocabulary
-) -> Condition:
+    operands: list[syntax.Operand], relations: list[nodes.Relation], known: nodes.Vocabulary
+) -> nodes.Condition:
     """Return a comparison; of ``a < b < c``, both."""
     parts = tuple(
         _compare(relation, left, right, known)
         for relation, (left, right) in zip(relations, pairwise(operands), strict=True)
     )
-    return parts[0] if len(parts) == 1 else All(parts, position=parts[0].position)
+    return parts[0] if len(parts) == 1 else nodes.All(parts, position=parts[0].position)
 
 
 def _smallest_of(*values: syntax.MeasuredValue) -> float:
@@ -120,21 +92,21 @@ def _is_foreign(signal: syntax.MeasuredValue, number: syntax.MeasuredValue) -> b
     return is_plain and not bases <= _KNOWN_BASES
 
 
-def _calculate(operation: Operation, left: float, right: float) -> float:
+def _calculate(operation: nodes.Operation, left: float, right: float) -> float:
     match operation:
-        case Operation.ADD:
+        case nodes.Operation.ADD:
             return left + right
-        case Operation.SUBTRACT:
+        case nodes.Operation.SUBTRACT:
             return left - right
-        case Operation.MULTIPLY:
+        case nodes.Operation.MULTIPLY:
             return left * right
-        case Operation.DIVIDE:
+        case nodes.Operation.DIVIDE:
             return left / right
 
 
 def _compare(
-    relation: Relation, left: syntax.Operand, right: syntax.Operand, known: Vocabulary
-) -> Condition:
+    relation: nodes.Relation, left: syntax.Operand, right: syntax.Operand, known: nodes.Vocabulary
+) -> nodes.Condition:
     if isinstance(left, syntax.State | syntax.Text) or isinstance(
         right, syntax.State | syntax.Text
     ):
@@ -145,12 +117,12 @@ def _compare(
         raise syntax.ExpectationError(
             one.node.position, "compares no signal, so nothing can change it; give a signal"
         )
-    if is_same(one.node, other.node):
+    if nodes.is_same(one.node, other.node):
         wrong = "compares a value with itself, which nothing can change; give another one"
         raise syntax.ExpectationError(one.node.position, wrong)
     constants = [each for each in (one, other) if each.is_constant]
     scale = _smallest_of(*(constants or (one, other)))
-    return Comparison(
+    return nodes.Comparison(
         relation,
         one.node,
         other.node,
@@ -162,8 +134,8 @@ def _compare(
 
 
 def _compare_state(
-    relation: Relation, left: syntax.Operand, right: syntax.Operand, known: Vocabulary
-) -> Condition:
+    relation: nodes.Relation, left: syntax.Operand, right: syntax.Operand, known: nodes.Vocabulary
+) -> nodes.Condition:
     state, text = (left, right) if isinstance(left, syntax.State) else (right, left)
     position = syntax.position_of(left)
     if not isinstance(state, syntax.State) or not isinstance(text, syntax.Text):
@@ -174,94 +146,100 @@ def _compare_state(
         nearest = quote(find_nearest(text.text, codes))
         wrong = f"{state.name} is never {quote(text.text)}"
         raise syntax.ExpectationError(text.position, f"{wrong}; the nearest is {nearest}")
-    if relation not in {Relation.EQUAL, Relation.UNEQUAL}:
+    if relation not in {nodes.Relation.EQUAL, nodes.Relation.UNEQUAL}:
         raise syntax.ExpectationError(position, f"{relation} cannot compare states; give == or !=")
-    found = StateIs(state.name, text.text, codes[text.text], position=position)
-    return found if relation is Relation.EQUAL else Not(found, position=position)
+    found = nodes.StateIs(state.name, text.text, codes[text.text], position=position)
+    return found if relation is nodes.Relation.EQUAL else nodes.Not(found, position=position)
 
 
 # The functions and events of an expectation: ``abs(x)``, ``rises(x)``, ``emcy(valve)``.
 
-Call = Callable[[Sequence[syntax.Operand], Position, Vocabulary], syntax.Operand]
+Call = Callable[[Sequence[syntax.Operand], nodes.Position, nodes.Vocabulary], syntax.Operand]
 
 _NANOSECOND = 1e-9
 _HIGHEST_ID = 0x1FFFFFFF
 _NO_SIGNAL = "holds no signal, so nothing can change it; give a signal"
 
 
-def _abs(given: Sequence[syntax.Operand], position: Position, _known: Vocabulary) -> syntax.Operand:
+def _abs(
+    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
+) -> syntax.Operand:
     (operand,) = _take(given, "abs(x)", position)
     found = syntax.quantity_of(operand, "abs")
-    if isinstance(found.node, Number):
-        return found._replace(node=Number(abs(found.node.value), position=position), slack=0.0)
-    return found._replace(node=Magnitude(found.node, position=position), slack=0.0)
+    if isinstance(found.node, nodes.Number):
+        return found._replace(
+            node=nodes.Number(abs(found.node.value), position=position), slack=0.0
+        )
+    return found._replace(node=nodes.Magnitude(found.node, position=position), slack=0.0)
 
 
 def _rate(
-    given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
 ) -> syntax.Operand:
     (operand,) = _take(given, "rate(x)", position)
     found = syntax.quantity_of(operand, "rate")
     if found.is_constant:
         raise syntax.ExpectationError(position, f"rate {_NO_SIGNAL}")
     return syntax.MeasuredValue(
-        Rate(found.node, position=position),
+        nodes.Rate(found.node, position=position),
         dimensions.multiply(found.dimension, dimensions.TIME, -1),
     )
 
 
 def _previous(
-    given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
 ) -> syntax.Operand:
     (operand,) = _take(given, "previous(x)", position)
-    if isinstance(operand, Node):
-        return PreviousCondition(operand, position=position)
+    if isinstance(operand, nodes.Node):
+        return nodes.PreviousCondition(operand, position=position)
     found = syntax.quantity_of(operand, "previous")
     if found.is_constant:
         raise syntax.ExpectationError(position, f"previous {_NO_SIGNAL}")
-    return found._replace(node=PreviousValue(found.node, position=position), slack=0.0)
+    return found._replace(node=nodes.PreviousValue(found.node, position=position), slack=0.0)
 
 
-def _edge(turn: Turn) -> Call:
+def _edge(turn: nodes.Turn) -> Call:
     def build(
-        given: Sequence[syntax.Operand], position: Position, _known: Vocabulary
+        given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
     ) -> syntax.Operand:
         (operand,) = _take(given, f"{turn}(x)", position)
         if isinstance(operand, syntax.State):
             return _state_edge(turn, operand, position)
-        if isinstance(operand, Node):
-            return ConditionEdge(turn, operand, position=position)
+        if isinstance(operand, nodes.Node):
+            return nodes.ConditionEdge(turn, operand, position=position)
         found = syntax.quantity_of(operand, turn)
         if found.is_constant:
             raise syntax.ExpectationError(position, f"{turn} {_NO_SIGNAL}")
-        return Edge(turn, found.node, position=position)
+        return nodes.Edge(turn, found.node, position=position)
 
     return build
 
 
-def _state_edge(turn: Turn, state: syntax.State, position: Position) -> syntax.Operand:
-    if turn is not Turn.CHANGES:
+def _state_edge(turn: nodes.Turn, state: syntax.State, position: nodes.Position) -> syntax.Operand:
+    if turn is not nodes.Turn.CHANGES:
         right = f'give changes({state.name}), or {turn}({state.name} == "...")'
         raise syntax.ExpectationError(position, f"a state neither rises nor falls; {right}")
-    return Edge(turn, Reading(state.name, position=state.position), position=position)
+    return nodes.Edge(turn, nodes.Reading(state.name, position=state.position), position=position)
 
 
 def _settled(
-    given: Sequence[syntax.Operand], position: Position, known: Vocabulary
+    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
 ) -> syntax.Operand:
     form = "settled(deviation, band) or settled(deviation, band, time)"
     if len(given) not in {2, 3}:
         raise syntax.ExpectationError(position, f"settled takes 2 or 3 values; write {form}")
-    inside = compare([_abs(given[:1], position, known), given[1]], [Relation.LESS_EQUAL], known)
-    if not isinstance(inside, Comparison):  # a state, which `quantity_of` has refused
+    inside = compare(
+        [_abs(given[:1], position, known), given[1]], [nodes.Relation.LESS_EQUAL], known
+    )
+    if not isinstance(inside, nodes.Comparison):  # a state, which `quantity_of` has refused
         raise syntax.ExpectationError(position, f"settled needs a deviation; write {form}")
-    window = UNBOUNDED
+    window = nodes.UNBOUNDED
     if len(given) == 3:
         time = syntax.quantity_of(given[2], "settled")
         if time.node_value is None or time.dimension != dimensions.TIME or time.node_value < 0:
             raise syntax.ExpectationError(time.node.position, "is no time; give for example 200 ms")
-        window = Window(0, round(time.node_value / _NANOSECOND))
-    return Always(window, inside, position=position)
+        window = nodes.Window(0, round(time.node_value / _NANOSECOND))
+    return nodes.Always(window, inside, position=position)
 
 
 def _require(name: syntax.Text, known: Collection[str], what: str, without: str) -> None:
@@ -275,17 +253,21 @@ def _require(name: syntax.Text, known: Collection[str], what: str, without: str)
         raise syntax.ExpectationError(name.position, f"{quote(name.text)} is no {what}; {right}")
 
 
-def _emcy(given: Sequence[syntax.Operand], position: Position, known: Vocabulary) -> syntax.Operand:
+def _emcy(
+    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
+) -> syntax.Operand:
     form = "emcy(NODE) or emcy(NODE, 0x8110)"
     if not 1 <= len(given) <= 2 or not isinstance(given[0], syntax.Text):
         raise syntax.ExpectationError(position, f"emcy takes the name of a node; write {form}")
     node = given[0]
     _require(node, known.nodes, "node", "there are no nodes here")
     code = f", 0x{_whole(given[1], 0xFFFF, form):04X}" if len(given) == 2 else ""
-    return Event(f"{EMCY}({node.text}{code})", position=position)
+    return nodes.Event(f"{nodes.EMCY}({node.text}{code})", position=position)
 
 
-def _dm1(given: Sequence[syntax.Operand], position: Position, known: Vocabulary) -> syntax.Operand:
+def _dm1(
+    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
+) -> syntax.Operand:
     form = "dm1(DEVICE), dm1(DEVICE, 1907) or dm1(DEVICE, 1907, 9)"
     if not 1 <= len(given) <= 3 or not isinstance(given[0], syntax.Text):
         raise syntax.ExpectationError(
@@ -296,16 +278,18 @@ def _dm1(given: Sequence[syntax.Operand], position: Position, known: Vocabulary)
     limits = (HIGHEST_SPN, HIGHEST_FMI)
     numbers = [_whole(each, high, form) for each, high in zip(given[1:], limits, strict=False)]
     name = ", ".join([device.text, *map(str, numbers)])
-    return Event(f"{DM1}({name})", position=position)
+    return nodes.Event(f"{nodes.DM1}({name})", position=position)
 
 
 def _frame(
-    given: Sequence[syntax.Operand], position: Position, known: Vocabulary
+    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
 ) -> syntax.Operand:
     (operand,) = _take(given, "frame(0x181)", position)
     if not known.has_frames:
         raise syntax.ExpectationError(position, "there are no frames here; give a signal")
-    return Event(f"{FRAME}(0x{_whole(operand, _HIGHEST_ID, 'frame(0x181)'):X})", position=position)
+    return nodes.Event(
+        f"{nodes.FRAME}(0x{_whole(operand, _HIGHEST_ID, 'frame(0x181)'):X})", position=position
+    )
 
 
 def _whole(operand: syntax.Operand, highest: int, form: str) -> int:
@@ -319,7 +303,7 @@ def _whole(operand: syntax.Operand, highest: int, form: str) -> int:
 
 
 def _take(
-    given: Sequence[syntax.Operand], form: str, position: Position
+    given: Sequence[syntax.Operand], form: str, position: nodes.Position
 ) -> Sequence[syntax.Operand]:
     if len(given) != 1:
         raise syntax.ExpectationError(position, f"takes 1 value, not {len(given)}; write {form}")
@@ -332,10 +316,10 @@ CALLS: Final = MappingProxyType(
         "rate": _rate,
         "previous": _previous,
         "settled": _settled,
-        **{turn.value: _edge(turn) for turn in Turn},
-        EMCY: _emcy,
-        DM1: _dm1,
-        FRAME: _frame,
+        **{turn.value: _edge(turn) for turn in nodes.Turn},
+        nodes.EMCY: _emcy,
+        nodes.DM1: _dm1,
+        nodes.FRAME: _frame,
     }
 )
 """Each function by its name."""

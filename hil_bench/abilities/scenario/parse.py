@@ -6,19 +6,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
 from hil_bench.abilities.scenario import dimensions, nodes, syntax
-from hil_bench.abilities.scenario.nodes import (
-    DM1,
-    EMCY,
-    UNBOUNDED,
-    Condition,
-    Number,
-    Operation,
-    Position,
-    Reading,
-    Relation,
-    Vocabulary,
-    Window,
-)
 from hil_bench.abilities.scenario.operators import CALLS, combine, compare
 from hil_bench.config.values import find_nearest, quote
 
@@ -34,15 +21,15 @@ _PASTS: Final[Mapping[str, type[nodes.Historically | nodes.Once]]] = MappingProx
 )
 _OPERATIONS = MappingProxyType(
     {
-        "add": Operation.ADD,
-        "subtract": Operation.SUBTRACT,
-        "multiply": Operation.MULTIPLY,
-        "divide": Operation.DIVIDE,
+        "add": nodes.Operation.ADD,
+        "subtract": nodes.Operation.SUBTRACT,
+        "multiply": nodes.Operation.MULTIPLY,
+        "divide": nodes.Operation.DIVIDE,
     }
 )
 
 
-def parse_expectation(text: str, vocabulary: Vocabulary) -> Condition:
+def parse_expectation(text: str, vocabulary: nodes.Vocabulary) -> nodes.Condition:
     """Return the typed tree of an expectation.
 
     Args:
@@ -60,17 +47,19 @@ def parse_quantity(text: str) -> tuple[float, str]:
 
     Any other text raises an `ExpectationError`.
     """
-    found = syntax.quantity_of(_Builder(Vocabulary({})).build(syntax.read_syntax(text)), "this")
+    found = syntax.quantity_of(
+        _Builder(nodes.Vocabulary({})).build(syntax.read_syntax(text)), "this"
+    )
     return cast("float", found.node_value), found.symbol
 
 
 class _Builder:
     """Builds the typed tree from the bottom up."""
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
+    def __init__(self, vocabulary: nodes.Vocabulary) -> None:
         self._known = vocabulary
         self._depth = 0
-        self._forms: Mapping[str, Callable[[Tree[Token], Position], syntax.Operand]] = {
+        self._forms: Mapping[str, Callable[[Tree[Token], nodes.Position], syntax.Operand]] = {
             "quantity": self._quantity,
             "name": self._name,
             "text": self._text,
@@ -99,7 +88,7 @@ class _Builder:
         Raises:
             ExpectationError: it makes no sense, or is nested too deep.
         """
-        position = Position(tree.meta.line, tree.meta.column)
+        position = nodes.Position(tree.meta.line, tree.meta.column)
         if self._depth == syntax.DEEPEST:
             wrong = f"is nested more than {syntax.DEEPEST} levels deep"
             raise syntax.ExpectationError(position, f"{wrong}; split it into several expectations")
@@ -108,36 +97,38 @@ class _Builder:
         self._depth -= 1
         return found
 
-    def _condition(self, tree: object, word: str) -> Condition:
+    def _condition(self, tree: object, word: str) -> nodes.Condition:
         return syntax.condition_of(self.build(_tree(tree)), word)
 
-    def _quantity(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _quantity(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         number, *units = (str(token) for token in tree.children)
         value = float(int(number, 16)) if number.startswith("0x") else float(number)
         if not math.isfinite(value):
             raise syntax.ExpectationError(position, "is too large a number; give a smaller one")
         if not units:
-            return syntax.MeasuredValue(Number(value, position=position), dimensions.NUMBER)
+            return syntax.MeasuredValue(nodes.Number(value, position=position), dimensions.NUMBER)
         unit = dimensions.find_unit(units[0])
         if unit is None:
             nearest = find_nearest(units[0], dimensions.UNITS)
             wrong = f"{quote(units[0])} is no unit of the language"
             raise syntax.ExpectationError(position, f"{wrong}; the nearest is {nearest}")
         si = unit.unit.to_si(value)
-        return syntax.MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
+        return syntax.MeasuredValue(
+            nodes.Number(si, position=position), unit.dimension, unit.unit.symbol
+        )
 
-    def _name(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _name(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         name = str(tree.children[0]).strip("'")
         known = self._known
         if name in known.states:
             return syntax.State(name, position)
         if name in known.signals:
             return syntax.MeasuredValue(
-                Reading(name, position=position), dimensions.dimension_of(known.signals[name])
+                nodes.Reading(name, position=position), dimensions.dimension_of(known.signals[name])
             )
         if name in known.parameters:
             unit = dimensions.unit_of_name(name)
-            number = Number(known.parameters[name], position=position)
+            number = nodes.Number(known.parameters[name], position=position)
             return syntax.MeasuredValue(number, unit.dimension, unit.unit.symbol.replace("-", ""))
         if name in known.shared:
             wrong = f"{quote(name)} is in several tables"
@@ -148,52 +139,52 @@ class _Builder:
         right = f"the nearest is {find_nearest(name, known.names)}" if known.names else "none is"
         raise syntax.ExpectationError(position, f"{quote(name)} is no signal here; {right}")
 
-    def _text(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _text(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         return syntax.Text(str(tree.children[0])[1:-1], position)
 
-    def _call(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _call(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         name, *rest = tree.children
         if name not in CALLS:
             nearest = find_nearest(str(name), CALLS)
             wrong = f"{quote(str(name))} is no function of the language"
             raise syntax.ExpectationError(position, f"{wrong}; the nearest is {nearest}")
-        if name in {DM1, EMCY} and rest and _tree(rest[0]).data == "name":
+        if name in {nodes.DM1, nodes.EMCY} and rest and _tree(rest[0]).data == "name":
             place = _tree(rest[0]).meta
             node = syntax.Text(
-                str(_tree(rest[0]).children[0]).strip("'"), Position(place.line, place.column)
+                str(_tree(rest[0]).children[0]).strip("'"), nodes.Position(place.line, place.column)
             )
             given: list[syntax.Operand] = [node, *(self.build(_tree(each)) for each in rest[1:])]
         else:
             given = [self.build(_tree(each)) for each in rest]
         return CALLS[str(name)](given, position, self._known)
 
-    def _negative(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _negative(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         found = syntax.quantity_of(self.build(_tree(tree.children[0])), "-")
-        if isinstance(found.node, Number):
-            return found._replace(node=Number(-found.node.value, position=position))
-        minus = syntax.MeasuredValue(Number(-1.0, position=position), dimensions.NUMBER)
-        product = combine(Operation.MULTIPLY, minus, found)
+        if isinstance(found.node, nodes.Number):
+            return found._replace(node=nodes.Number(-found.node.value, position=position))
+        minus = syntax.MeasuredValue(nodes.Number(-1.0, position=position), dimensions.NUMBER)
+        product = combine(nodes.Operation.MULTIPLY, minus, found)
         return product._replace(symbol=found.symbol, slack=found.slack)
 
-    def _arithmetic(self, tree: "Tree[Token]", _position: Position) -> syntax.Operand:
+    def _arithmetic(self, tree: "Tree[Token]", _position: nodes.Position) -> syntax.Operand:
         left, right = (self.build(_tree(child)) for child in tree.children)
         return combine(_OPERATIONS[tree.data], left, right)
 
-    def _comparison(self, tree: "Tree[Token]", _position: Position) -> syntax.Operand:
+    def _comparison(self, tree: "Tree[Token]", _position: nodes.Position) -> syntax.Operand:
         operands = [self.build(_tree(child)) for child in tree.children[::2]]
-        relations = [Relation(str(token)) for token in tree.children[1::2]]
+        relations = [nodes.Relation(str(token)) for token in tree.children[1::2]]
         return compare(operands, relations, self._known)
 
-    def _not(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _not(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         return nodes.Not(self._condition(tree.children[0], "not"), position=position)
 
-    def _and(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _and(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         return nodes.All(self._operands(tree, "and"), position=position)
 
-    def _or(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _or(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         return nodes.Any(self._operands(tree, "or"), position=position)
 
-    def _operands(self, tree: "Tree[Token]", word: str) -> tuple[Condition, ...]:
+    def _operands(self, tree: "Tree[Token]", word: str) -> tuple[nodes.Condition, ...]:
         """Return the operands of ``a and b and c``, which the grammar nests to the left."""
         found, rest = [], tree
         while True:
@@ -205,66 +196,66 @@ class _Builder:
             rest = _tree(left)
         return tuple(self._condition(each, word) for each in reversed(found))
 
-    def _implies(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _implies(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         trigger, response = (self._condition(each, "implies") for each in tree.children)
         return nodes.Implies(trigger, response, position=position)
 
-    def _whenever(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _whenever(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         trigger = self._condition(tree.children[0], "whenever")
         response = self._condition(tree.children[1], "then")
         implies = nodes.Implies(trigger, response, position=position)
-        return nodes.Always(UNBOUNDED, implies, position=position)
+        return nodes.Always(nodes.UNBOUNDED, implies, position=position)
 
-    def _span(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _span(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         *windows, operand = tree.children
-        window = self._window(_tree(windows[0])) if windows else UNBOUNDED
+        window = self._window(_tree(windows[0])) if windows else nodes.UNBOUNDED
         if tree.data in {"eventually", "once"} and _tree(operand).data == "within":
             right = "within T A" if tree.data == "eventually" else "A within the last T"
             raise syntax.ExpectationError(position, f"{tree.data} within: write {right} alone")
         kind = _SPANS.get(tree.data) or _PASTS[tree.data]
         return kind(window, self._condition(operand, tree.data), position=position)
 
-    def _within(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
-        window = Window(0, self._duration(tree.children[0]))
+    def _within(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        window = nodes.Window(0, self._duration(tree.children[0]))
         return nodes.Eventually(
             window, self._condition(tree.children[1], "within"), position=position
         )
 
-    def _for(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
-        window = Window(0, self._duration(tree.children[1]))
+    def _for(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        window = nodes.Window(0, self._duration(tree.children[1]))
         return nodes.Always(window, self._condition(tree.children[0], "for"), position=position)
 
-    def _for_the_last(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
-        window = Window(0, self._duration(tree.children[1]))
+    def _for_the_last(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        window = nodes.Window(0, self._duration(tree.children[1]))
         operand = self._condition(tree.children[0], "for the last")
         return nodes.Historically(window, operand, position=position)
 
-    def _within_the_last(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
-        window = Window(0, self._duration(tree.children[1]))
+    def _within_the_last(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        window = nodes.Window(0, self._duration(tree.children[1]))
         operand = self._condition(tree.children[0], "within the last")
         return nodes.Once(window, operand, position=position)
 
-    def _until(self, tree: "Tree[Token]", position: Position) -> syntax.Operand:
+    def _until(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         first, *windows, last = tree.children
-        window = self._window(_tree(windows[0])) if windows else UNBOUNDED
+        window = self._window(_tree(windows[0])) if windows else nodes.UNBOUNDED
         kind = nodes.Until if tree.data == "until" else nodes.Since
         operand, goal = (self._condition(each, tree.data) for each in (first, last))
         return kind(window, operand, goal, position=position)
 
-    def _window(self, tree: "Tree[Token]") -> Window:
+    def _window(self, tree: "Tree[Token]") -> nodes.Window:
         times = [self._duration(child) for child in tree.children]
         match tree.data:
             case "from_to" if times[0] > times[1]:
-                position = Position(tree.meta.line, tree.meta.column)
+                position = nodes.Position(tree.meta.line, tree.meta.column)
                 raise syntax.ExpectationError(
                     position, "ends before it begins; give from A to B, A <= B"
                 )
             case "from_to":
-                return Window(times[0], times[1])
+                return nodes.Window(times[0], times[1])
             case "after":
-                return Window(times[0], None)
+                return nodes.Window(times[0], None)
             case _:
-                return Window(0, times[0])
+                return nodes.Window(0, times[0])
 
     def _duration(self, tree: object) -> int:
         """Return a time [ns].

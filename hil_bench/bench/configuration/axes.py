@@ -10,6 +10,7 @@ from hil_bench.config.document import Document, Tables, read_named_sections
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import describe, quote, text
 from hil_bench.errors import ConfigError, ParameterError
+from hil_bench.plants.hydraulic_cylinder import keys as cylinder_keys
 from hil_bench.plants.hydraulic_cylinder.configuration import (
     build_filter,
     explain_refusal,
@@ -24,13 +25,6 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
     known_oil,
 )
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.keys import (
-    PUMP_SHEET,
-    SHARED_KEYS,
-    SUPPLY_KEY,
-    SUPPLY_KEYS,
-    TANK_KEYS,
-)
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, find_exchange
@@ -61,8 +55,10 @@ class SuppliesSection:
     def __init__(self, document: Document, loop: LoopSection, problems: Problems) -> None:
         self._loop, self._problems = loop, problems
         self._supplies: dict[str, Settings] = {}
-        for name, settings in Tables(document, problems).named(TABLE, SHARED_KEYS).items():
-            if len(settings) == len(SHARED_KEYS):
+        for name, settings in (
+            Tables(document, problems).named(TABLE, cylinder_keys.SHARED_KEYS).items()
+        ):
+            if len(settings) == len(cylinder_keys.SHARED_KEYS):
                 sheet = Sheet(settings, problems)
                 derived = [*sheet.take(derive_pump(sheet)), *sheet.take(_derive_viscosity(sheet))]
                 settings.update({each.key: fill(settings, each) for each in derived})
@@ -82,18 +78,18 @@ class SuppliesSection:
         if name not in self._supplies:
             known = ['"constant"', '"unit"', *map(quote, self._supplies)]
             wrong = f"{quote(name)} is unknown; give {', '.join(known[:-1])} or {known[-1]}"
-            problems.add(problems.place(table, SUPPLY_KEY.name), wrong)
+            problems.add(problems.place(table, cylinder_keys.SUPPLY_KEY.name), wrong)
             return settings
         self._fed[name].append(axis)
         lent = {}
-        for key in SHARED_KEYS:
+        for key in cylinder_keys.SHARED_KEYS:
             if key.name in _OWN or key.name not in settings:
                 continue
             if settings[key.name].origin is not Origin.DEFAULT:
                 right = f"give it in [{TABLE}.{name}]"
                 problems.add(problems.place(table, key.name), f"belongs to the supply; {right}")
             given = self._supplies[name].get(key.name)
-            if given is not None and key not in PUMP_SHEET:
+            if given is not None and key not in cylinder_keys.PUMP_SHEET:
                 reason = f"from {TABLE}.{name}"
                 lent[key.name] = settings[key.name]._replace(
                     value=given.value, origin=Origin.DATA_SHEET, reason=reason
@@ -157,7 +153,7 @@ class SuppliesSection:
             sheet.refuse(losses[0], f"{wrong}, which is a part of it; give that or less")
         # The leakage of a pump that swivels is a constant of its own.
         volumetric = 1.0 if variable_pump(settings) else volumetric
-        given = {**convert(settings, TANK_KEYS), "oil": oil, "volumetric": volumetric}
+        given = {**convert(settings, cylinder_keys.TANK_KEYS), "oil": oil, "volumetric": volumetric}
         return TankConfig(**given)
 
     def resolve(self) -> None:
@@ -199,7 +195,7 @@ def _build_record(
     name: str, settings: Settings, axes: Sequence[Fed], tank: TankConfig | None
 ) -> SupplyConfig:
     unit = SupplyUnit(
-        **convert(settings, SUPPLY_KEYS),
+        **convert(settings, cylinder_keys.SUPPLY_KEYS),
         variable=variable_pump(settings),
         filter=build_filter(settings),
     )

@@ -6,35 +6,7 @@ from typing import Any
 
 from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.hydraulic_cylinder.keys import (
-    AIR_KEYS,
-    AXIS_KEYS,
-    BRISTLE_KEYS,
-    CAVITATION_KEYS,
-    COMPENSATOR_KEY,
-    CONSTANT_LOAD_KEYS,
-    COUNTERBALANCE_KEYS,
-    COUNTERBALANCE_RATING,
-    CUSHION_KEYS,
-    DELAY_KEY,
-    END_STOP_KEYS,
-    FILTER_KEYS,
-    FILTER_RATING,
-    LAND_KEYS,
-    OPTION_KEYS,
-    PARAMETER_KEYS,
-    PUMP_KEYS,
-    SERIES_KEY,
-    SLOPE_KEYS,
-    SPRING_KEYS,
-    SUPPLY_KEYS,
-    VISCOSITY_KEY,
-    WALL_KEYS,
-    Friction,
-    Lines,
-    PumpControl,
-    Supply,
-)
+from hil_bench.plants.hydraulic_cylinder import keys as cylinder_keys
 from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_components,
@@ -93,10 +65,20 @@ _SUPPLY_DEFECTS = (
 )
 _FILTER_DEFECTS = (Influence("filter_clogging", "-", 0.0, 1.0),)
 
-_NAMED_APART = {"position", *(key.field for key in (*CUSHION_KEYS["cushion_a"], *WALL_KEYS["a"]))}
+_NAMED_APART = {
+    "position",
+    *(
+        key.field
+        for key in (*cylinder_keys.CUSHION_KEYS["cushion_a"], *cylinder_keys.WALL_KEYS["a"])
+    ),
+}
 _KEYS_OF_SYMBOLS = {
-    **{key.name: key.name for key in AXIS_KEYS},
-    **{key.field: key.name for key in AXIS_KEYS if key.field not in {"", *_NAMED_APART}},
+    **{key.name: key.name for key in cylinder_keys.AXIS_KEYS},
+    **{
+        key.field: key.name
+        for key in cylinder_keys.AXIS_KEYS
+        if key.field not in {"", *_NAMED_APART}
+    },
     "bristles": "friction",
     "supply_unit": "supply",
     "lands": "flow_saturation",
@@ -236,12 +218,12 @@ def build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) -> 
         name=name,
         kind=kind,
         model=axis["model"].value,
-        parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
+        parameters=PlantParameters(**convert(axis, cylinder_keys.PARAMETER_KEYS)),
         options=_build_options(axis),
         solver=axis["solver"].value,
         position=convert(axis, (axis["position_mm"].key,))["position"],
-        spool_delay=convert(axis, (DELAY_KEY,))["delay"],
-        is_fed=axis["supply"].value not in set(Supply),
+        spool_delay=convert(axis, (cylinder_keys.DELAY_KEY,))["delay"],
+        is_fed=axis["supply"].value not in set(cylinder_keys.Supply),
     )
     if record.model is Model.REDUCED:
         check_reduced_model(record.parameters, record.options)
@@ -258,17 +240,17 @@ def build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) -> 
 
 
 def _build_options(axis: Settings) -> PlantOptions:
-    options = convert(axis, OPTION_KEYS) | hydraulic_options(axis)
-    options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
+    options = convert(axis, cylinder_keys.OPTION_KEYS) | hydraulic_options(axis)
+    options |= {end: _build_cushion(axis, end) for end in cylinder_keys.CUSHION_KEYS}
     options["counterbalance"] = _build_counterbalance(axis)
     options |= build_lines(axis)
     pump = _build_pump(axis)
     if pump is not None:
         options["supply"] = replace(options["supply"], variable=pump)
     if axis["end_stop"].value:
-        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
-    if axis["friction"].value is Friction.LUGRE:
-        options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+        options["end_stop"] = EndStop(**convert(axis, cylinder_keys.END_STOP_KEYS))
+    if axis["friction"].value is cylinder_keys.Friction.LUGRE:
+        options["bristles"] = LuGreFriction(**convert(axis, cylinder_keys.BRISTLE_KEYS))
     return PlantOptions(**options, loads=_build_loads(axis))
 
 
@@ -278,20 +260,22 @@ def hydraulic_options(axis: Settings) -> dict[str, Any]:
     Raises:
         ParameterError: a filter lacks its data, or a supply that has one.
     """
-    options: dict[str, Any] = convert(axis, (COMPENSATOR_KEY,))
+    options: dict[str, Any] = convert(axis, (cylinder_keys.COMPENSATOR_KEY,))
     if axis["cavitation"].value:
-        options |= convert(axis, CAVITATION_KEYS)
+        options |= convert(axis, cylinder_keys.CAVITATION_KEYS)
     if axis["entrained_air_percent"].value:
-        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
-    lands = MeteringLands(**convert(axis, LAND_KEYS))
+        options["air"] = EntrainedAir(**convert(axis, cylinder_keys.AIR_KEYS))
+    lands = MeteringLands(**convert(axis, cylinder_keys.LAND_KEYS))
     if lands != MeteringLands():
         options["lands"] = lands
     element = build_filter(axis)
-    if axis["supply"].value is not Supply.CONSTANT:
-        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS), filter=element)
+    if axis["supply"].value is not cylinder_keys.Supply.CONSTANT:
+        options["supply"] = SupplyUnit(**convert(axis, cylinder_keys.SUPPLY_KEYS), filter=element)
     elif element is not None:
         right = 'give supply = "unit" too'
-        raise ParameterError(f"a constant supply has no filter: {right}", FILTER_RATING[0].name)
+        raise ParameterError(
+            f"a constant supply has no filter: {right}", cylinder_keys.FILTER_RATING[0].name
+        )
     return options
 
 
@@ -301,10 +285,10 @@ def build_filter(settings: Settings) -> Filter | None:
     Raises:
         ParameterError: its data are missing or make no sense.
     """
-    missing = [key.name for key in FILTER_RATING if settings[key.name].value is None]
+    missing = [key.name for key in cylinder_keys.FILTER_RATING if settings[key.name].value is None]
     written = [
         key.name
-        for key in FILTER_KEYS
+        for key in cylinder_keys.FILTER_KEYS
         if key.default is None
         and settings[key.name].origin not in {Origin.DEFAULT, Origin.DATA_SHEET}
     ]
@@ -312,9 +296,11 @@ def build_filter(settings: Settings) -> Filter | None:
         raise ParameterError(f"a filter needs its data: give {missing[0]} too", written[0])
     if missing:
         return None
-    flow, drop, rated, bypass = convert(settings, FILTER_KEYS).values()
-    viscosity = settings[VISCOSITY_KEY.name].key.unit.to_si(settings[VISCOSITY_KEY.name].value)
-    require_positive(VISCOSITY_KEY.name, viscosity, "")
+    flow, drop, rated, bypass = convert(settings, cylinder_keys.FILTER_KEYS).values()
+    viscosity = settings[cylinder_keys.VISCOSITY_KEY.name].key.unit.to_si(
+        settings[cylinder_keys.VISCOSITY_KEY.name].value
+    )
+    require_positive(cylinder_keys.VISCOSITY_KEY.name, viscosity, "")
     return Filter(
         resistance=drop / flow * viscosity / rated,
         bypass=math.inf if bypass is None else bypass,
@@ -327,7 +313,7 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
     Raises:
         ParameterError: half of its data are missing, or make no sense.
     """
-    keys = CUSHION_KEYS[end]
+    keys = cylinder_keys.CUSHION_KEYS[end]
     given = [key.name for key in keys if axis[key.name].value is not None]
     if not given:
         return None
@@ -347,19 +333,19 @@ def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
         ParameterError: one of their data is missing.
     """
     lines = axis["counterbalance"].value
-    if lines is Lines.NONE:
+    if lines is cylinder_keys.Lines.NONE:
         return None
-    for key in (COUNTERBALANCE_KEYS[0], *COUNTERBALANCE_RATING):
+    for key in (cylinder_keys.COUNTERBALANCE_KEYS[0], *cylinder_keys.COUNTERBALANCE_RATING):
         if axis[key.name].value is None:
             raise ParameterError(f"a valve needs its data: give {key.name} too", "counterbalance")
-    flow, drop = convert(axis, COUNTERBALANCE_RATING).values()
-    for key, value in zip(COUNTERBALANCE_RATING, (flow, drop), strict=True):
+    flow, drop = convert(axis, cylinder_keys.COUNTERBALANCE_RATING).values()
+    for key, value in zip(cylinder_keys.COUNTERBALANCE_RATING, (flow, drop), strict=True):
         require_positive(key.name, value, "")
     return CounterbalanceValve(
-        in_line_a=lines in {Lines.A, Lines.BOTH},
-        in_line_b=lines in {Lines.B, Lines.BOTH},
+        in_line_a=lines in {cylinder_keys.Lines.A, cylinder_keys.Lines.BOTH},
+        in_line_b=lines in {cylinder_keys.Lines.B, cylinder_keys.Lines.BOTH},
         conductance=flow / math.sqrt(drop),
-        **convert(axis, COUNTERBALANCE_KEYS),
+        **convert(axis, cylinder_keys.COUNTERBALANCE_KEYS),
     )
 
 
@@ -370,8 +356,8 @@ def _build_pump(axis: Settings) -> VariablePump | None:
         ParameterError: the supply has no pump.
     """
     if (
-        axis["pump_control"].value is not PumpControl.FIXED
-        and axis["supply"].value is Supply.CONSTANT
+        axis["pump_control"].value is not cylinder_keys.PumpControl.FIXED
+        and axis["supply"].value is cylinder_keys.Supply.CONSTANT
     ):
         raise ParameterError(
             'a constant supply has no pump: give supply = "unit" too', "pump_control"
@@ -382,20 +368,23 @@ def _build_pump(axis: Settings) -> VariablePump | None:
 def variable_pump(settings: Settings) -> VariablePump | None:
     """Return the variable pump of a supply; None for a fixed pump."""
     control = settings["pump_control"].value
-    if control is PumpControl.FIXED:
+    if control is cylinder_keys.PumpControl.FIXED:
         return None
-    return VariablePump(senses_load=control is PumpControl.LOAD, **convert(settings, PUMP_KEYS))
+    return VariablePump(
+        senses_load=control is cylinder_keys.PumpControl.LOAD,
+        **convert(settings, cylinder_keys.PUMP_KEYS),
+    )
 
 
 def _build_loads(axis: Settings) -> tuple[Load, ...]:
     loads: list[Load] = []
     if axis["load_n"].value:
-        loads.append(ConstantLoad(**convert(axis, CONSTANT_LOAD_KEYS)))
+        loads.append(ConstantLoad(**convert(axis, cylinder_keys.CONSTANT_LOAD_KEYS)))
     if axis["load_spring_n_mm"].value:
-        loads.append(SpringLoad(**convert(axis, SPRING_KEYS)))
+        loads.append(SpringLoad(**convert(axis, cylinder_keys.SPRING_KEYS)))
     if axis["load_mass_kg"].value:
-        loads.append(MassOnSlope(**convert(axis, SLOPE_KEYS)))
-    if series := axis[SERIES_KEY.name].value:
+        loads.append(MassOnSlope(**convert(axis, cylinder_keys.SLOPE_KEYS)))
+    if series := axis[cylinder_keys.SERIES_KEY.name].value:
         times, forces = zip(*series, strict=True)
         loads.append(LoadSeries(times, forces))
     return tuple(loads)

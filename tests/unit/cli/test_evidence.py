@@ -138,7 +138,7 @@ def test_the_inputs_are_in_the_pack(made):
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out what the test does not look at."""
-    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.examine_devices", lambda _config: [])
+    monkeypatch.setattr("hil_bench.abilities.evidence.pack.examine_devices", lambda _config: [])
     monkeypatch.setattr("hil_bench.abilities.evidence.verbs.validate", lambda _axes, _dt: iter(()))
     trace = pack.Trace("0" * 64, 1, 1)
     monkeypatch.setattr(pack, "run_once", lambda _path, _seed: trace)

@@ -18,16 +18,7 @@ from typing import NamedTuple, Protocol
 from hil_bench.abilities.modbus.protocol import register_map
 from hil_bench.abilities.modbus.protocol.mailbox import MOST_ASSIGNMENTS, Mailbox
 from hil_bench.abilities.modbus.protocol.unit_image import ClientMemory, UnitImage
-from hil_bench.abilities.modbus.server.pdu import (
-    IDENTIFY,
-    MASK_WRITE,
-    READ_WRITE,
-    Request,
-    decode_request,
-    encode_exception,
-    encode_response,
-    identify,
-)
+from hil_bench.abilities.modbus.server import pdu as pdus
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +66,7 @@ class _PendingWrite(NamedTuple):
     """
 
     unit: UnitImage
-    request: Request
+    request: pdus.Request
     assignments: Sequence[register_map.Assignment]
     reply: Reply
     deadline: float
@@ -142,7 +133,7 @@ class RegisterServer:
         try:
             response = self._answer(unit_id, pdu, reply, memory or ClientMemory())
         except register_map.ModbusException as refusal:
-            response = encode_exception(pdu[0], refusal.code)
+            response = pdus.encode_exception(pdu[0], refusal.code)
         if response is not None:
             reply(response)
 
@@ -179,14 +170,14 @@ class RegisterServer:
         unit = self._units.get(self._aliases.get(unit_id, unit_id))
         if unit is None:
             raise register_map.ModbusException(register_map.ExceptionCode.GATEWAY_TARGET_FAILED)
-        if pdu[0] == IDENTIFY:
-            return identify(pdu, unit.identification)
-        request = decode_request(pdu)
+        if pdu[0] == pdus.IDENTIFY:
+            return pdus.identify(pdu, unit.identification)
+        request = pdus.decode_request(pdu)
         if not request.is_read:
             self._post(unit, request, reply, memory)
             return None
         words = self._read(unit, request.table, request.address, request.count)
-        return encode_response(request, words)
+        return pdus.encode_response(request, words)
 
     def _read(
         self, unit: UnitImage, table: register_map.Table, address: int, count: int
@@ -194,13 +185,15 @@ class RegisterServer:
         row = self._fresh_row()
         return unit.read(table, address, count, row.sequence, row.values)
 
-    def _post(self, unit: UnitImage, request: Request, reply: Reply, memory: ClientMemory) -> None:
+    def _post(
+        self, unit: UnitImage, request: pdus.Request, reply: Reply, memory: ClientMemory
+    ) -> None:
         """Leave a write for the loop.
 
         Raises:
             ModbusException: 6, there is no room.
         """
-        if request.function == MASK_WRITE:
+        if request.function == pdus.MASK_WRITE:
             assignments = unit.parse_mask(request.address, *request.words)
         else:
             assignments = unit.parse_write(request.table, request.address, request.words)
@@ -214,9 +207,9 @@ class RegisterServer:
         self._post_queued()
         self.on_wait()
 
-    def _read_beside(self, unit: UnitImage, request: Request) -> Sequence[int]:
+    def _read_beside(self, unit: UnitImage, request: pdus.Request) -> Sequence[int]:
         """Return the registers that function 23 reads beside its write; empty for others."""
-        if request.function != READ_WRITE:
+        if request.function != pdus.READ_WRITE:
             return ()
         return self._read(unit, request.table, request.read_address, request.read_count)
 
@@ -230,11 +223,11 @@ class RegisterServer:
     def _write_response(self, write: _PendingWrite, code: int) -> bytes:
         request = write.request
         if code:
-            return encode_exception(request.function, register_map.ExceptionCode(code))
+            return pdus.encode_exception(request.function, register_map.ExceptionCode(code))
         try:
-            return encode_response(request, self._read_beside(write.unit, request))
+            return pdus.encode_response(request, self._read_beside(write.unit, request))
         except register_map.ModbusException as refusal:
-            return encode_exception(request.function, refusal.code)
+            return pdus.encode_exception(request.function, refusal.code)
 
     def _fresh_row(self) -> Row:
         """Return the newest row.

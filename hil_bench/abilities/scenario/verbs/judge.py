@@ -11,15 +11,7 @@ from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
-from hil_bench.abilities.scenario.verbs.scenario_report import (
-    add_report_argument,
-    check_report_argument,
-    exit_code_for,
-    finding_content,
-    finding_lines,
-    recording_chapter,
-    write_report,
-)
+from hil_bench.abilities.scenario.verbs import scenario_report as reports
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
@@ -68,7 +60,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     foreign.add_argument(
         "--axis", metavar="NAME", help="axis whose quantities they are (default: axis1)"
     )
-    add_report_argument(parser)
+    reports.add_report_argument(parser)
     add_json_argument(parser)
     add_units_argument(parser)
     parser.set_defaults(run=run)
@@ -76,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
-    check_report_argument(args)
+    reports.check_report_argument(args)
     judged: dict[Path, Judged] = {}
     chapters = []
     work = Work("judge", len(args.recordings), "recordings")
@@ -88,16 +80,18 @@ def run(args: argparse.Namespace) -> int:
             names = names_in(each.requirement.condition for each in judged[path].findings)
             warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
             if args.report:
-                chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
-    content = {str(path): finding_content(each.findings) for path, each in judged.items()}
+                chapters.append(
+                    reports.recording_chapter(args.requirements, path, signals, judged[path])
+                )
+    content = {str(path): reports.finding_content(each.findings) for path, each in judged.items()}
     outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
     ending = Ending(args)
-    ending.take(exit_code_for(outcomes))
+    ending.take(reports.exit_code_for(outcomes))
     with ending.going_on():
         print_results(args, _lines(judged), content)
     if args.report:
         with ending.going_on():
-            write_report(args, f"Judgement by {args.requirements}", chapters)
+            reports.write_report(args, f"Judgement by {args.requirements}", chapters)
     return ending.code
 
 
@@ -136,4 +130,4 @@ def _lines(judged: dict[Path, Judged]) -> Iterator[str]:
         yield f"{path}:"
         if trace.note:
             yield f"  {trace.note}"
-        yield from finding_lines(findings)
+        yield from reports.finding_lines(findings)

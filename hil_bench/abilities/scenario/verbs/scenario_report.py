@@ -15,17 +15,9 @@ import hil_bench
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
+from hil_bench.abilities.scenario import report as reports
 from hil_bench.abilities.scenario.judgement import Evidence, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding, Judged
-from hil_bench.abilities.scenario.report import (
-    Chapter,
-    Proof,
-    Report,
-    is_near,
-    make_exhibit,
-    moments_of,
-    report_html,
-)
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
@@ -93,13 +85,13 @@ def check_report_argument(args: argparse.Namespace) -> None:
         raise ConfigError("--report needs Jinja2: pip install 'hil-bench[report]'")
 
 
-def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapter]) -> None:
+def write_report(args: argparse.Namespace, title: str, chapters: Sequence[reports.Chapter]) -> None:
     """Write the report as HTML, and as JSON beside it."""
     versions = {"hil-bench": hil_bench.__version__, "Python": platform.python_version()}
     facts = (*versions.items(), *((name, version(name)) for name in ("numpy", "canopen")))
-    report = Report(title, facts, tuple(chapters))
+    report = reports.Report(title, facts, tuple(chapters))
     texts = {
-        args.report: report_html(report),
+        args.report: reports.report_html(report),
         args.report.with_suffix(".json"): json_text(_content(report)),
     }
     for path, text in texts.items():
@@ -109,7 +101,7 @@ def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapte
 
 def run_chapter(
     prepared: PreparedScenario, result: ScenarioResult, given: Sequence[str]
-) -> Chapter:
+) -> reports.Chapter:
     """Return the chapter of a report on a scenario that was played.
 
     Args:
@@ -120,7 +112,7 @@ def run_chapter(
     config, evidence = prepared.config, result.evidence
     words = ["hil-bench", "test", result.path, "--seed", str(result.seed)]
     words += [word for text in given for word in ("--set", text)]
-    return Chapter(
+    return reports.Chapter(
         result.path,
         result.title,
         result.requirement_ids,
@@ -140,7 +132,7 @@ def run_chapter(
 
 def recording_chapter(
     requirements: Path, path: Path, signals: Recording, judged: Judged
-) -> Chapter:
+) -> reports.Chapter:
     """Return the chapter of a report on a recording that was judged.
 
     Args:
@@ -164,7 +156,7 @@ def recording_chapter(
     )
     length = f"{times[-1] - times[0]:g} s from {times[0]:g} s, a row a {trace.tick_ns * 1e-6:g} ms"
     words = ["hil-bench", "judge", str(requirements), str(path)]
-    return Chapter(
+    return reports.Chapter(
         str(path),
         path.name,
         (),
@@ -180,21 +172,21 @@ def recording_chapter(
     )
 
 
-def _proof(finding: Finding, evidence: Evidence | None) -> Proof:
+def _proof(finding: Finding, evidence: Evidence | None) -> reports.Proof:
     (name, that, _), judgement = finding
     is_passed = judgement.outcome is RequirementOutcome.PASSED
-    exhibit = None if is_passed or evidence is None else make_exhibit(finding, evidence)
-    return Proof(name, that, judgement, reason_of(judgement), exhibit)
+    exhibit = None if is_passed or evidence is None else reports.make_exhibit(finding, evidence)
+    return reports.Proof(name, that, judgement, reason_of(judgement), exhibit)
 
 
 def _frames_near(path: Path, findings: Sequence[Finding], start: int) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording that its exhibits can show, its first row at 0."""
     wrong = [f.judgement for f in findings if f.judgement.outcome is RequirementOutcome.FAILED]
-    moments = [moment for judgement in wrong for moment in moments_of(judgement).values()]
+    moments = [moment for judgement in wrong for moment in reports.moments_of(judgement).values()]
     if not moments or path.suffix.lower() not in FRAME_SUFFIXES:
         return
     for logged in read_frames(path):
-        if is_near(logged.now - start, moments):
+        if reports.is_near(logged.now - start, moments):
             yield logged._replace(now=logged.now - start)
 
 
@@ -211,7 +203,7 @@ def _settings(config: BenchConfig) -> Iterator[str]:
             yield f"{setting.table}.{setting.key.name} = {value}  ({setting.origin})"
 
 
-def _content(report: Report) -> dict[str, Any]:
+def _content(report: reports.Report) -> dict[str, Any]:
     """Return a report for a program: without pictures."""
     content = asdict(report)
     for chapter in content["chapters"]:

@@ -10,7 +10,7 @@ from support.modbus_world import World, run_seeds
 
 from hil_bench.abilities.hub.server import _Client
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
-from hil_bench.abilities.modbus.server import register_server
+from hil_bench.abilities.modbus.server import pdu
 from hil_bench.abilities.modbus.server.connections import _Connection
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import FramingError, ModbusSession
@@ -92,12 +92,12 @@ def test_it_finds_the_segment_that_ended_the_bench(monkeypatch):
 
 
 def test_it_finds_a_defect_that_costs_a_connection_only(monkeypatch):
-    decode = register_server.decode_request
+    decode = pdu.decode_request
 
-    def fragile(pdu):
-        return decode(pdu) if len(pdu) > 1 else pdu[1]
+    def fragile(data):
+        return decode(data) if len(data) > 1 else data[1]
 
-    monkeypatch.setattr(register_server, "decode_request", fragile)
+    monkeypatch.setattr(pdu, "decode_request", fragile)
     assert any("internal error: IndexError" in fault for fault in first_faults())
 
 

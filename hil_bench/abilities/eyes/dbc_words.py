@@ -5,7 +5,7 @@ from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.abilities.eyes.sight import Sight
+from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
 
 if TYPE_CHECKING:
@@ -53,13 +53,18 @@ class DbcMessages:
         try:
             values = _decode(message, sight.frame.data, named=True)
         except _UNDECODABLE as error:
-            return sight._replace(name=message.name, problem=str(error))
+            return sight._replace(name=message.name, problem=str(error), service=Service.OTHER)
         sender = message.senders[0] if message.senders else ""
         units = {signal.name: signal.unit or "" for signal in message.signals}
         words = ", ".join(
             f"{name} {value} {units.get(name, '')}".rstrip() for name, value in values.items()
         )
-        return sight._replace(name=message.name, node=sender, said=words)
+        return sight._replace(name=message.name, node=sender, said=words, problem="")
+
+    @property
+    def identifiers(self) -> frozenset[int]:
+        """The 11-bit identifiers of the messages."""
+        return frozenset(key for key, is_extended in self._messages if not is_extended)
 
     def signals(self) -> Iterator[tuple[str, str, str]]:
         """Yield message, signal and unit of each signal."""
@@ -81,7 +86,8 @@ class DbcMessages:
     def _message_of(self, sight: Sight) -> "Message | None":
         """Return the message of a frame that nothing else explains."""
         frame = sight.frame
-        if sight.readings or sight.transfer or sight.problem or frame.is_remote:
+        is_pdo = sight.service is Service.PDO and (sight.readings or sight.problem)
+        if is_pdo or sight.transfer or frame.is_remote:
             return None
         return self._messages.get((frame.can_id, frame.is_extended))
 

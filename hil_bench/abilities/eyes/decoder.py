@@ -4,7 +4,7 @@ The one place that does: the verbs `monitor`, `decode`, `record`, `explain` and 
 reports of failed tests, all ask it.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -41,14 +41,22 @@ class Decoder:
     Args:
         nodes: those that are known beforehand.
         ecus: the J1939 devices that are.
+        others: 11-bit identifiers that are known as those of other messages; where no such node has
+            them, CANopen has none.
 
     Attributes:
         nodes: all nodes by bus and node-ID; one that is heard for the first time comes to them.
         pdos: the PDOs of each bus and identifier, as the nodes have them now.
     """
 
-    def __init__(self, nodes: Iterable[KnownNode] = (), ecus: Iterable[KnownEcu] = ()) -> None:
+    def __init__(
+        self,
+        nodes: Iterable[KnownNode] = (),
+        ecus: Iterable[KnownEcu] = (),
+        others: Container[int] = (),
+    ) -> None:
         self.nodes = {(node.bus, node.node_id): node for node in nodes}
+        self._others, self._known = others, frozenset(self.nodes)
         self.pdos: dict[_Key, list[PdoOwner]] = {}
         self._owners: dict[_Key, list[PdoOwner]] = {}
         self._channels: dict[tuple[int, int], SdoChannel] = {}
@@ -148,7 +156,8 @@ class Decoder:
         by_name: dict[str, _Handler] = {"NMT": self._hear_nmt, "SYNC": self._hear_sync}
         if name in by_name:
             return by_name[name]
-        if node_id is None:
+        is_other = frame.can_id in self._others and (frame.bus, node_id) not in self._known
+        if node_id is None or is_other:
             service = Service.LSS if name.startswith("LSS") else Service.OTHER
             service = Service.TIME if name == "TIME" else service
             return partial(frame_sights.plain_sight, service)

@@ -514,6 +514,46 @@ def test_the_signals_of_a_dbc_become_channels(folder, capsys, monkeypatch):
     assert "--write-dbc writes what is known without --dbc" in capsys.readouterr().err
 
 
+CAR_DBC = (
+    VENDOR_DBC.split("BO_ ", maxsplit=1)[0]
+    + """
+BO_ 385 Valves: 8 ECU
+ SG_ a : 0|8@1+ (1,0) [0|0] "°C" X
+BO_ 201 Engine: 6 ECU
+ SG_ b : 0|8@1+ (1,0) [0|0] "" X
+BO_ 1549 Door: 8 ECU
+ SG_ c : 0|8@1+ (1,0) [0|0] "" X
+BO_ 1808 Light: 8 ECU
+ SG_ d : 0|8@1+ (1,0) [0|0] "" X
+"""
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_a_dbc_names_frames_that_have_identifiers_of_canopen(folder, capsys, encoding):
+    """TPDO1 of node 1, an EMCY of six bytes, an SDO request, a heartbeat of eight bytes."""
+    (folder / "car.dbc").write_text(CAR_DBC, encoding=encoding)
+    ids = {0x181: "Valves a", 0x0C9: "Engine b", 0x60D: "Door c", 0x710: "Light d"}
+    frames = [
+        LoggedFrame(Frame(each, bytes([0x40 + n % 4] * (6 if n % 4 == 1 else 8))), n * 10**6, None)
+        for n, each in enumerate([*ids] * 2)
+    ]
+    with open_frame_file(folder / "car.log") as file:
+        file.write_frames(frames)
+    assert main(["decode", "car.log", "--dbc", "car.dbc"]) == 0
+    shown = [line.rstrip().split("  ") for line in capsys.readouterr().out.splitlines()]
+    expected = ["a 64 °C", "b 65", "c 66", "d 67"]
+    assert [line[-1].strip() for line in shown] == expected * 2
+    assert main(["decode", "car.log", "--dbc", "car.dbc", "-o", "car.csv"]) == 0
+    decoded = read_recording(folder / "car.csv")
+    names = [words.replace(" ", ".") for words in ids.values()]
+    assert [decoded[name][-1] for name in names] == [0x40, 0x41, 0x42, 0x43]
+    (folder / "other.dbc").write_text(VENDOR_DBC)
+    capsys.readouterr()
+    assert main(["decode", "car.log", "--dbc", "other.dbc", "-o", "no.csv"]) == 2
+    assert "and no message of other.dbc with signals; give the bench" in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("folder")
 def test_a_dbc_of_ours_is_written_again():
     arguments = ["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]

@@ -174,9 +174,10 @@ def _write(
         channels = BusChannels(owners.values(), known, dbc, eyes_arguments.hold_of(args))
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"
-            raise ConfigError(
-                f"{args.log}: {what}; give bench.toml, --eds N=FILE or --dbc FILE.dbc"
-            )
+            if args.dbc is not None:
+                what += f", and no message of {args.dbc} with signals"
+            right = "give the bench.toml, --eds N=FILE or --dbc FILE.dbc of this bus"
+            raise ConfigError(f"{args.log}: {what}; {right}")
         report = _record(args, channels, _decoder(args), frames)
         ending.take(recording_code(report))
         written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")
@@ -189,7 +190,8 @@ def _decoder(args: argparse.Namespace) -> Decoder:
     """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
     config = load_bench_config(args)
     nodes = eyes_arguments.known_nodes(args, config, assumes=not _is_writing(args))
-    return Decoder(nodes, eyes_arguments.known_ecus(args, config))
+    ecus = eyes_arguments.known_ecus(args, config)
+    return Decoder(nodes, ecus, DbcMessages(args.dbc).identifiers)
 
 
 def _is_writing(args: argparse.Namespace) -> bool:

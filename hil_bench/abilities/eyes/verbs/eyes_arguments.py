@@ -118,13 +118,13 @@ def known_nodes(
             says so. What is written, explained or
             missed must not rest on that.
     """
-    counts = _is_named(args) or (assumes and not args.eds)
+    counts = _is_named(args) or (assumes and not _has_files(args))
     return merge_nodes(nodes_of(config) if counts else (), map(node_of_eds, args.eds))
 
 
 def say_assumed(args: argparse.Namespace, config: BenchConfig) -> None:
     """Say on standard error that the nodes are read as those of the built-in bench, if they are."""
-    if not (_is_named(args) or args.eds or args.quiet):
+    if not (_is_named(args) or _has_files(args) or args.quiet):
         numbers = ", ".join(str(node.node_id) for node in config.nodes)
         what = f"nodes {numbers} are read as those of the built-in bench"
         print(f"hil-bench: {what}; give bench.toml or --eds N=FILE for others", file=sys.stderr)
@@ -138,6 +138,11 @@ def say_language(
         say_assumed(args, config)
     else:
         warn_of([*language.notes(frames)])
+
+
+def _has_files(args: argparse.Namespace) -> bool:
+    """Return True if files say what is on the bus."""
+    return bool(args.eds) or getattr(args, "dbc", None) is not None
 
 
 def _is_named(args: argparse.Namespace) -> bool:

@@ -111,12 +111,14 @@ def run(args: argparse.Namespace) -> int:
     config = seen_from_bus(args, load_bench_config(args))
     if args.explain:
         return explain_bus(args, config)
+    dbc = DbcMessages(args.dbc)
     decoder = Decoder(
         eyes_arguments.known_nodes(args, config, assumes=True),
         eyes_arguments.known_ecus(args, config),
+        dbc.identifiers,
     )
     eyes_arguments.check_nodes(args.node, decoder)
-    lines, dbc, bits, last = SightLines(args), DbcMessages(args.dbc), 0.0, 0
+    lines, bits, last = SightLines(args), 0.0, 0
     is_canopen, language = False, Language()
     with listening.open_listener(config.bus) as listener:
         for logged in listening.heard(listener, args.duration, sys.stdout.flush):

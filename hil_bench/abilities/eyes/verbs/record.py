@@ -70,10 +70,10 @@ def run(args: argparse.Namespace) -> int:
     listening.check_duration(args)
     options.check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
-    ecus = eyes_arguments.known_ecus(args, config)
-    decoder = Decoder(eyes_arguments.known_nodes(args, config), ecus)
+    ecus, dbc = eyes_arguments.known_ecus(args, config), DbcMessages(args.dbc)
+    decoder = Decoder(eyes_arguments.known_nodes(args, config), ecus, dbc.identifiers)
     owners = (owner for owners in decoder.pdos.values() for owner in owners)
-    channels = BusChannels(owners, ecus, DbcMessages(args.dbc), eyes_arguments.hold_of(args))
+    channels = BusChannels(owners, ecus, dbc, eyes_arguments.hold_of(args))
     is_values_alone = args.file.suffix.lower() == ".csv"
     if is_values_alone and not channels.channels:
         right = "give bench.toml, --eds N=FILE or --dbc FILE.dbc, or record .mf4 or .log"

@@ -20,6 +20,9 @@ MESSAGE, SIGNAL = "message", "signal"
 
 _PLACE: Final = ("pgn", "start_bit", "length", "resolution", "offset")
 _OF_GROUP: Final = ("rate_ms", "priority")
+_MOST_OF_REASON: Final = 200
+"""Characters of what the reader of DBC files says of one that it cannot read."""
+
 _LENGTHS: Final = range(2, 33)
 
 
@@ -74,11 +77,15 @@ def _load_version(path: Path, _changed: int) -> "Database":
     except ImportError:
         raise ConfigError("dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
     with about_file(f"dbc {path}", what="cannot be read", right="give a DBC file"):
-        text = path.read_text(encoding="cp1252", errors="replace")
+        data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except ValueError:
+        text = data.decode("cp1252", errors="replace")  # as the format has it
     try:
         database: Any = load_string(text, database_format="dbc", strict=False)
     except (Error, ValueError, KeyError, TypeError, AttributeError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = " ".join(str(error).split())[:_MOST_OF_REASON] or type(error).__name__
         raise ConfigError(f"dbc {path}: cannot be read as a DBC file: {reason}") from None
     return database  # type: ignore[no-any-return]
 

@@ -49,3 +49,16 @@ def test_a_bin_has_the_next_round_width_of_a_thirtieth(largest, width):
 
 def test_what_is_no_number_is_left_out():
     assert sum(bin_margins([math.nan, 0.5]).counts) == 1
+
+
+def test_bins_have_the_next_round_width_that_makes_no_more_than_thirty():
+    for margin in (10.0**-power * digits for power in range(3) for digits in range(1, 300, 7)):
+        if margin > 3.0:
+            continue
+        low, high, counts, _, _ = bin_margins([margin])
+        width = (high - low) / len(counts)
+        digits = width / 10.0 ** math.floor(math.log10(width) + 1e-9)
+        rounds = [r for r in (1.0, 2.0, 2.5, 5.0, 10.0) if r == pytest.approx(digits)]
+        assert rounds, width
+        before = {1.0: 0.5, 2.0: 1.0, 2.5: 2.0, 5.0: 2.5, 10.0: 5.0}[rounds[0]] / rounds[0]
+        assert before * width < margin / 30 * (1 + 1e-9) <= width * (1 + 2e-9)

@@ -307,7 +307,7 @@ def test_who_watches_a_campaign_sees_its_counts_and_the_worst_first(seed):
 def drawn(monkeypatch):
     """Keep the axes of a figure in place of its picture."""
     kept = []
-    monkeypatch.setattr(reports, "svg_of", lambda figure: kept.extend(figure.axes) or "")
+    monkeypatch.setattr(reports, "svg_of", lambda figure: kept.extend(figure.axes) or "a figure")
     return kept
 
 
@@ -406,6 +406,7 @@ def test_the_report_of_a_search_says_where_its_smallest_margin_is(tmp_path, draw
     words = " ".join(re.sub(r"<[^>]*>", " ", text.partition("<body")[2]).split())
     assert "a.scenario.toml , seed 7, b = 2.0: 1 runs of sobol, 0 runs of random." in words
     assert "R1 fails run 3 none -0.25 a=1.5 R2 never decided none none" in words
+    assert words.endswith("R1 a figure")
     assert len(drawn) == 1
 
 

@@ -161,7 +161,7 @@ def time_runs(pairs: int) -> tuple[float, float]:
         whole.append(time.process_time() - begin)
         begin = time.process_time()
         for stroke in bench.course.strokes:
-            plant.step(PlantInput(float(bench.setpoints(stroke)[-1])), steps=1)
+            plant.step(PlantInput(float(bench.setpoints_of(stroke)[-1])), steps=1)
         plant.step(PlantInput(0.5e-3), steps=count)
         steps.append(time.process_time() - begin)
     return min(whole), min(steps)

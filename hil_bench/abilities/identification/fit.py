@@ -138,10 +138,6 @@ class Bench:
         """Return the machine that unknowns make; `ParameterError` where none does."""
         return self.template.run(values, self.dt)
 
-    def setpoints(self, stroke: Stroke) -> Values:
-        """Return the set-point of each step of a stroke [m]."""
-        return np.repeat(self.setpoints_of(stroke), self.every)
-
     def setpoints_of(self, stroke: Stroke) -> Values:
         """Return the set-point of each row of a stroke [m]."""
         return self.course.record.setpoints[stroke.rows.start + 1 : stroke.rows.stop]
@@ -166,7 +162,7 @@ class Bench:
     def _run_stroke(
         self, machine: Running, stroke: Stroke, cuts: npt.NDArray[np.int64], supply: float
     ) -> tuple[Values, float]:
-        setpoints = self.setpoints(stroke)
+        setpoints = self.course.commands_of(stroke, self.every)
         start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start], supply)
         every, supply = run_course(machine.constants, start, setpoints, every=self.every, cuts=cuts)
         seen = every[:, _SEEN]

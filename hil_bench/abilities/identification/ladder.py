@@ -35,13 +35,15 @@ _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a be
 _ROUNDS = 12  # of a search at most
 _AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
 
+MASS, LOAD = "moving_mass_kg", "load_mass_kg"
+
 PAPER = (
     "orifice_width_mm",
     "spool_overlap_mm",
     "bulk_modulus_mpa",
     "coulomb_friction_n",
     "viscous_friction_n_s_m",
-    "moving_mass_kg",
+    MASS,
     "spool_natural_frequency_rad_s",
     "internal_leakage_l_min_bar",
 )
@@ -66,7 +68,7 @@ STEADY = (
 
 SWIFT = (
     "bulk_modulus_mpa",
-    "moving_mass_kg",
+    MASS,
     "spool_natural_frequency_rad_s",
     "spool_damping_ratio",
     SLEW,
@@ -208,7 +210,7 @@ def climb(
     few = bench.some(_alike(bench))
     folds, notes = choose_folds(few) if is_judged else ([], ())
     every = [*wish.free, *_offsets(few), *_stops(few)]
-    first = _by_plateaus(few, _free(few, [*STEADY, *_offsets(few)], wish))
+    first = _by_plateaus(few, find_free(few, [*STEADY, *_offsets(few)], wish))
     rungs = [_judge(replace(few, is_rough=True), PLATEAUS, first, folds)]
     if first.is_moved:
         say(f"first answer: {_describe(few, first)}; {THE_PAPERS}")
@@ -223,7 +225,7 @@ def climb(
                 break
             say(f"{title}; so far {_describe(few, best.fit)}")
             known = best.fit.unknowns if start is None else start
-            names = _free(few, [*(one.name for one in known), *more], wish)
+            names = find_free(few, [*(one.name for one in known), *more], wish)
             values = best.fit.values if start is None else first.values if start else {}
             unknowns, begin = _pairs(few, names, values)
             begin = fit_plateaus(few, unknowns, begin) if start == () else begin
@@ -298,8 +300,13 @@ def begin_of(bench: Bench, name: str, values: Mapping[str, float]) -> tuple[Unkn
     return unknown, variable
 
 
-def _free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
-    """Return the names, each once, that the user does not hold and the machine has."""
+def find_free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
+    """Return the names, each once, that the user does not hold and the machine has.
+
+    Of a machine with a load it is the load's mass that is free: it is most of what moves.
+    """
+    if bench.template.start(LOAD) > 0.0:
+        names = [LOAD if name == MASS else name for name in names]
     lacking = {"supply_pressure_bar"} if bench.template.axis.options.supply is not None else set()
     if bench.template.axis.options.bristles is not None:
         lacking.add("stribeck_velocity_mm_s")

@@ -207,6 +207,7 @@ class Template:
         ratios = {
             "bulk_modulus_mpa": (4.0, 2.0),
             "moving_mass_kg": (3.0, 0.5),
+            "load_mass_kg": (3.0, 0.3),
             "spool_natural_frequency_rad_s": (3.0, 0.3),
             "spool_damping_ratio": (1.5, 0.3),
             "stribeck_velocity_mm_s": (3.0, 1.0),

@@ -1,6 +1,7 @@
 """The strokes of a record: where the machine goes from rest to rest, and how each begins."""
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -49,16 +50,34 @@ class Course:
     Attributes:
         record: with a row each so many ms.
         strokes: of it.
+        commands: set-point of each row of the record before, shape (rows,) [m].
+        factor: of these rows make one of `record`.
         dropped: strokes of the record that are left out because there are enough.
     """
 
     record: AxisRecord
     strokes: tuple[Stroke, ...]
+    commands: Values
+    factor: int
     dropped: int = 0
 
     def some(self, chosen: list[int]) -> "Course":
         """Return the course of some strokes, by their places."""
         return replace(self, strokes=tuple(self.strokes[place] for place in chosen))
+
+    def commands_of(self, stroke: Stroke, every: int) -> Values:
+        """Return the set-point of each step of a stroke [m], as the record before has it.
+
+        A step inside a row excites more than two small ones at its ends.
+
+        Args:
+            stroke: of the course.
+            every: steps in a row.
+        """
+        first, last = (self.factor * row + 1 for row in (stroke.rows.start, stroke.rows.stop - 1))
+        common = math.gcd(every, self.factor)
+        fine = np.repeat(self.commands[first:last], every // common)
+        return np.asarray(fine.reshape(-1, self.factor // common).mean(axis=1))
 
 
 def make_course(record: AxisRecord, interval: float) -> Course:
@@ -88,7 +107,7 @@ def make_course(record: AxisRecord, interval: float) -> Course:
     most = min(_MOST_STROKES, room)
     if total > most:
         strokes = [strokes[place] for place in np.linspace(0, total - 1, most).astype(int)]
-    return Course(thin, tuple(strokes), total - len(strokes))
+    return Course(thin, tuple(strokes), record.setpoints, factor, total - len(strokes))
 
 
 def find_motion(record: AxisRecord) -> npt.NDArray[np.bool_]:

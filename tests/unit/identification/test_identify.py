@@ -18,6 +18,7 @@ from hil_bench.abilities.identification.ladder import (
     choose_folds,
     choose_rung,
     climb,
+    find_free,
 )
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.plot import draw_strokes
@@ -67,6 +68,34 @@ def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
     assert [round(one.opening, 2) for one in course.strokes] == [0.4, 0.4, 0.6, 0.6, 0.85, 0.85]
     assert [one.is_forth for one in course.strokes] == [True, False] * 3
     assert all(one.start[1] == 0.0 for one in course.strokes)  # from rest
+
+
+@pytest.mark.parametrize("every", [1, 2, 3, 4, 8])
+def test_a_step_inside_a_row_stays_where_it_was(record: AxisRecord, every: int) -> None:
+    """Steps of the solver have the mean set-point of their own time, not that of the whole row."""
+    course = make_course(record, 4.0 * TICK)  # clipped to 8 ms: two rows of the record make one
+    stroke = course.strokes[0]
+    first, last = 2 * stroke.rows.start + 1, 2 * (stroke.rows.stop - 1) + 1
+    dense = np.repeat(record.setpoints[first:last], 12)  # 24 a row: each `every` divides it
+
+    found = course.commands_of(stroke, every)
+
+    assert course.record.interval == pytest.approx(2.0 * TICK)
+    assert found == pytest.approx(dense.reshape(-1, 24 // every).mean(axis=1))
+
+
+def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record: AxisRecord) -> None:
+    loaded = SETTINGS | {"load_mass_kg": SETTINGS["load_mass_kg"]._replace(value=460.0)}
+    course = make_course(record, 4e-3)
+    names = ["orifice_width_mm", "moving_mass_kg"]
+
+    plain, heavy = (
+        find_free(Bench(Template(AXIS, one, 1), course, 1e-3), names, Wish())
+        for one in (SETTINGS, loaded)
+    )
+
+    assert plain == names
+    assert heavy == ["orifice_width_mm", "load_mass_kg"]
 
 
 def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record: AxisRecord) -> None:

@@ -73,7 +73,8 @@ def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
 @pytest.mark.parametrize("every", [1, 2, 3, 4, 8])
 def test_a_step_inside_a_row_stays_where_it_was(record: AxisRecord, every: int) -> None:
     """Steps of the solver have the mean set-point of their own time, not that of the whole row."""
-    course = make_course(record, 4.0 * TICK)  # clipped to 8 ms: two rows of the record make one
+    record = replace(record, setpoints=np.roll(record.setpoints, 1))  # between two rows of 8 ms
+    course = make_course(record, 4.0 * TICK)  # 8 ms at most: two rows of the record make one
     stroke = course.strokes[0]
     first, last = 2 * stroke.rows.start + 1, 2 * (stroke.rows.stop - 1) + 1
     dense = np.repeat(record.setpoints[first:last], 12)  # 24 a row: each `every` divides it

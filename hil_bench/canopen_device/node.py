@@ -170,6 +170,16 @@ class Node:
         self._update_routes()
 
     @property
+    def state_name(self) -> str:
+        """Its NMT state as people read it, or OFF."""
+        return self.state.name.replace("_", "-") if self.has_power else "OFF"
+
+    @property
+    def errors(self) -> frozenset[int]:
+        """The codes of the errors that it has; without power it knows of no error."""
+        return self.emcy.present if self.has_power else frozenset()
+
+    @property
     def deadline(self) -> int:
         """The next time at which `expire` or `serve` has something to do [ns]."""
         return self._agenda.due

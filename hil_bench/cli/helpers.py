@@ -5,6 +5,7 @@ import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from itertools import zip_longest
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Protocol
 
@@ -336,7 +337,7 @@ class _NodeWatch:
             A change in words.
         """
         yield from self._state_changes()
-        errors = self._node.emcy.present
+        errors = self._node.errors
         for code in sorted(errors - self._errors):
             yield f"EMCY 0x{code:04X} ({emergency_text(code)})"
         for code in sorted(self._errors - errors):
@@ -351,15 +352,15 @@ class _NodeWatch:
         self._problem = problem
 
     def _state_changes(self) -> Iterator[str]:
-        state = self._node.state
-        if state is NmtState.INITIALISING:
+        is_off = self._states is not None and not self._node.has_power  # since it began
+        if self._node.state is NmtState.INITIALISING and not is_off:
             return
-        states = [state.name.replace("_", "-")]
-        if self._device_state is not None:
+        states = [self._node.state_name]
+        if self._device_state is not None and not is_off:
             states.append(self._device_state())
         before, self._states = self._states, tuple(states)
         if before is not None:
-            yield from (new for old, new in zip(before, states, strict=True) if new != old)
+            yield from (new for old, new in zip_longest(before, states) if new and new != old)
 
 
 class _SyncWatch:

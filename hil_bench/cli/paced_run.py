@@ -114,8 +114,8 @@ def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
             for name, count in asdict(node.counters).items()
             if count
         ]
-        state = node.state.name.replace("_", "-")
-        lines.append(f"node {node.node_id:<4} {settings.name}: {', '.join((state, *refused))}")
+        words = ", ".join((node.state_name, *refused))
+        lines.append(f"node {node.node_id:<4} {settings.name}: {words}")
         if node.storage_problem is not None:
             lines.append(f"          {node.storage_problem}")
     return lines + [

@@ -414,7 +414,7 @@ def common_content(
             {
                 "name": settings.name,
                 "node_id": node.node_id,
-                "state": node.state.name.replace("_", "-"),
+                "state": node.state_name,
                 "refused": node.counters,
                 "can": standing(node),
                 "storage_problem": node.storage_problem,

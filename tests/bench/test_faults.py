@@ -226,6 +226,19 @@ class TestTheBus:
         bench.run(0.2)
         assert frames(bench, 0x704) == [(1, b"\x00"), (120, b"\x00")]
 
+    def test_a_node_without_power_measures_nothing_and_has_no_state(self, bench, faults):
+        node = bench.bench.nodes[[*bench.nodes].index("pressure_a")]
+        bench.run(0.01)
+        faults.reset("pressure_a", at=0.02, duration=0.1)
+        bench.run(0.05)
+        assert math.isnan(bench.signals["pressure_a.measured"][-1])
+        assert bench.signals["pressure_b.measured"][-1] == pytest.approx(51.5e5, rel=0.01)
+        assert (node.state_name, node.errors) == ("OFF", frozenset())
+        bench.run(0.1)
+        assert bench.signals["pressure_a.measured"][-1] == pytest.approx(48.5e5, rel=0.01)
+        assert (node.state_name, node.errors) == ("PRE-OPERATIONAL", frozenset())
+        assert frames(bench, 0x082) == []  # it had no error, before or after
+
     def test_lost_frames(self, bench, faults, position):
         faults.lose("position", 0.5, can_id=0x184)
         start = bench.now()

@@ -28,7 +28,7 @@ def test_ten_thousand_channels_are_searched_and_the_page_keeps_its_memory(pages)
             ).to_be_visible()
             feed.wait_for_client(GUARD)
             feed.put_row([0.1, *[0.05] * MANY])
-            expect(scope.locator(".legend-item output").first).to_have_text("50.00")
+            expect(scope.locator(".legend-value").first).to_have_text("50.00")
             scope.get_by_label("search channels").fill("s9999")
             scope.get_by_label("s9999").check()
             expect(scope.locator(".legend-item").filter(has_text="s9999")).to_contain_text("50.00")
@@ -47,9 +47,9 @@ def test_values_that_are_no_numbers_are_gaps(pages):
         feed.wait_for_client(GUARD)
         for number, value in enumerate([0.01, math.nan, math.inf, -math.inf]):
             feed.put_row((0.1 * number, value, 1e5))
-        expect(scope.locator(".legend-item output").first).to_have_text("no value")
+        expect(scope.locator(".legend-value").first).to_have_text("no value")
         feed.put_row((0.5, 0.02, math.nan))
-        expect(scope.locator(".legend-item output").first).to_have_text("20.00")
+        expect(scope.locator(".legend-value").first).to_have_text("20.00")
         assert page.evaluate(f"() => {VIEW}.plots.panes[0].plot.data[1]") == [
             *[pytest.approx(10.0)],
             *[None] * 3,
@@ -82,7 +82,7 @@ def test_a_channel_that_vanishes_with_the_next_bench_leaves_the_plots(pages):
             expect(scope.locator(".legend-item").filter(has_text="gone")).to_have_count(0)
             feed.wait_for_client(GUARD)
             feed.put_row((0.1, 0.05))
-            expect(scope.locator(".legend-item output")).to_have_text("50.00")
+            expect(scope.locator(".legend-value")).to_have_text("50.00")
 
 
 def test_two_people_who_set_the_same_value_hear_of_each_other(pages):

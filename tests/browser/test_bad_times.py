@@ -78,7 +78,7 @@ def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatc
         page = pages.open(port)
         expect_time_to_pass(page)
         monkeypatch.setattr("hil_bench.abilities.panel.hub.MOST_UNREAD", -1)  # nothing may wait
-        expect(page.locator("#banner")).to_contain_text("bench time stands still at")
+        expect(page.locator("#banner")).to_contain_text("the line to it, is too slow")
         monkeypatch.undo()
         expect(page.locator("#banner")).to_be_hidden()
         expect(page.locator("#brief")).to_contain_text(re.compile(r"this page missed \d+ messages"))
@@ -86,6 +86,27 @@ def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatc
         # What it must have comes over any line.
         bench.session.bench.part(Faults).freeze("position")
         expect(page.locator(".active-faults")).to_contain_text("freeze position")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_panel_that_is_held_up_is_no_bench_that_stands_still(pages):
+    with live_bench(), panel() as port:
+        page = pages.open(port)
+        expect_time_to_pass(page)
+        page.evaluate("hilBench.link.socket.onmessage = null")  # nothing comes, nothing closes
+        expect(page.locator("#banner")).to_contain_text("the panel has sent nothing since")
+        expect(page.locator("body")).to_have_class(re.compile("is-away"))
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_bench_that_is_held_up_is_said_to_be_so(pages):
+    with live_bench() as bench, panel() as port:
+        page = pages.open(port)
+        expect_time_to_pass(page)
+        bench.held.set()
+        expect(page.locator("#banner")).to_have_text(
+            re.compile(r"bench time stands still at .*: its process is held up$")
+        )
 
 
 HOSTILE = [

@@ -18,7 +18,7 @@ def scope(page, bench):
     """The scope, paused, with a fault that has come and gone and both cursors."""
     page.locator("#tab-scope").click()
     scope = page.locator("#view-scope")
-    expect(scope.locator(".legend-item output").first).to_have_text("0.00")
+    expect(scope.locator(".legend-value").first).to_have_text("0.00")
     page.wait_for_function("() => hilBench.model.hello")
     bench.session.bench.part(Faults).break_wire("position", duration=0.1)
     expect(scope.locator(".events tr").filter(has_text="error reset")).to_be_visible()

@@ -53,6 +53,8 @@ def test_a_layout_is_made_by_keys_kept_and_read_again(pages, folder, tmp_path, k
         page.locator("#tab-layout").click()
         view = page.locator("#view-layout")
         expect(view.locator(".cell")).to_have_count(2)  # machine and plots, by default
+        expect(view.locator(".cell .problem")).to_have_count(0)
+        expect(view.locator(".cell canvas")).to_have_count(3)  # of a plant without its own P_S
         view.get_by_role("button", name="Edit").click()
         view.get_by_label("kind of item").select_option("value")
         view.get_by_label("what it shows").select_option("axis1.speed")

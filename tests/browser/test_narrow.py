@@ -3,6 +3,7 @@
 from itertools import combinations
 
 import pytest
+from support.live_bench import live_bench
 
 pytest.importorskip("playwright.sync_api")
 
@@ -53,3 +54,18 @@ def test_the_text_of_the_drawing_can_be_read(pages, port, width):
         and other["top"] + 4 < one["bottom"]
     ]
     assert over == []
+
+
+def test_the_header_of_a_telephone_has_room_for_the_time_beside_several_benches(pages, port):
+    page = pages.open(port, viewport={"width": 390, "height": 844})
+    page.get_by_text("INIT").first.wait_for()
+    with live_bench("another-bench"):
+        page.locator("#benches").wait_for()
+        boxes = page.evaluate(
+            "() => ['clock', 'benches', 'keys', 'stop'].map((each) =>"
+            " document.getElementById(each).getBoundingClientRect().toJSON())"
+        )
+    assert max(each["right"] for each in boxes) <= 390
+    for one, other in combinations(boxes, 2):
+        apart = one["right"] <= other["left"] or other["right"] <= one["left"]
+        assert apart or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]

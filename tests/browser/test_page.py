@@ -50,7 +50,7 @@ def test_it_starts_and_the_machine_moves(page, bench, keep):
 def test_the_scope_plots_pauses_and_measures(page, keep):
     scope = view(page, "scope")
     expect(scope.locator("canvas")).to_have_count(3)  # mm, bar, %
-    expect(scope.locator(".legend-item output").first).to_have_text("0.00")
+    expect(scope.locator(".legend-value").first).to_have_text("0.00")
     scope.get_by_role("button", name="Pause").click()
     frozen = scope.locator("canvas").first.evaluate("canvas => canvas.toDataURL()")
     before = clock(page)

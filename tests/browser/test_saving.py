@@ -16,7 +16,7 @@ expect = pytest.importorskip("playwright.sync_api").expect
 def scope(page):
     page.locator("#tab-scope").click()
     scope = page.locator("#view-scope")
-    expect(scope.locator(".legend-item output").first).to_have_text("0.00")
+    expect(scope.locator(".legend-value").first).to_have_text("0.00")
     return scope
 
 

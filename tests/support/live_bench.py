@@ -34,6 +34,7 @@ class LiveBench:
         self.bench = bench or VirtualBench(config, recorded_time=0.01, logged_frames=0)
         session = self.bench.session
         self.session = session
+        self.held = threading.Event()  # its time stands still
         self.place = Place(name)
         content = {**hello_of(name, config, session), **(hello or {})}
         plan = FeedPlan(
@@ -57,7 +58,8 @@ class LiveBench:
 
         def run():
             while not over.wait(0.02):
-                self.bench.run(0.01)
+                if not self.held.is_set():
+                    self.bench.run(0.01)
 
         thread = threading.Thread(target=run)
         thread.start()

@@ -218,9 +218,9 @@ class Feed:
         standing = (lambda _device: None) if medium is None else medium.standing
         nodes = {
             name: {
-                "state": node.state.name.replace("_", "-"),
-                "device": fitting.state() if fitting.state is not None else None,
-                "errors": sorted(node.emcy.present),
+                "state": node.state_name,
+                "device": fitting.state() if fitting.state and node.has_power else None,
+                "errors": sorted(node.errors),
                 **(
                     {"foreign": node.counters.foreign_frames}
                     if node.counters.foreign_frames

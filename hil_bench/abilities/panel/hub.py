@@ -212,6 +212,7 @@ RETRY = 0.5
 
 _MOST_EVENTS = 500
 _LOOK = 30  # beats between two looks which benches run
+_BEAT = encode({"type": "beat"})  # without it, a page knows that nothing on it is live
 
 
 class Hub:
@@ -367,8 +368,10 @@ class Hub:
         """Send bundles, one for all browsers."""
         for beat in itertools.count():
             await asyncio.sleep(BEAT)
-            if self.viewers and self.link is not None and beat % _LOOK == 0:
-                self._say(self.link.name, "", find_names())
+            if self.viewers and beat % _LOOK == 0:
+                self._to_all(_BEAT)
+                if self.link is not None:
+                    self._say(self.link.name, "", find_names())
             if self._rows:
                 lines, self._rows = b"".join(self._rows), []
                 self._to_all(lines, may_be_lost=True)

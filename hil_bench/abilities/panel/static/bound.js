@@ -8,7 +8,7 @@
 // data-number="VALUE UNIT"                a constant in the unit that is chosen
 
 import { setText, svg } from "./dom.js";
-import { shown, valueText } from "./units.js";
+import { valueWithUnit } from "./units.js";
 
 const MOST = 2000; // elements
 const SHAPES = new Set(["g", "path", "rect", "circle", "ellipse", "line", "polyline", "polygon", "text", "tspan", "title"]);
@@ -63,7 +63,7 @@ export class Binding {
   act(element, name, [quantity, ...words], owner) {
     const numbers = words.map(Number);
     if (name === "number") {
-      setText(element, `${element.dataset.label ?? ""}${valueText(Number(quantity), words[0])} ${shown(words[0]).symbol}`);
+      setText(element, `${element.dataset.label ?? ""}${valueWithUnit(Number(quantity), words[0])}`);
       return null;
     }
     const channel = `${owner}.${quantity}`;
@@ -74,6 +74,14 @@ export class Binding {
     const latest = () => this.model.store.latest(channel);
     if (name === "text") return textAct(element, latest, this.model.unit(channel));
     if (!numbers.every(Number.isFinite)) return null;
+    const act = this.shape(element, name, latest, numbers);
+    return () => {
+      element.classList.toggle("unknown", !Number.isFinite(latest()));
+      act();
+    };
+  }
+
+  shape(element, name, latest, numbers) {
     if (name === "fill" || name === "stroke") return colourAct(element, name, latest, numbers);
     if (name === "flow") return flowAct(element, latest, numbers[0]);
     return placeAct(element, name, latest, numbers);
@@ -82,10 +90,7 @@ export class Binding {
 
 function textAct(element, latest, unit) {
   const label = element.dataset.label ? `${element.dataset.label} ` : "";
-  return () => {
-    const text = valueText(latest(), unit);
-    setText(element, label + (text === "no value" ? text : `${text} ${shown(unit).symbol}`));
-  };
+  return () => setText(element, label + valueWithUnit(latest(), unit));
 }
 
 function colourAct(element, name, latest, [low, high]) {

@@ -98,7 +98,7 @@ export class BusView {
     this.drawSenders();
     const most = Math.max(0.05, ...this.loads);
     this.line.setAttribute("points", this.loads.map((load, i) => `${i},${(39 - (38 * load) / most).toFixed(1)}`).join(" "));
-    setText(this.loadText, this.loads.length ? `${(this.loads.at(-1) * 100).toFixed(1)} % of ${(most * 100).toFixed(0)} %` : "");
+    setText(this.loadText, this.loads.length ? `${(this.loads.at(-1) * 100).toFixed(1)} %; scale to ${(most * 100).toFixed(0)} %` : "");
   }
 
   // The causes that `hil-bench explain` finds in the frames since this view was opened.

@@ -6,7 +6,7 @@ import { button, chips, el, labelled, setText, svg } from "./dom.js";
 import { EcuCard } from "./ecus.js";
 import { Binding, readPicture } from "./bound.js";
 
-const NMT_STATES = ["INITIALISING", "PRE-OPERATIONAL", "OPERATIONAL", "STOPPED"];
+const NMT_STATES = ["OFF", "INITIALISING", "PRE-OPERATIONAL", "OPERATIONAL", "STOPPED"];
 const VALVE_STATES = ["INIT", "DISABLED", "HOLD", "ACTIVE", "FAULT_REACTION", "FAULT_HOLD", "FAULT_DISABLED", "FAULT_INIT"];
 const BITS = {
   "0x6040.00": ["control word", ["D initialise", "H hold", "M active", "R reset"]],
@@ -72,14 +72,14 @@ class Card {
     this.device.light(node.device);
     const last = this.model.emcy[this.name];
     const active = node.errors.map(emcyText).join(", ") || "none active";
-    const seen = last ? `; last EMCY ${emcyText(last.code)} at ${last.time.toFixed(3)} s` : "";
+    const seen = last ? `; last EMCY ${emcyText(last.code)}, seen at ${last.time.toFixed(3)} s` : "";
     const twice = node.foreign ? `; node-ID twice on the bus: ${node.foreign} frames of another device` : "";
     setText(this.errors, active + seen + twice);
     this.errors.classList.toggle("problem", node.errors.length > 0 || Boolean(node.foreign));
     const now = performance.now();
     if (this.words.length && now - this.lookedAt > PERIOD) {
       this.lookedAt = now;
-      for (const word of this.words) word.look(this.name, this.model);
+      for (const word of this.words) node.state === "OFF" ? word.show(null) : word.look(this.name, this.model);
     }
   }
 }
@@ -94,13 +94,12 @@ class Word {
   }
 
   async look(node, model) {
-    try {
-      const value = await model.request("get_object", { node, name: this.object });
-      setText(this.title, `${this.text} ${hex(value, 4)}`);
-      this.bits.forEach((chip, n) => chip.classList.toggle("lit", Boolean((value >> (this.bits.length - 1 - n)) & 1)));
-    } catch {
-      setText(this.title, `${this.text}: not read`);
-    }
+    this.show(await model.request("get_object", { node, name: this.object }).catch(() => null));
+  }
+
+  show(value) {
+    setText(this.title, value === null ? `${this.text}: not read` : `${this.text} ${hex(value, 4)}`);
+    this.bits.forEach((chip, n) => chip.classList.toggle("lit", Boolean((value >> (this.bits.length - 1 - n)) & 1)));
   }
 }
 

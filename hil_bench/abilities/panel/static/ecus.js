@@ -40,7 +40,7 @@ export class EcuCard {
   }
 
   signal(name, unit, isSettable) {
-    const value = el("output", { class: "figure" });
+    const value = el("span", { class: "figure" });
     const symbol = unit === "-" ? "" : ` ${unit}`;
     const words = this.isValve ? (found) => `${valueText(found, "-")} %` : (found) => `${Number(found.toPrecision(6))}${symbol}`;
     const field = isSettable ? el("input", { type: "number", step: "any", size: 8, "aria-label": `new value of ${this.name}.${name}` }) : null;

@@ -1,7 +1,7 @@
 // Faults and influences in words: what a click does, the fields of what it needs, and its request.
 
 import { button, el, labelled, select } from "./dom.js";
-import { shown, valueText } from "./units.js";
+import { shown, valueWithUnit } from "./units.js";
 
 const ACTIONS = {
   freeze: "Freeze", offset: "Offset", drift: "Drift", noise: "Add noise", break_wire: "Break wire", slow: "Slow down",
@@ -56,7 +56,7 @@ export function presentText(model, target) {
   const name = [`${target}.measured`, target].find((each) => model.store.number(each) >= 0);
   if (!name) return "";
   const unit = model.unit(name);
-  return `now ${valueText(model.store.latest(name), unit)} ${shown(unit).symbol}`;
+  return `now ${valueWithUnit(model.store.latest(name), unit)}`;
 }
 
 // The faults of one element: a button a kind, and a form for one that needs an amount.

@@ -88,7 +88,7 @@ export class FaultsView {
     this.shownFaults = faults;
     const rows = faults.map(({ number, kind, target, begins, ends }) =>
       el("tr", {}, el("td", { class: "figure" }, String(number)), el("td", {}, `${kind} ${target}`),
-        el("td", { class: "figure" }, `${begins.toFixed(3)} s`), el("td", { class: "figure" }, ends === null ? "cleared" : `${ends.toFixed(3)} s`),
+        el("td", { class: "figure" }, `${begins.toFixed(3)} s`), el("td", { class: "figure" }, ends === null ? "no end" : `${ends.toFixed(3)} s`),
         el("td", {}, button("Clear", () => this.act("clear_fault", { number }, `fault ${number} cleared`), { "aria-label": `clear fault ${number}, ${kind} ${target}` }))));
     this.body.replaceChildren(...(rows.length ? rows : [el("tr", {}, el("td", { colspan: 5, class: "quiet" }, "no fault"))]));
   }

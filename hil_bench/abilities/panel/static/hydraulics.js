@@ -41,7 +41,8 @@ export class Axis {
 
   // Return what is plotted at first: what its kind says, or all; and what its sensors measure.
   get plots() {
-    const wanted = this.machine.plots?.length ? this.machine.plots.map((each) => `${this.name}.${each}`) : this.quantities;
+    const named = (this.machine.plots ?? []).map((each) => `${this.name}.${each}`).filter((name) => this.model.store.number(name) >= 0);
+    const wanted = named.length ? named : this.quantities;
     const units = new Set(wanted.map((name) => this.model.unit(name)));
     const measured = this.sensors.map((each) => `${each}.measured`).filter((name) => !this.circuit || (units.has(this.model.unit(name)) && this.model.unit(name) !== "Pa"));
     return [...wanted, ...measured];

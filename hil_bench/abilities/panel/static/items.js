@@ -6,7 +6,7 @@ import { button, el, setText, svg } from "./dom.js";
 import { actionWords } from "./fault_form.js";
 import { Axis } from "./hydraulics.js";
 import { Plots } from "./plots.js";
-import { shown, valueText } from "./units.js";
+import { shown, valueText, valueWithUnit } from "./units.js";
 
 const SPAN = 10; // of a plot [s]
 const ROW = 46; // height of a row of the grid and its gap [px]
@@ -53,7 +53,7 @@ function PlotItem({ channels, seconds = SPAN, height }, model) {
 function ValueItem({ channel }, model) {
   const value = el("span", { class: "figure item-value" });
   const unit = model.unit(channel);
-  const draw = () => setText(value, `${valueText(model.store.latest(channel), unit)} ${shown(unit).symbol}`);
+  const draw = () => setText(value, valueWithUnit(model.store.latest(channel), unit));
   return { root: el("div", { class: "item-column" }, el("span", { class: "quiet" }, channel), value), draw };
 }
 
@@ -71,9 +71,10 @@ function GaugeItem({ channel, low_si: low, high_si: high }, model) {
   const draw = () => {
     const present = model.store.latest(channel);
     const share = Math.min(1, Math.max(0, (present - low) / (high - low)));
-    needle.setAttribute("transform", `rotate(${Number.isFinite(share) ? (180 * share - 90).toFixed(1) : -90} 50 50)`);
+    needle.classList.toggle("unknown", !Number.isFinite(share));
+    if (Number.isFinite(share)) needle.setAttribute("transform", `rotate(${(180 * share - 90).toFixed(1)} 50 50)`);
     dial.classList.toggle("bad", present < low || present > high);
-    setText(value, `${valueText(present, unit)} ${shown(unit).symbol}`);
+    setText(value, valueWithUnit(present, unit));
   };
   return { root: el("div", { class: "item-column" }, el("span", { class: "quiet" }, channel), dial, value), draw };
 }
@@ -94,7 +95,7 @@ function SliderItem({ axis, quantity, low_si: low, high_si: high }, model, act) 
   const name = `${axis}: ${quantity.replaceAll("_", " ")}`;
   const value = el("span", { class: "figure" }, "not set here");
   const send = () => act("set_plant", { axis, quantity, value: Number(field.value) * factor });
-  const show = () => setText(value, `${valueText(Number(field.value) * factor, unit)} ${symbol}`);
+  const show = () => setText(value, valueWithUnit(Number(field.value) * factor, unit));
   const field = el("input", { type: "range", min: low / factor, max: high / factor, step: "any", value: Math.min(high, Math.max(low, 0)) / factor, "aria-label": `${name} [${symbol}]`, oninput: show, onchange: send });
   return { root: el("div", { class: "item-column" }, el("span", { class: "row" }, el("span", { class: "quiet" }, name), value), field), draw() {} };
 }

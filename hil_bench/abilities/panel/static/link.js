@@ -9,6 +9,7 @@ export class Link {
     this.open = new Map();
     this.number = 0;
     this.bytes = 0;
+    this.heard = performance.now(); // anything at all
     this.socket = null;
     this.isRefused = false;
     this.token = "";
@@ -31,6 +32,7 @@ export class Link {
     socket.onopen = () => socket.send(JSON.stringify({ token }));
     socket.onmessage = (event) => {
       this.bytes += event.data.byteLength;
+      this.heard = performance.now();
       for (const line of decoder.decode(event.data).split("\n")) {
         if (line) this.take(JSON.parse(line));
       }

@@ -41,7 +41,7 @@ class Histogram {
     this.bars = svg("g");
     this.scale = svg("g");
     this.root = el("figure", {}, el("figcaption", {}, `${title} [µs], counts on a logarithmic scale`),
-      svg("svg", { viewBox: "0 0 520 220", role: "img", "aria-label": `histogram of ${title.toLowerCase()}` }, this.bars, this.scale));
+      svg("svg", { viewBox: "-25 0 570 220", role: "img", "aria-label": `histogram of ${title.toLowerCase()}` }, this.bars, this.scale));
   }
 
   show(bins, tick = 1e-3) {
@@ -58,7 +58,7 @@ class Histogram {
     }));
     const marks = [];
     for (let decade = 0; decade < decades - 0.2; decade += 1) {
-      const text = svg("text", { x: 10 + (500 * decade) / decades, y: 210, class: "tick" });
+      const text = svg("text", { x: 10 + (500 * decade) / decades, y: 210, class: "tick", "text-anchor": "middle" });
       text.textContent = String(10 ** decade);
       marks.push(text);
     }

@@ -7,7 +7,7 @@ import { ActiveFaults, FaultButtons, actionWords, influenceForm } from "./fault_
 import { Axis } from "./hydraulics.js";
 import { Overview } from "./overview.js";
 import { Plots } from "./plots.js";
-import { shown, valueText } from "./units.js";
+import { valueWithUnit } from "./units.js";
 
 const SPAN = 10; // of the plots [s]
 
@@ -77,16 +77,14 @@ export class MachineView {
       const channel = `${name}.measured`;
       const unit = model.unit(channel);
       this.acts.push(() => {
-        const text = valueText(model.store.latest(channel), unit);
-        setText(value, text === "no value" ? text : `${text} ${shown(unit).symbol}`);
+        setText(value, valueWithUnit(model.store.latest(channel), unit));
       });
       const quick = axis.quick(name).map(([kind, target]) =>
         button(actionWords(kind), () => this.act("fault", { kind, target, keys: {} }), { "aria-label": `${actionWords(kind)}: ${name}` }));
       const more = button("…", () => this.inspect(name, name), { "aria-label": `all faults of ${name}`, title: "all faults" });
       return el("tr", {}, el("th", { scope: "row" }, name), value, el("td", {}, el("div", { class: "row" }, ...quick, more)));
     });
-    this.sensorTable.hidden = !rows.length;
-    this.sensors.replaceChildren(...rows);
+    this.sensors.replaceChildren(...(rows.length ? rows : [el("tr", {}, el("td", { class: "quiet" }, "no device of this bench measures it"))]));
   }
 
   async act(action, fields) {
@@ -141,8 +139,7 @@ class Inspector {
   draw() {
     for (const { name, value } of this.rows ?? []) {
       const unit = this.model.unit(name);
-      const text = valueText(this.model.store.latest(name), unit);
-      setText(value, text === "no value" ? text : `${text} ${shown(unit).symbol}`);
+      setText(value, valueWithUnit(this.model.store.latest(name), unit));
     }
     const node = this.model.state.nodes[this.node];
     setText(this.state, node ? [node.state, node.device].filter(Boolean).join(", ") : "");

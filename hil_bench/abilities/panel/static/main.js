@@ -17,6 +17,7 @@ import { takeUnits, UnitsControl } from "./units.js";
 import { WorkView } from "./work.js";
 
 const STILL = 2000; // without a row, time stands still [ms]
+const SILENT = 4000; // without a beat of the panel, which come each second, nothing is live [ms]
 const LONGEST = 100; // between two drawings where no rows come [ms]
 
 const link = new Link();
@@ -101,10 +102,20 @@ function say(text) {
   drawBanner();
 }
 
+// Return why what is shown is not what the bench does now, and true where it stands still itself.
+function trouble() {
+  const [now, at] = [performance.now(), `${model.time.toFixed(3)} s`];
+  if (words) return [words, false];
+  if (now - link.heard > SILENT) return [`the panel has sent nothing since ${at} of bench time: it, or the network, is held up, and nothing here is live`, false];
+  const isBench = model.hello && (!model.hello.work || model.hello.work.is_bench);
+  if (!isBench || now - lastRow < STILL) return ["", false];
+  if (now - model.missedAt < SILENT) return [`nothing newer than ${at} has come: this page, or the line to it, is too slow`, false];
+  const cause = "syncs" in model.health ? "no SYNC comes, or its process is held up" : "its process is held up";
+  return [`bench time stands still at ${at}: ${cause}`, true];
+}
+
 function drawBanner() {
-  const isStill = !words && model.hello && (!model.hello.work || model.hello.work.is_bench) && performance.now() - lastRow > STILL;
-  const text =
-    words || (isStill ? `bench time stands still at ${model.time.toFixed(3)} s: no SYNC, or the bench is stopped` : "");
+  const [text, isStill] = trouble();
   banner.hidden = !text;
   if (banner.dataset.text !== text) {
     banner.dataset.text = text;
@@ -115,7 +126,7 @@ function drawBanner() {
       }
     }
   }
-  document.body.classList.toggle("is-away", Boolean(words));
+  document.body.classList.toggle("is-away", Boolean(text) && !isStill);
 }
 
 // Offer the views that what runs has something for.

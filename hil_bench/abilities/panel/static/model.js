@@ -14,6 +14,7 @@ export class Model {
     this.state = { nodes: {}, ecus: {}, faults: [] };
     this.health = {};
     this.missed = 0;
+    this.missedAt = -Infinity; // by the page's clock [ms]
     this.frames = [];
     this.senders = new Map();
     this.commands = [];
@@ -30,6 +31,7 @@ export class Model {
     link.on("command", (command) => this.takeCommand(command));
     link.on("missed", ({ messages }) => {
       this.missed += messages;
+      this.missedAt = performance.now();
     });
   }
 
@@ -63,7 +65,7 @@ export class Model {
     for (const [name, node] of Object.entries(state.nodes)) {
       const before = this.state.nodes[name];
       for (const code of node.errors) {
-        if (before?.errors.includes(code)) continue;
+        if (!before || before.errors.includes(code)) continue; // older than this page: since when, it does not know
         this.emcy[name] = { code, time: state.time };
         this.note("emcy", state.time);
       }

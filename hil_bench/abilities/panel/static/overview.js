@@ -3,7 +3,7 @@
 
 import { el, setText, svg } from "./dom.js";
 import { Binding, fluid, readPicture } from "./bound.js";
-import { shown, valueText } from "./units.js";
+import { valueWithUnit } from "./units.js";
 
 export class Overview {
   constructor(model, choose) {
@@ -44,7 +44,7 @@ export class Overview {
       const pressure = this.model.store.latest(`${axis.name}.P_S`);
       const oil = this.model.store.latest(`${axis.name}.T_oil`);
       const warm = Number.isFinite(oil) ? `, oil ${oil.toFixed(1)} °C` : "";
-      setText(text, `${supply}: ${valueText(pressure, "Pa")} ${shown("Pa").symbol}${warm}`);
+      setText(text, `${supply}: ${valueWithUnit(pressure, "Pa")}${warm}`);
       bar.style.background = fluid(pressure / (axis.circuit?.pressure ?? 1));
     }
   }
@@ -67,7 +67,7 @@ class Card {
     this.binding?.draw();
     const name = this.axis.headline;
     const unit = name ? this.model.unit(name) : "";
-    setText(this.value, name ? `${valueText(this.model.store.latest(name), unit)} ${shown(unit).symbol}` : "");
+    setText(this.value, name ? valueWithUnit(this.model.store.latest(name), unit) : "");
     this.root.classList.toggle("faulty", this.axis.hasFault);
   }
 }

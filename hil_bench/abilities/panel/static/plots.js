@@ -41,7 +41,7 @@ export class Plots {
   pane(unit, channels, isLast) {
     const { symbol, factor, least } = shown(unit);
     const legend = channels.map((name, i) => {
-      const value = el("output", { class: "figure" });
+      const value = el("span", { class: "figure legend-value" });
       const key = el("span", { class: isDashed(name) ? "key dashed" : "key", "data-colour": i % COLOURS });
       return { name, value, item: el("span", { class: "legend-item" }, key, name, value) };
     });

@@ -4,6 +4,7 @@ import { button, el, labelled, select, setText } from "./dom.js";
 
 const KEPT = "hil-bench units";
 const OTHER = { factor: 1, digits: 3, least: 1e-3 };
+const UNKNOWN = "no value";
 const NOTHING = { quantities: {}, sets: {}, chosen: {}, units: {} };
 
 let table = NOTHING;
@@ -25,14 +26,15 @@ export function shown(unit) {
 }
 
 export function valueText(value, unit) {
-  if (value == null || !Number.isFinite(value)) return "no value";
+  if (value == null || !Number.isFinite(value)) return UNKNOWN;
   const { factor, digits } = shown(unit);
   const text = (value / factor).toFixed(digits);
   return Number(text) === 0 ? (0).toFixed(digits) : text; // no -0.0
 }
 
 export function valueWithUnit(value, unit) {
-  return `${valueText(value, unit)} ${shown(unit).symbol}`;
+  const text = valueText(value, unit);
+  return text === UNKNOWN ? text : `${text} ${shown(unit).symbol}`;
 }
 
 // Return the control of the choice; `changed` is called after each change.

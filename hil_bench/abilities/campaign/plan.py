@@ -105,7 +105,8 @@ class Plan:
         drawn = {k: each for k, each in campaign.parameters.items() if k not in campaign.given}
         for path, scenario in scenarios.items():
             space = space_of(scenario, drawn, campaign.path)
-            if not space and not campaign.tolerances and not campaign.seeds:
+            varied = [*space.values(), *campaign.tolerances.values()]
+            if not campaign.seeds and all(len({*each.bounds}) == 1 for each in varied):
                 raise ConfigError(no_range(scenario))
             for bench, controller in _variants(campaign, scenario):
                 changed = replace(scenario, bench=_absolute(bench or scenario.bench_path))

@@ -19,6 +19,14 @@ ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
 
 
+def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
+    path = write_rest(tmp_path, REST)
+    folder = tmp_path / "typo"
+    assert cli.main(["campaign", str(path), "--merge", "--output", str(folder)]) == 2
+    assert f"--merge: there is no folder {folder}" in capsys.readouterr().err
+    assert not folder.exists()
+
+
 @pytest.mark.parametrize(
     ("campaign", "scenario", "wrong"),
     [
@@ -26,6 +34,11 @@ PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0
         ("scenarios = []", REST, "campaign.toml:1:13: scenarios: is empty"),
         ('scenarios = ["no.scenario.toml"]', REST, "no.scenario.toml: cannot be read"),
         ('scenarios = ["rest.scenario.toml"]', PLAIN, "no parameter has a range; give one, as in"),
+        (
+            f"{ONE}[parameters]\nlimit_bar = {{ values = [60.0] }}",
+            PLAIN,
+            "no parameter has a range; give one, as in",
+        ),
         ('scenarios = ["rest.scenario.toml"]\nrun = 3', REST, "campaign.toml:2:7: run: unknown"),
         ('scenarios = ["rest.scenario.toml"]\nruns = 0', REST, "runs: 0 is out of range"),
         ('scenarios = ["rest.scenario.toml"]\nseeds = 3', REST, "seeds: 3 is no list of seeds"),

@@ -206,6 +206,9 @@ def test_nothing_moves_unasked(machine, capsys, monkeypatch):
     [
         (BUS, "a machine needs limits; give --plan"),
         (["--plan", "p.toml"], "--plan: belongs to a machine"),
+        (["--yes"], "--yes: belongs to a machine"),
+        (["--output", "settings"], "--output: belongs to a machine"),
+        (["--bitrate", "250000"], "--bitrate: belongs to a machine"),
         ([*BUS, "--plan", "p.toml", "--seed", "3"], "are for the virtual bench"),
     ],
 )

@@ -148,6 +148,8 @@ def run(args: argparse.Namespace) -> int:
         return _repeat(args, plan)
     if not args.output:
         args.output = args.campaign.with_name(f"{args.campaign.name.split('.')[0]}.results")
+    if args.merge and not args.output.is_dir():
+        raise ConfigError(f"--merge: there is no folder {args.output}; give that of the results")
     store = Store(args.output, plan.firmware, given)
     is_whole = args.merge or _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)

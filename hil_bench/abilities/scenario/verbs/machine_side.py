@@ -102,6 +102,9 @@ class Machine:
         }
 
 
+_FOLDER = Path("hil-bench-commissioning")
+
+
 def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what concerns a machine."""
     add_bus_arguments(parser, "machine")
@@ -118,9 +121,8 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         type=Path,
-        default=Path("hil-bench-commissioning"),
         metavar="DIR",
-        help="folder for the devices' settings until they are restored (default: %(default)s)",
+        help=f"folder for the devices' settings until they are restored (default: {_FOLDER})",
     )
     group.add_argument(
         "--record",
@@ -139,8 +141,11 @@ def is_on_machine(args: argparse.Namespace) -> bool:
         ConfigError: a plan without a bus, a bus without a plan, or a seed.
     """
     has_bus = "interface" in args or "channel" in args
-    if not has_bus and args.plan is not None:
-        raise ConfigError("--plan: belongs to a machine; give its bus with -i and -c")
+    given = {name for name in ("plan", "yes", "output") if getattr(args, name)}
+    given |= {"bitrate", "fd", "data_bitrate", "bus_kwargs"} & {*vars(args)}
+    if not has_bus and given:
+        name = min(given).replace("_", "-")
+        raise ConfigError(f"--{name}: belongs to a machine; give its bus with -i and -c")
     if not has_bus and args.record is not None:
         right = "hil-bench run --scenario records a virtual bench"
         raise ConfigError(f"--record: belongs to a machine; {right}")
@@ -159,6 +164,7 @@ def load_machine(args: argparse.Namespace, paths: Sequence[Path]) -> Machine:
     Raises:
         ConfigError: the scenarios name several benches, or the plan does not fit the machine.
     """
+    args.output = args.output or _FOLDER
     plan = load_plan(args.plan)
     benches = {load_scenario(path).bench_path for path in paths}
     if plan.bench is None and len(benches) > 1:

@@ -328,6 +328,113 @@ def test_emergencies_are_provoked_as_their_clauses_say(laboratory):
     ]
 
 
+MAPPINGS = (
+    ("1400.01", "80000205", "00000205", "1600", ("20000010", "20010010")),
+    ("1800.01", "c0000185", "40000185", "1a00", ("20100010", "20110010")),
+)
+
+
+def mapped(*entries, restored=True):
+    """What is written to both mappings while their PDOs do not exist; entries by sub-index."""
+    sent = []
+    for place, off, on, mapping, own in MAPPINGS:
+        sent += [f"{place}={off}", f"{mapping}.00=00"]
+        sent += [f"{mapping}.{entry.format(own[0][:4])}" for entry in entries]
+        if restored:
+            sent.append(f"{mapping}.00=00")
+        sent += [f"{mapping}.{n:02}={entry}" for n, entry in enumerate(own, 1)]
+        sent += [f"{mapping}.00=02", f"{place}={off}", f"{place}={on}"]
+    return sent
+
+
+def test_mappings_are_written_as_their_clauses_say(laboratory):
+    """7.5.2.36: index, sub-index and bits of an object; 0 entries first, and their number last.
+    0xC0DE and 0x1018.FE are no objects, 0x1000 cannot be mapped, no object has 24 bits."""
+    found = asked(laboratory, "PDO mapping")
+    assert found[0] == mapped(restored=False)
+    enabled, valid = [], []
+    for place, off, on, mapping, own in MAPPINGS:
+        without, there = f"{place}={off}", f"{place}={on}"
+        other = f"{int(own[0], 16) ^ 0x100:08x}"
+        enabled += [without, f"{mapping}.01={other}", without, there]
+        valid += [without, there, f"{mapping}.00=00", without, without, there]
+    assert found[1:3] == [enabled, valid]
+    assert found[3] == mapped("01=c0de0008", "01=1018fe20")
+    assert found[4] == mapped("01=10000020")
+    assert found[5] == mapped("01={}0018")
+    assert found[7] == mapped("00=41")
+    place, off, on, mapping, own = MAPPINGS[0]
+    dummy = [f"{place}={off}", "1600.00=00", "1600.01=00050008", f"1600.02={own[0]}", "1600.00=02"]
+    restored = [f"{place}={off}", "1600.00=00", "1600.01=20000010", "1600.02=20010010"]
+    got = ["NMT 0105", "205 ff0100", "SYNC", "2000.00=0000", PREPARE]
+    end = ["1600.00=02", f"{place}={off}", f"{place}={on}"]
+    assert found[8] == [*dummy, f"{place}={on}", *got, *restored, *end]
+
+
+def test_parameters_are_stored_as_their_clauses_say(laboratory):
+    """7.5.2.13: "save" to 0x1010 alone, "load" to 0x1011; a reset then shows what was stored."""
+    save, load = (f"{place}={word[::-1].encode().hex()}" for place, word in (
+        ("1010.01", "save"), ("1011.01", "load")))  # fmt: skip
+    wrong = ["1010.01=64616f6c", "1011.01=65766173"]
+    value, none = "1017.00=10e1", "1017.00=0000"
+    assert asked(laboratory, "Store and restore")[:5] == [
+        [],
+        [],
+        wrong,
+        [value, PREPARE, save, "NMT 8105", PREPARE, none, PREPARE, save],
+        [value, PREPARE, save, PREPARE, load, "NMT 8105", PREPARE],
+    ]
+
+
+def test_error_control_is_asked_as_its_clauses_say(laboratory):
+    """Heartbeats of 100 ms and 10 s; guarding of 50 ms, three times; 0x1016 waits 100 and 500 ms
+    for node 0x7F, which is not twice in it; each choice of 0x1029.01."""
+    found = [[each for each, _ in groupby(e)] for e in asked(laboratory, "Error control")]
+    none, reset, missed = "1017.00=0000", ["NMT 8205", PREPARE], "1016.01=007f01f4"
+    assert found[1:6] == [
+        ["1017.00=0064", none],
+        ["1017.00=0064", none],
+        [*reset, "705 remote"],
+        ["1017.00=2710", "705 remote", none],
+        [*reset, "100c.00=0032", "100d.00=03", "705 remote", "100d.00=00", "100c.00=0000"],
+    ]
+    assert found[7:9] == [
+        ["1016.01=007f0064", "1016.01=00000000"],
+        [missed, "1016.02=007f012c", "1016.01=00000000"],
+    ]
+    assert found[9] == [
+        each
+        for choice in range(3)
+        for each in (
+            *(reset if not choice else ()), f"1029.01={choice:02x}", missed, "1017.00=0032", START,
+            "77f 05", PREPARE, none, *reset,
+        )
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("title", "details"),
+    [
+        # 0x1000 is 0x191, 0x1001 is 0; 0800 0024h is "no data" of 0x1003.01.
+        ("Object dictionary", {0: "00000191h", 1: "00h", 9: "0 errors, 0800 0024h"}),
+        ("SDO upload", {1: "0x1008.00, 11 bytes", 12: "20 of 20 answered"}),
+        ("SDO download", {0: "0x1017.00", 1: "taken", 6: "0503 0000h", 9: "0607 0012h"}),
+        ("SDO block transfer", {0: "0x1008.00, 11 bytes, with CRC", 4: "0504 0003h"}),
+        ("TPDO", {0: "1800h, 4 bytes", 4: "50.0 ms", 6: "type 252, type 253", 9: "4 TPDOs"}),
+        ("RPDO", {0: "1400h, 4 bytes", 2: "discarded after the window", 5: "EMCY 8220h"}),
+        ("PDO mapping", {0: "1600h, 1A00h", 1: "0601 0000h", 5: "0604 0041h", 8: "1600h"}),
+        ("SYNC and TIME", {4: "20.0 ms", 6: "0609 0030h"}),
+        ("EMCY", {2: "30 81 11 7F 00 00 00 00", 7: "200 ms"}),
+        ("Store and restore", {0: "1h", 1: "1h"}),
+        ("Error control", {1: "100.0 ms", 9: "3 choices"}),
+    ],
+)
+def test_a_check_says_what_it_has_seen(laboratory, title, details):
+    (chapter,) = [chapter for chapter in CHAPTERS if chapter.title == title]
+    found = [each.detail for each in laboratory.run(chapters=[chapter])]
+    assert {place: found[place] for place in details} == details
+
+
 @pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS", "SYNC and TIME"])
 def test_the_device_is_sound_in_these(laboratory, title):
     chapters = [chapter for chapter in CHAPTERS if chapter.title == title]

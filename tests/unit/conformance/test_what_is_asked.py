@@ -12,7 +12,7 @@ from itertools import groupby
 import pytest
 
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
-from hil_bench.abilities.conformance.verdicts import NotApplicable
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 
 START, STOP, PREPARE = "NMT 0105", "NMT 0205", "NMT 8005"
 
@@ -433,6 +433,18 @@ def test_a_check_says_what_it_has_seen(laboratory, title, details):
     (chapter,) = [chapter for chapter in CHAPTERS if chapter.title == title]
     found = [each.detail for each in laboratory.run(chapters=[chapter])]
     assert {place: found[place] for place in details} == details
+
+
+@pytest.mark.parametrize(("count", "is_right"), [(0, False), (1, True), (4, True), (5, False)])
+def test_an_identity_has_one_to_four_entries(laboratory, count, is_right):
+    (chapter,) = [chapter for chapter in CHAPTERS if chapter.title == "Object dictionary"]
+    (check,) = [each for each in chapter.checks if each.text == "1018h has the identity of the EDS"]
+    laboratory.node.object_dictionary.variable(0x1018).value = count
+    if is_right:
+        assert check.judge(laboratory.dut) is None
+    else:
+        with pytest.raises(Deviation, match=f"0x1018.00 is {count}; 1 to 4 is right"):
+            check.judge(laboratory.dut)
 
 
 @pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS", "SYNC and TIME"])

@@ -11,6 +11,7 @@ from itertools import groupby
 
 import pytest
 
+from hil_bench.abilities.conformance.pdo import RPDOS, first_pdo
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 
@@ -445,6 +446,22 @@ def test_an_identity_has_one_to_four_entries(laboratory, count, is_right):
     else:
         with pytest.raises(Deviation, match=f"0x1018.00 is {count}; 1 to 4 is right"):
             check.judge(laboratory.dut)
+
+
+def test_a_short_request_may_be_aborted(laboratory):
+    laboratory.hears = lambda frame: (
+        [frame._replace(data=b"\xe0" + bytes(7))]
+        if frame.can_id == 0x605 and len(frame.data) < 8 and not frame.is_remote
+        else [frame]
+    )
+    (chapter,) = [chapter for chapter in CHAPTERS if chapter.title == "SDO upload"]
+    found = laboratory.run(chapters=[chapter])
+    assert {each.outcome for each in found} <= {Outcome.PASSED, Outcome.NOT_APPLICABLE}
+
+
+def test_a_pdo_without_an_entry_is_not_looked_at(laboratory):
+    with pytest.raises(NotApplicable):
+        first_pdo(laboratory.dut, RPDOS, 9)
 
 
 @pytest.mark.parametrize("title", ["RPDO", "TPDO", "PDO parameters", "LSS", "SYNC and TIME"])

@@ -1,5 +1,6 @@
 """Bad input of campaigns: one line each, exit code 2, nothing is run."""
 
+import errno
 import json
 import threading
 
@@ -17,6 +18,17 @@ from hil_bench.errors import ConfigError
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
+
+
+@pytest.mark.parametrize(("limit", "code"), [(300.0, 5), (1.0, 1)])
+def test_a_run_that_failed_stays_exit_code_1_on_a_full_disk(limit, code, tmp_path, monkeypatch):
+    def full(_descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = write_rest(tmp_path, REST)
+    words = ["campaign", str(path), "--jobs", "0", "--runs", "2", "--set", f"limit_bar={limit}"]
+    monkeypatch.setattr("hil_bench.abilities.campaign.store.os.fsync", full)
+    assert cli.main([*words, "--output", str(tmp_path / "out")]) == code
 
 
 def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):

@@ -40,7 +40,7 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict
 from hil_bench.cli.parser import add_units_argument, count, count_from_zero
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import ConfigError, HilBenchError, about_file, whole_file
 
 logger = logging.getLogger(__name__)
 
@@ -151,13 +151,18 @@ def run(args: argparse.Namespace) -> int:
     if args.merge and not args.output.is_dir():
         raise ConfigError(f"--merge: there is no folder {args.output}; give that of the results")
     store = Store(args.output, plan.firmware, given)
-    is_whole = args.merge or _execute(args, plan, store)
+    ending, seen = Ending(args), set[RunOutcome]()
+    try:
+        is_whole = args.merge or _execute(args, plan, store, seen)
+    except HilBenchError as error:  # as of a full disk; a run may have failed before
+        ending.take_error(error)
+        ending.take(exit_code_of_runs(seen or {RunOutcome.PASSED}))
+        return ending.code
     outcome = collect(plan, store, args.shard)
     changes = compare(_before(args.compare), outcome.results) if args.compare else []
     sensitivity = sobol_indices(plan, outcome.results)
     found = plan, outcome, changes, sensitivity
     lines = [*_lines(*found), f"  results are in {args.output}"]
-    ending = Ending(args)
     ending.take(_exit_code(outcome))
     if not is_whole:
         ending.take(ExitCode.INTERRUPTED)
@@ -176,8 +181,15 @@ def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
     )
 
 
-def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> bool:
-    """Do the runs that are not done yet; return False where somebody interrupts that."""
+def _execute(args: argparse.Namespace, plan: Plan, store: Store, seen: set[RunOutcome]) -> bool:
+    """Do the runs that are not done yet; return False where somebody interrupts that.
+
+    Args:
+        args: the command line.
+        plan: of the campaign.
+        store: takes the results.
+        seen: takes the outcomes of the runs that are done here, kept or not.
+    """
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
         opened = DaskBackend(args.dask) if args.dask else local_backend(args.jobs)
@@ -193,6 +205,8 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> bool:
         def tell(result: RunResult | None) -> None:
             note(result)
             view.note(result)
+            if result is not None:
+                seen.add(result.outcome)
 
         try:
             execute(plan, store, backend, args.shard, tell)

@@ -49,7 +49,8 @@ def find_python(version: str) -> Path | None:
 def test_on(program: Path, place: Path, *, measured: bool) -> int:
     """Run README's tests in a fresh copy with a fresh environment; return their exit code.
 
-    Where coverage is measured, the environment has pytest-cov, too.
+    What the environment needs is there when README's command asks pip for it; pytest-cov, too,
+    where coverage is measured.
     """
     place.mkdir(parents=True)
     command = "git ls-files -z --cached --others --exclude-standard | tar --null -T - -cf - "
@@ -60,8 +61,15 @@ def test_on(program: Path, place: Path, *, measured: bool) -> int:
     block = [sys.executable, ROOT / ".ci" / "readme_block.py", ROOT / "README.md", "test-command"]
     script = subprocess.run(block, capture_output=True, text=True, check=True).stdout  # noqa: S603 - ours
     environment = os.environ | {"PATH": f"{place / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    subprocess.run([program, "-m", "venv", place / ".venv"], check=True)  # noqa: S603 - found above
+    wanted = ["-e", f"{place}[test]", *(["pytest-cov>=6,<8"] if measured else [])]
+    install = [
+        sys.executable,
+        ROOT / ".ci" / "quick_install.py",
+        place / ".venv" / "bin" / "python",
+    ]
+    subprocess.run([*install, *wanted], check=True)  # noqa: S603 - ours
     if measured:
-        script = f"python3 -m venv .venv; .venv/bin/pip install -q 'pytest-cov>=6,<8'\n{script}"
         environment |= {"COVERAGE_CORE": "sysmon", "PYTEST_ADDOPTS": "--cov --cov-report=term"}
     run = ["bash", "-euo", "pipefail", "-c", script]
     return subprocess.run(run, cwd=place, env=environment, check=False).returncode  # noqa: S603 - README's

@@ -59,9 +59,12 @@ class Worker:
 
     def __init__(self, tree: Path, seed: int) -> None:
         """Start it on the package in `tree`."""
-        # A cache of its own: Numba's knows a kernel's file, not those of the kernels within.
+        # Another tree has a cache of its own: Numba's knows a kernel's file, not those of the
+        # kernels within.
         self._cache = tempfile.TemporaryDirectory()
-        environment = os.environ | {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": self._cache.name}
+        environment = os.environ | {"PYTHONPATH": str(tree)}
+        if tree != ROOT:
+            environment["NUMBA_CACHE_DIR"] = self._cache.name
         program = Path(__file__).with_name("manoeuvres.py")
         command = [sys.executable, str(program), str(seed), str(DEFAULT_STEP)]
         self._process = subprocess.Popen(  # noqa: S603 - our own program

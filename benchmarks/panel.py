@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[1]
 BENCH = ROOT / "examples" / "two_axes.toml"
 ONE_AXIS = ROOT / "examples" / "one_axis.toml"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
-PAINTS = 5
+SETTLING_MS = 3000
 
 _PERCENTILES = (50, 99, 99.9)
 
@@ -113,9 +113,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="of a turn")
     parser.add_argument("--browser-seconds", type=float, default=30.0)
     parser.add_argument("--clicks", type=int, default=20, help="how many faults to click")
+    parser.add_argument("--paints", type=int, default=5, help="how often to open the page")
     parser.add_argument("--realtime", default="off", help="as of hil-bench run")
     parser.add_argument("--memory-minutes", type=int, help="watch memory, and nothing else")
-    options = occasion.arguments(parser, rounds=1, seconds=1.0, browser_seconds=1.0, clicks=2)
+    options = occasion.arguments(
+        parser, rounds=1, seconds=0.2, browser_seconds=0.5, clicks=1, paints=1
+    )
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
         os.environ["XDG_RUNTIME_DIR"] = folder
@@ -187,19 +190,19 @@ def look_by_browser(stand: Stand, options: argparse.Namespace, browser: Any) -> 
     """Print what a browser sees."""
     seconds = options.browser_seconds
     paints = []
-    for _ in range(PAINTS):
+    for _ in range(options.paints):
         page = open_page(browser, stand)
         paints.append(page.evaluate(FIRST_PAINT))
         page.close()
     page = open_page(browser, stand)
     print(f"shipped: {page.evaluate(SHIPPED)}")
-    page.wait_for_timeout(3000)
+    page.wait_for_timeout(0 if options.brief else SETTLING_MS)
     frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
     print(f"pictures a second of the machine, its plots beside it: {frames:.1f}")
     page.click("#tab-scope")
     for box in page.locator(".channel input").all():
         box.check()
-    page.wait_for_timeout(3000)
+    page.wait_for_timeout(0 if options.brief else SETTLING_MS)
     watch = page.context.new_cdp_session(page)
     watch.send("Performance.enable", {"timeDomain": "threadTicks"})
     before, used = (script_memory(page), _resident(stand.panel.pid)), page_seconds(watch)

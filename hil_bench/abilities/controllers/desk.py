@@ -10,6 +10,7 @@ from typing import Any
 
 from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.seam import (
+    AlternatingController,
     BranchingController,
     Controller,
     ControllerEnd,
@@ -22,6 +23,7 @@ from hil_bench.abilities.controllers.seam import (
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.outside.processes.turns import Turns
 from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)
@@ -172,6 +174,12 @@ class Desk:
                 controller.reset()
             controller.close()
 
+    @property
+    def partner(self) -> int:
+        """The process of an `AlternatingController`; 0 for none."""
+        running = self._controller
+        return running.partner if isinstance(running, AlternatingController) else 0
+
     def branching(self) -> BranchingController | None:
         """Return the controller where it runs in a process of its own and can branch."""
         running = self._controller
@@ -285,6 +293,7 @@ class Desks:
                 "leave the table out, or give a controller of another kind"
             )
         self._tick, self._last, self._skipped = bench.tick_ns, 0, 0
+        self._turns = Turns()
         session.sources.append(self._live)
         session.preparations.append(self.prepare)
         for desk in self.desks:
@@ -349,8 +358,12 @@ class Desks:
 
     def close(self) -> None:
         """End all controllers; a second call does nothing."""
+        self._turns.end()
         for desk in reversed(self.desks):
             desk.switch_off()
+
+    def _partners(self) -> list[int]:
+        return [desk.partner for desk in self.desks]
 
     def _live(self, now: int) -> Sequence[Frame]:
         """Let all live until a tick; return what they have sent, by time and name."""
@@ -360,6 +373,7 @@ class Desks:
         self._skipped += max(now - self._last - self._tick, 0) if self._last else 0
         self._last = now
         until = now - self._skipped
+        self._turns.take(self._partners)
         if len(self.desks) == 1:
             return [frame for _, frame in self.desks[0].live(until, self._skipped)]
         sent = [each for desk in self.desks for each in desk.live(until, self._skipped)]

@@ -89,6 +89,17 @@ class PreparingController(Controller, Protocol):
 
 
 @runtime_checkable
+class AlternatingController(Controller, Protocol):
+    """A controller in a process that sleeps while the bench works, and the bench while it does.
+
+    Attributes:
+        partner: that process; 0 for none.
+    """
+
+    partner: int
+
+
+@runtime_checkable
 class BranchingController(Controller, Protocol):
     """A controller of a kind that `can_branch`, in a process of its own.
 

@@ -82,6 +82,11 @@ def may_hold_wake_latency() -> bool:
     return os.access(WAKE_LATENCY, os.W_OK)
 
 
+def processor() -> int:
+    """Return the processor on which this thread runs now."""
+    return _call("sched_getcpu")
+
+
 def processors() -> set[int]:
     """Return the processors on which this thread may run."""
     _require_linux()

@@ -10,9 +10,10 @@ Frames of CAN FD are words of their own, with the flags of SocketCAN (`Frame.fd`
     client: < fdsend 123 5 2 de ad >      hub: < fdframe 123 05 1700000000.123456 DEAD >
 """
 
+import functools
 import re
 
-from hil_bench.canopen_device.frame import FDF, Frame
+from hil_bench.canopen_device.frame import FDF, Frame, make_frame
 from hil_bench.frame import FD_LENGTHS
 
 DEFAULT_PORT = 29536
@@ -58,6 +59,7 @@ def check_channel(name: str) -> None:
         raise ValueError(f"channel {name!r}: 1 to 15 letters, digits, '_', '.' or '-' are right")
 
 
+@functools.lru_cache(maxsize=256)  # SYNC, heartbeats, commands that stay
 def parse_send(command: bytes) -> Frame | None:
     """Return the frame of a "send" or "fdsend" command, given without its ">".
 
@@ -78,7 +80,8 @@ def parse_send(command: bytes) -> Frame | None:
         data = bytes([int(byte, 16) for byte in text.split()])
     if len(data) != int(length):
         return None
-    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS, fd=fd)
+    is_extended = len(can_id) == _EXTENDED_DIGITS
+    return make_frame(Frame, (int(can_id, 16), data, False, is_extended, 0, fd))
 
 
 def is_fd_command(command: bytes) -> bool:

@@ -1,5 +1,6 @@
 """Controllers on a session: what each hears, when what it sends acts, and its power."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hil_bench.abilities.controllers.seam import ControllerEnd, ControllerKind, 
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
+from hil_bench.outside.processes import turns
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000
@@ -41,6 +43,10 @@ class Probe:
         self.log.append("closed")
 
 
+class AlternatingProbe(Probe):
+    partner = 123_456
+
+
 class ProbeKind(ControllerKind):
     name = summary = "probe"
 
@@ -49,7 +55,8 @@ class ProbeKind(ControllerKind):
 
     def build(self, settings, surroundings):
         settings["log"].append(("built", surroundings.buses, surroundings.scratch.name))
-        return Probe(settings["sends"], settings["log"])
+        made = AlternatingProbe if settings["sends"].get("separate") else Probe
+        return made(settings["sends"], settings["log"])
 
 
 def make_desks(tmp_path, sends, *, buses=None, file=None):
@@ -188,3 +195,17 @@ def test_ticks_that_a_late_loop_skips_are_no_time_for_a_controller(tmp_path):
         session.tick((), tick * TICK)
     assert [until // TICK for until, _ in logs["a"][1:]] == [1, 2, 3, 4]
     assert logs["a"][-1][1] == [TimedFrame(3 * TICK, MASTER)]
+
+
+def test_the_bench_takes_turns_with_a_process_until_they_are_closed(tmp_path, monkeypatch):
+    places = {}
+    monkeypatch.setattr(turns, "_threads", lambda thread: [thread])
+    monkeypatch.setattr(turns.linux, "processor", lambda: 1)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda thread: places.get(thread, {0, 1}))
+    monkeypatch.setattr(os, "sched_setaffinity", places.__setitem__)
+    session, desks, _ = make_desks(tmp_path, {"here": {}, "separate": {"separate": True}})
+    for tick in range(turns.PERIOD + 2):
+        session.tick((), tick * TICK)
+    assert places[AlternatingProbe.partner] == {1}
+    desks.close()
+    assert places[AlternatingProbe.partner] == {0, 1}

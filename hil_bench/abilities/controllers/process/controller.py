@@ -51,6 +51,11 @@ class ProcessController:
             self._bus.close()
             raise
 
+    @property
+    def partner(self) -> int:
+        """The process; 0 for none."""
+        return self._program.process.pid if self._program is not None else 0
+
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let the program live until its next SYNC, where one is due.
 
@@ -63,20 +68,20 @@ class ProcessController:
         if until < self._due:
             return ()
         while True:
+            while self._arrived:
+                frame = self._arrived.popleft()
+                if _is_sync(frame):
+                    self._silence.end(has_come=True, has_synced=True)
+                    self._due = until + self._period
+                    return (TimedFrame(until, frame),)
+                self._serve(frame)
             self._silence.begin()
-            frame = self._next()
-            is_sync = frame is not None and _is_sync(frame)
-            if frame is None and not program.is_running and not self._next_of_the_dead():
+            has_come = self._listen()
+            if not has_come and not program.is_running and not self._take():
                 if program.process.returncode:
                     raise ControllerError(program.epitaph())
                 raise ControllerEnd
-            self._silence.end(has_come=frame is not None, has_synced=is_sync)
-            if frame is None:
-                continue
-            if is_sync:
-                self._due = until + self._period
-                return (TimedFrame(until, frame),)
-            self._serve(frame)
+            self._silence.end(has_come=has_come, has_synced=False)
 
     def reset(self) -> None:
         """Kill the program; it starts anew at the next `advance`."""
@@ -112,18 +117,14 @@ class ProcessController:
         self._program = Program(words, directory, environment(address))
         return self._program
 
-    def _next(self) -> Frame | None:
-        """The next frame from the program; None where none came within `PATIENCE`."""
-        if not self._arrived:
-            self._bus.send(self._answers)  # and what the bus did not take before
-            self._answers.clear()
-            if not self._bus.wait(PATIENCE):
-                return None
-            self._arrived.extend(self._bus.receive(FRAMES_AT_ONCE))
-        return self._arrived.popleft() if self._arrived else None
+    def _listen(self) -> bool:
+        """Wait for frames from the program; return whether some came within `PATIENCE`."""
+        self._bus.send(self._answers)  # and what the bus did not take before
+        self._answers.clear()
+        return self._bus.wait(PATIENCE) and self._take()
 
-    def _next_of_the_dead(self) -> bool:
-        """Take what the program had sent before its end; return whether there is anything."""
+    def _take(self) -> bool:
+        """Take what the program has sent; return whether there is anything."""
         self._arrived.extend(self._bus.receive(FRAMES_AT_ONCE))
         return bool(self._arrived)
 
@@ -135,9 +136,9 @@ class ProcessController:
         """Answer a program until it has ended, at most `GRACE` of the machine's time."""
         deadline = time.monotonic() + GRACE
         while program.is_running and time.monotonic() < deadline:
-            frame = self._next()
-            if frame is not None:
-                self._serve(frame)
+            self._listen()
+            while self._arrived:
+                self._serve(self._arrived.popleft())
 
 
 def _is_sync(frame: Frame) -> bool:

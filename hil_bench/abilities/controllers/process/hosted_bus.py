@@ -140,8 +140,10 @@ class HostedBus:
 
     def _serve(self, timeout: float) -> None:
         """Do what clients ask for, waiting at most `timeout` [s] until one asks anything."""
-        self._waiting.look()
+        if self._waiting:
+            self._waiting.look()
         for client in self._clients:
+            client.acknowledge()
             if client.is_behind:
                 client.flush()
         for key, _ in self._selector.select(timeout):
@@ -162,11 +164,13 @@ class HostedBus:
 
     def _hear(self, client: "_Client") -> None:
         """Take what a client says: its frames go to the bench and to the other clients."""
-        frames = client.read(is_full=self.clients >= self._seats)
-        if client.is_on_bus:
+        was_on_bus = client.is_on_bus
+        frames = client.read(is_full=not was_on_bus and self.clients >= self._seats)
+        if client.is_on_bus and not was_on_bus:
             self._waiting.leave(client)
         self._arrived.extend(frames)
-        self._tell(frames, client)
+        if len(self._clients) > 1:
+            self._tell(frames, client)
         if client.is_closed:
             self._forget(client)
 
@@ -206,7 +210,7 @@ class _Client:
         self.bus = 0
         self._channels = channels
         self._fd = fd
-        self._has_opened = self._is_full = False
+        self._has_opened = self._is_full = self._owes = False
         self._rest = b""
         self._bad = 0
         self._unsent = b""
@@ -239,11 +243,18 @@ class _Client:
         *commands, self._rest = (self._rest + data).split(b">")
         if len(self._rest) > MAX_COMMAND:
             self.is_closed = True
-        elif _QUICKACK is not None:
-            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
-            self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+        self._owes = True
         frames = [frame for text in commands if (frame := self._obey(text.lstrip())) is not None]
         return [frame._replace(bus=self.bus) for frame in frames] if self.bus else frames
+
+    def acknowledge(self) -> None:
+        """Acknowledge what was read, unless an answer has done so.
+
+        A client with Nagle's algorithm holds the next frame back until then.
+        """
+        if self._owes and _QUICKACK is not None and not self.is_closed:
+            self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+        self._owes = False
 
     def tell(self, text: bytes) -> None:
         """Send it frames, or keep them while it is to read the answer to "rawmode" alone."""
@@ -309,7 +320,9 @@ class _Client:
         """Send text behind what still waits; a client that does not keep up is to be cut off."""
         unsent = self._unsent + text
         try:
-            unsent = unsent[self.socket.send(unsent) :] if unsent else b""
+            if unsent:
+                unsent = unsent[self.socket.send(unsent) :]
+                self._owes = False
         except BlockingIOError:
             pass
         except OSError:

@@ -11,7 +11,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.controllers.busy_wait import BusyWait
 from hil_bench.abilities.controllers.process.program import Program, environment
 from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
@@ -69,6 +68,13 @@ class ProgramController:
         self._starts = 0
         self._life: _Life | None = None
         self._program: Program | None = None
+
+    @property
+    def partner(self) -> int:
+        """The process; 0 for none, or where it keeps the machine's clocks."""
+        if self._is_real or self._life is None or self._program is None:
+            return 0
+        return self._program.process.pid
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let the program live until it waits for something later than `until`.
@@ -151,7 +157,6 @@ class _Life:
         self._program, self._exchange, self._control = program, exchange, control
         self._cpu_s_per_tick = cpu_s_per_tick
         self._pidfd = os.pidfd_open(program.process.pid)
-        self._busy = BusyWait(control.fileno())
         self._poller = select.poll()
         self._poller.register(control, select.POLLIN)
         self._poller.register(self._pidfd, select.POLLIN)
@@ -220,7 +225,6 @@ class _Life:
         Raises:
             ControllerError: it cannot live on the bench's clock.
         """
-        self._busy.wait()
         ready = self._poller.poll(_GLANCE_MS)
         if not ready:
             return False

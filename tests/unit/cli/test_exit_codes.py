@@ -17,7 +17,7 @@ import pytest
 
 from hil_bench.abilities.demo.verbs import demo
 from hil_bench.abilities.scenario.verbs import scenario_run
-from hil_bench.cli import main, run_setup
+from hil_bench.cli import exit_codes, main
 from hil_bench.cli.exit_codes import SEVERITY, Ending, ExitCode, Interruption, worst
 from hil_bench.cli.paced_run import PacedRun
 from hil_bench.errors import BusError, DiskError, about_file
@@ -120,7 +120,7 @@ class LateWish(Interruption):
 @pytest.mark.parametrize(("that", "code"), [(PASSING, 5), (FAILING, 1)])
 def test_a_lost_recording_and_ctrl_c(tmp_path, full, monkeypatch, words, that, code):
     wish = LateWish()
-    for module in (scenario_run, run_setup):
+    for module in (scenario_run, exit_codes):
         monkeypatch.setattr(module, "interruption", lambda: contextlib.nullcontext(wish))
     path = scenario(tmp_path, that, duration=1)
     assert main(["run", "--scenario", path, "--record", full("run.log"), *words]) == code

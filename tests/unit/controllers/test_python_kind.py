@@ -43,6 +43,10 @@ def fails(rig):
     rig.sleep(0.25)
     raise RuntimeError("gone\\nwrong")
 
+def leaves(rig):
+    rig.sleep(0.25)
+    raise SystemExit("all done")
+
 def unheard(rig):
     rig.bus.recv(None)
 
@@ -92,6 +96,7 @@ def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
     [
         ("fails", "RuntimeError: gone wrong"),
         ("Echo", "OSError: no memory"),
+        ("leaves", "SystemExit: all done"),  # it does not end the bench with exit code 0
     ],
 )
 def test_an_exception_is_a_line_with_its_place(folder, call, words):
@@ -113,11 +118,13 @@ def test_an_exception_is_a_line_with_its_place(folder, call, words):
         ("mine.py:number", "mine.py: number is int; give a function or a class"),
         ("none.py:call", "there is no such file"),
         ("bad.py:call", "bad.py: cannot be imported: SyntaxError"),
+        ("over.py:call", "over.py: cannot be imported: SystemExit: 0"),
         ("no_such_module:call", "no_such_module: cannot be imported: ModuleNotFoundError"),
     ],
 )
 def test_what_is_no_callable_is_one_line(folder, call, words):
     (folder / "bad.py").write_text("def call(:\n")
+    (folder / "over.py").write_text("import sys\nsys.exit(0)\n")
     with pytest.raises(ConfigError) as error:
         find_call(call, folder)
     assert words in str(error.value)

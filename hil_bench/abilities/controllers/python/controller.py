@@ -85,7 +85,7 @@ class PythonController:
         self._rig: Rig | None = None
         self.has_begun = True
         self._is_cyclic = self._is_closing = False
-        self._failure: Exception | None = None
+        self._failure: BaseException | None = None
         self._leftover: Sequence[Frame] | None = None
         self._is_waiting = False
 
@@ -97,7 +97,7 @@ class PythonController:
         self._stack = greenlet(self._live)
         try:
             sent: Sequence[Frame] = self._stack.switch(rig)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
             self._failure = error
         else:
             self._leftover = sent if self._stack.dead else None
@@ -120,7 +120,7 @@ class PythonController:
             return self._made.advance(until, received)
         except (ControllerEnd, ControllerError):
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
             raise ControllerError(_place(error, self._call)) from error
 
     def reset(self) -> None:
@@ -153,7 +153,7 @@ class PythonController:
         self._bench = greenlet.getcurrent()
         try:
             sent = self._enter(until, received)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
             raise self._ending(error, until) from error
         if self._stack is not None and self._stack.dead:
             self._stack = None
@@ -176,7 +176,7 @@ class PythonController:
             sent = stack.switch([frame for _, frame in received])
         return sent
 
-    def _ending(self, error: Exception, until: int) -> Exception:
+    def _ending(self, error: BaseException, until: int) -> Exception:
         """Return the end of the controller by an exception, as the bench knows ends."""
         if isinstance(error, ControllerError):
             return error
@@ -233,7 +233,7 @@ class PythonController:
         return received
 
 
-def _place(error: Exception, call: Callable[[Rig], object]) -> str:
+def _place(error: BaseException, call: Callable[[Rig], object]) -> str:
     """Return the exception in words, with the line of the user's file."""
     file = inspect.getsourcefile(inspect.unwrap(call)) if inspect.isroutine(call) else None
     trace = traceback.extract_tb(error.__traceback__)

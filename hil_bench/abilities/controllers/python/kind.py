@@ -106,7 +106,7 @@ def _import(name: str, load: Callable[[str], object]) -> object:
     """
     try:
         return load(name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
         raise ConfigError(f"{name}: cannot be imported: {type(error).__name__}: {error}") from error
 
 

@@ -119,6 +119,14 @@ def test_a_run_that_ends_at_a_failure_says_what_it_has_seen(tmp_path, capsys):
     assert 0.0 < float(seen) < 0.1
 
 
+def test_a_junit_file_that_is_somebody_elses_is_refused_before_anything_is_played(tmp_path, capsys):
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar")
+    assert main(["test", path, "--junit", path]) == ExitCode.USAGE
+    printed = capsys.readouterr()
+    assert "is there already, and not written by hil-bench" in printed.err
+    assert not printed.out
+
+
 def test_a_junit_file_without_a_folder_is_refused_before_anything_is_played(tmp_path, capsys):
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
     assert main(["test", path, "--junit", str(tmp_path / "no" / "j.xml")]) == ExitCode.USAGE

@@ -30,7 +30,7 @@ from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
 from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, check_replaceable
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders
 
@@ -126,9 +126,11 @@ def _check_outputs(args: argparse.Namespace) -> None:
         ConfigError: a folder or a library is missing, or options do not go together.
     """
     scenario_report.check_report_argument(args)
-    if args.junit is not None and not args.junit.parent.is_dir():
-        missing = f"there is no folder {args.junit.parent}; make it first"
-        raise ConfigError(f"--junit {args.junit}: {missing}")
+    if args.junit is not None:
+        if not args.junit.parent.is_dir():
+            missing = f"there is no folder {args.junit.parent}; make it first"
+            raise ConfigError(f"--junit {args.junit}: {missing}")
+        check_replaceable(args.junit)
     if args.jobs > 1 and is_on_machine(args):
         raise ConfigError(
             f"--jobs {args.jobs}: a machine plays one scenario at a time; leave it out"

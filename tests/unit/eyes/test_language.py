@@ -86,6 +86,16 @@ def test_one_frame_in_twenty_is_enough_beside_others(foreign, is_spoken):
     assert explained(*frames).is_judged == is_spoken
 
 
+def test_eight_bytes_at_the_identifier_of_an_emcy_are_none_by_themselves():
+    """0x0A1 with the code 0x8110 of CiA 301; a heartbeat of any node shows that it is one."""
+    frame = Frame(0x0A1, bytes.fromhex("1081110000000000"))
+    found = explained(*PDOS, frame)
+    assert (found.findings, found.is_judged) == ((), False)
+    (finding,) = explained(*PDOS, frame, Frame(0x701, b"\x05")).findings
+    assert finding.cause is Cause.EMCY
+    assert explained(frame, known=[KnownNode(0x21, "valve")]).findings
+
+
 def test_a_request_without_an_answer_is_a_dead_node_and_no_foreign_bus():
     (finding,) = explained(*[Frame(0x605, bytes.fromhex("4000100000000000"))] * 3).findings
     assert finding.cause is Cause.NO_BOOT_UP

@@ -27,6 +27,9 @@ _LEAST_INDEX = 0x1000
 """Of an object that can be read or written (CiA 301, table 39)."""
 
 
+_CANOPEN = "CiA"
+"""How the clauses of causes begin that only CANopen has."""
+
 _UNKNOWN = ("command", "state")
 """How the words of an NMT, a heartbeat or an LSS message begin that CiA 301 and 305 lack."""
 
@@ -84,6 +87,12 @@ class Language:
         """The frames show that it is not."""
         return not self.is_canopen and self.against.total > 0
 
+    def allows(self, cause: Cause) -> bool:
+        """Return True if what is spoken can have a cause; any eight bytes can be an EMCY."""
+        if self.is_foreign:
+            return not cause.clause.startswith(_CANOPEN)
+        return self.is_canopen or cause is not Cause.EMCY
+
     def notes(self, frames: int) -> Iterator[str]:
         """Yield a line where CANopen is not what they speak.
 
@@ -103,7 +112,8 @@ class Language:
         elif frames and not self.names:
             yield (
                 f"none of {frames} frames shows that CANopen or J1939 is spoken: no NMT command, "
-                "no heartbeat, no answered SDO request, no address claim"
+                "no heartbeat, no answered SDO request, no address claim; if it is CANopen, "
+                "name its nodes by bench.toml or --eds"
             )
 
 

@@ -90,9 +90,6 @@ class Clock:
 _AT_ONCE = 5_000_000
 """Time within which the PDOs of several nodes stay out together [ns]."""
 
-_CANOPEN = "CiA"
-"""How the clauses of causes begin that only CANopen has."""
-
 _OF_SDO = frozenset({Cause.SDO_ABORT, Cause.SDO_NO_ANSWER})
 
 
@@ -230,8 +227,8 @@ class Explainer:
         scanned = self._presence.scanned
         found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
         spoken, duration = self._language, now * 1e-9
-        if spoken.is_foreign and not self._has_nodes:
-            found = [f for f in found if not f.cause.clause.startswith(_CANOPEN)]
+        if not self._has_nodes:
+            found = [f for f in found if spoken.allows(f.cause)]
         return Explanation(
             _together(fewest(found)),
             self._frames,

@@ -12,6 +12,9 @@ from hil_bench.abilities.scenario.load import load_scenario
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
 
+BLACK = """() => [...document.querySelectorAll("main section:not([hidden]) svg text")]
+  .filter((each) => getComputedStyle(each).fill === "rgb(0, 0, 0)")
+  .map((each) => each.textContent).filter(Boolean)"""
 VIEWS = ("machine", "scope", "devices", "bus", "faults", "loop", "record")
 
 
@@ -279,3 +282,4 @@ def test_nothing_serious_is_found_by_axe(pages, port, scheme, keep):
         assert width <= 1024, name
         keep(page, f"{name}-{scheme}-1024")
         assert serious_problems(page) == [], name
+        assert page.evaluate(BLACK) == [], name  # axe does not look at the text of pictures

@@ -41,7 +41,7 @@ class Histogram {
     this.bars = svg("g");
     this.scale = svg("g");
     this.root = el("figure", {}, el("figcaption", {}, `${title} [µs], counts on a logarithmic scale`),
-      svg("svg", { viewBox: "-25 0 570 220", role: "img", "aria-label": `histogram of ${title.toLowerCase()}` }, this.bars, this.scale));
+      svg("svg", { viewBox: "-25 0 570 220", class: "chart", role: "img", "aria-label": `histogram of ${title.toLowerCase()}` }, this.bars, this.scale));
   }
 
   show(bins, tick = 1e-3) {
@@ -58,12 +58,12 @@ class Histogram {
     }));
     const marks = [];
     for (let decade = 0; decade < decades - 0.2; decade += 1) {
-      const text = svg("text", { x: 10 + (500 * decade) / decades, y: 210, class: "tick", "text-anchor": "middle" });
+      const text = svg("text", { x: 10 + (500 * decade) / decades, y: 210, "text-anchor": "middle" });
       text.textContent = String(10 ** decade);
       marks.push(text);
     }
     const x = 10 + (500 * Math.log10(tick * 1e6)) / decades;
-    const label = svg("text", { x: x - 4, y: 14, "text-anchor": "end", class: "tick" });
+    const label = svg("text", { x: x - 4, y: 14, "text-anchor": "end" });
     label.textContent = "a tick";
     this.scale.replaceChildren(...marks, svg("line", { x1: x, x2: x, y1: 4, y2: 190, class: "limit" }), label);
   }

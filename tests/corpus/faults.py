@@ -136,7 +136,8 @@ class Scene:
 
     def beating(self) -> list[int]:
         """Return the nodes with a heartbeat of at least eight beats in OPERATIONAL."""
-        return [n for n in range(1, 128) if len(self.beats(n)) >= 8]
+        heard = {each.frame.can_id - 0x700 for each in self.frames}
+        return [n for n in range(1, 128) if n in heard and len(self.beats(n)) >= 8]
 
     def beats(self, node: int) -> list[int]:
         """Return the times of a node's heartbeats in OPERATIONAL, since the last that was not."""

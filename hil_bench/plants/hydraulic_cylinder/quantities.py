@@ -15,7 +15,7 @@ POSITION: Final = Quantity(
     tolerance=1e-3,
     residual=0.5e-3,
     is_anchor=True,
-    shown=Shown("x {:+8.2f} mm", 1e3),
+    shown=Shown("x {:+z8.2f} mm", 1e3),
 )
 """Of the piston; a command that is late by 2 ms moves it by 0.5 mm at 0.25 m/s."""
 SPEED: Final = Quantity("speed", "m/s", _PLACE["v"])
@@ -26,7 +26,7 @@ PRESSURE_A: Final = Quantity(
     tolerance=2e5,
     residual=0.25e5,
     is_anchor=True,
-    shown=Shown("P_A {:5.1f}", 1e-5),
+    shown=Shown("P_A {:z5.1f}", 1e-5),
 )
 PRESSURE_B: Final = Quantity(
     "P_B",
@@ -35,7 +35,7 @@ PRESSURE_B: Final = Quantity(
     tolerance=2e5,
     residual=0.25e5,
     is_anchor=True,
-    shown=Shown("P_B {:5.1f} bar", 1e-5),
+    shown=Shown("P_B {:z5.1f} bar", 1e-5),
 )
 SPOOL_SETPOINT: Final = Quantity("spool_setpoint", "-", None, is_share=True)
 SPOOL_POSITION: Final = Quantity(
@@ -45,7 +45,7 @@ SPOOL_POSITION: Final = Quantity(
     is_share=True,
     tolerance=0.02,
     residual=0.03,
-    shown=Shown("spool {:+6.1f} %", 100.0),
+    shown=Shown("spool {:+z6.1f} %", 100.0),
 )
 FLOW_A: Final = Quantity("Q_A", "m³/s", _PLACE["Q_A"], is_recorded=False)
 FLOW_B: Final = Quantity("Q_B", "m³/s", _PLACE["Q_B"], is_recorded=False)

@@ -12,10 +12,10 @@ ANGLE: Final = Quantity(
     tolerance=0.02,
     residual=0.2,
     is_anchor=True,
-    shown=Shown("phi {:+9.3f} rev", 0.15915494309189535),
+    shown=Shown("phi {:+z9.3f} rev", 0.15915494309189535),
 )
 """Of the shaft, over all turns; a command that is late by 2 ms turns it by 0.2 rad at 950 rpm."""
-SPEED: Final = Quantity("speed", "rad/s", 1, shown=Shown("n {:+7.1f} rpm", 9.549296585513721))
+SPEED: Final = Quantity("speed", "rad/s", 1, shown=Shown("n {:+z7.1f} rpm", 9.549296585513721))
 TORQUE: Final = Quantity("torque", "N m", 5)
 """What the oil gives to the shaft, before friction: (P_A - P_B) D."""
 

@@ -54,6 +54,12 @@ def test_a_value_that_is_not_there_is_a_dash_in_its_column():
     assert absent == "nanny set        - mm"
 
 
+def test_nothing_is_minus_zero():
+    with VirtualBench() as bench:
+        fields = bench_status(bench.bench)[1]
+    assert "-" not in format_row([-1e-9] * len(fields), fields)
+
+
 def test_it_shows_the_health_of_the_loop():
     statistics = TickStatistics()
     for lateness in (*[70_000] * 99, 123_400):

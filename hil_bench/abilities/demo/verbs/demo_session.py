@@ -164,8 +164,8 @@ _LOGGED_FRAMES = 2_000_000
 
 
 _SET = {
-    "position": Field("set {:+8.2f} mm", 1e3),
-    "angle": Field("set {:+9.3f} rev", 0.5 / math.pi),
+    "position": Field("set {:+z8.2f} mm", 1e3),
+    "angle": Field("set {:+z9.3f} rev", 0.5 / math.pi),
 }
 """The set-point in the status line, by the quantity that is controlled."""
 

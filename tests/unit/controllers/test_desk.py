@@ -127,10 +127,11 @@ def test_a_controller_counts_its_own_buses(tmp_path):
     assert heard(logs["a"]) == {}  # b sends on the first one
 
 
-def test_a_frame_on_a_bus_that_it_does_not_have_ends_the_run(tmp_path):
-    session, _, _ = make_desks(tmp_path, {"a": at(1, MASTER._replace(bus=1))})
+@pytest.mark.parametrize("bus", [-1, 1])
+def test_a_frame_on_a_bus_that_it_does_not_have_ends_the_run(tmp_path, bus):
+    session, _, _ = make_desks(tmp_path, {"a": at(1, MASTER._replace(bus=bus))})
     with pytest.raises(
-        ControllerError, match="controller a: the controller sent on its bus 1, but has 1"
+        ControllerError, match=f"controller a: the controller sent on its bus {bus}, but has 1"
     ):
         run(session, 2)
 
@@ -193,7 +194,7 @@ def test_ticks_that_a_late_loop_skips_are_no_time_for_a_controller(tmp_path):
     session, _, logs = make_desks(tmp_path, {"a": {}, "b": at(3)})
     for tick in (0, 1, 2, 7, 8):  # 3 to 6 are skipped
         session.tick((), tick * TICK)
-    assert [until // TICK for until, _ in logs["a"][1:]] == [1, 2, 3, 4]
+    assert [until for until, _ in logs["a"][1:]] == [TICK, 2 * TICK, 3 * TICK, 4 * TICK]
     assert logs["a"][-1][1] == [TimedFrame(3 * TICK, MASTER)]
 
 

@@ -80,7 +80,8 @@ def test_a_log_gets_lines_a_terminal_a_bar_and_quiet_nothing(stream, quiet, said
     assert "hil-bench-progress" not in [each.name for each in threading.enumerate()]
 
 
-LOG = "".join(f"({second}.0) can0 182#00004842{second:02X}\n" for second in range(1, 8))  # 50 bar
+LOG = "(0.5) can0 000#0102\n"  # NMT: start node 2
+LOG += "".join(f"({second}.0) can0 182#00004842{second:02X}\n" for second in range(1, 8))  # 50 bar
 TABLE = "time,axis1.P_A\ns,Pa\n0,5e6\n1,5e6\n"
 EXPECT = '[[expect]]\nid = "p"\nthat = "always axis1.P_A < 60 bar"\n'
 
@@ -88,8 +89,8 @@ EXPECT = '[[expect]]\nid = "p"\nthat = "always axis1.P_A < 60 bar"\n'
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("explain b.log", "explain: 7 frames, 0 s"),
-        ("decode b.log b.toml -o o.csv", "decode: 7 frames, 0 s; their values"),
+        ("explain b.log", "explain: 8 frames, 0 s"),
+        ("decode b.log b.toml -o o.csv", "decode: 8 frames, 0 s; their values"),
         ("judge r.toml t.csv u.csv", "judge: 1 of 2 recordings, 0 s; u.csv"),
     ],
 )

@@ -109,7 +109,7 @@ def test_passed_frames_count_down():
     rig = Rig()
     a, b, c = rig.stations
     a.tec, b.rec = 1, 130
-    rig.wire._shaken.add(b)
+    rig.wire._shaken[b] = None
     for _ in range(3):
         rig.wire.put(a, Frame(0x100), 0)
     rig.wire.run(LONG)

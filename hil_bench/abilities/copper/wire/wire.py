@@ -118,7 +118,7 @@ class Wire:
         self._deaf: frozenset[Station] = frozenset()
         self._absent: set[Station] = set()
         self._listeners: list[Station] = []
-        self._shaken: set[Station] = set()
+        self._shaken: dict[Station, None] = {}  # in the order in which they were
         self._ruled: list[Station] = []
         self._suspended_until = 0
         self._recovery = recovery
@@ -224,7 +224,7 @@ class Wire:
         self.stations.remove(station)
         self._absent.add(station)
         self._off.pop(station, None)
-        self._shaken.discard(station)
+        self._shaken.pop(station, None)
         self._waiting.remove(station)
         self._take_stock()
         if self._going is None:
@@ -373,9 +373,9 @@ class Wire:
         was_passive = station.is_passive
         change()
         if station.tec or station.rec:
-            self._shaken.add(station)
+            self._shaken[station] = None
         else:
-            self._shaken.discard(station)
+            self._shaken.pop(station, None)
         if station.tec >= BUS_OFF_FROM and not station.is_off:
             self.switch_off(station)
         elif station.is_passive != was_passive and not station.is_off:
@@ -386,7 +386,7 @@ class Wire:
         station.is_off = True
         asked_at = self._free_at + self._recovery
         self._off[station] = Absence(asked_at)
-        self._shaken.discard(station)
+        self._shaken.pop(station, None)
         self._take_stock()
         self._tell(station, CanEvent.BUS_OFF)
 

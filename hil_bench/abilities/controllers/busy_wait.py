@@ -18,6 +18,8 @@ SHARED_NS: Final = 25_000
 SLEEPS: Final = 100
 """Waits that are sleep once one was in vain or kept others from the processor."""
 
+_CAN_OFFER: Final = hasattr(os, "sched_yield")  # on Linux
+
 
 class BusyWait:
     """Waits for a descriptor.
@@ -33,8 +35,8 @@ class BusyWait:
 
     def wait(self) -> None:
         """Return as soon as something is there, or when it is better to sleep until it is."""
-        if self._sleeps:
-            self._sleeps -= 1
+        if self._sleeps or not _CAN_OFFER:
+            self._sleeps = max(self._sleeps - 1, 0)
             return
         begin = before = time.perf_counter_ns()
         while not self._poll.poll(0):

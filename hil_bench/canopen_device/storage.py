@@ -255,7 +255,7 @@ _SIGNATURES: Final = {
     _RESTORE: int.from_bytes(b"load", "little"),
 }
 _ON_COMMAND: Final = 1 << 0
-"""What 0x1010 and 0x1011 tell of themselves: it is done when the signature is written."""
+"""The answer of 0x1010 and 0x1011 to a read: it is done when the signature is written."""
 
 _GROUPS: Final = {
     1: range(0x1000, 0x10000),

@@ -40,7 +40,7 @@ TABLE = "supply"
 _OWN = ("bulk_modulus_mpa", "oil", "oil_viscosity_mm2_s")
 """The keys of a supply that an axis has for itself too."""
 _HEATED = "oil_temperature_c"
-"""What no axis says whose supply has a tank: its values hold at 40 °C."""
+"""The key that no axis has whose supply has a tank: its values hold at 40 °C."""
 
 
 class SuppliesSection:

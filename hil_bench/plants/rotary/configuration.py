@@ -62,7 +62,7 @@ from hil_bench.plants.rotary.quantities import LOAD
 _ROWS: Final = read_rows(Path(__file__).with_name("parameters.tsv"))
 
 MOTOR_KEYS: Final = _ROWS.groups["motor"]
-"""What no motor can be without."""
+"""Keys that each motor needs."""
 
 RATING_KEYS: Final = _ROWS.groups["rating"]
 """Of the data sheet: efficiencies, and speed and pressure drop at which they hold."""

@@ -49,7 +49,7 @@ USUAL_RESULTS: Final[Mapping[str, Range]] = {
     "top speed backwards": _TURNS,
     "eigenfrequency": SWING,
 }
-"""What machines reach, in the units of the facts."""
+"""Ranges that machines reach, in the units of the facts."""
 
 
 def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:

@@ -1,4 +1,4 @@
-"""What is said of a campaign, beside sums and counts of the same runs by the plainest loops."""
+"""The words of a campaign, beside sums and counts of the same runs by the plainest loops."""
 
 import math
 import random

@@ -336,7 +336,7 @@ MAPPINGS = (
 
 
 def mapped(*entries, restored=True):
-    """What is written to both mappings while their PDOs do not exist; entries by sub-index."""
+    """The writes to both mappings while their PDOs do not exist; entries by sub-index."""
     sent = []
     for place, off, on, mapping, own in MAPPINGS:
         sent += [f"{place}={off}", f"{mapping}.00=00"]

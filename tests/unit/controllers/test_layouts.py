@@ -1,4 +1,4 @@
-"""What a program and a library share with the bench, by the structures of their C headers."""
+"""The memory shared with a program and a library, by the structures of their C headers."""
 
 import ctypes as c
 import mmap

@@ -1,4 +1,4 @@
-"""What the eyes say by the tables of CiA 301, 303-2, 305, 404, 406 and 408, entry by entry."""
+"""The words of the eyes by the tables of CiA 301, 303-2, 305, 404, 406 and 408, entry by entry."""
 
 import random
 from types import SimpleNamespace

@@ -32,17 +32,26 @@ class Laboratory:
         objects = load_eds(eds, node_id)
         self.dut = DeviceUnderTest(Wire(self.bus, self.bus.now), node_id, objects)
 
-    def run(self, allowed=Impact.STORE, chapters=CHAPTERS):
+    def run(self, *titles, allowed=Impact.STORE):
+        """The results of some chapters, or of all."""
+        chapters = [each for each in CHAPTERS if each.title in titles or not titles]
         return list(run_suite(self.dut, allowed, chapters))
 
-    def failed_clauses(self, title):
-        """The clauses that the checks of one chapter find broken."""
-        chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
-        return {
-            result.check.clause
-            for result in self.run(chapters=chapters)
+    def failed(self, *titles):
+        """Clause and text of the checks that fail, of some chapters or of all."""
+        return [
+            (result.check.clause, result.check.text)
+            for result in self.run(*titles)
             if result.outcome is Outcome.FAILED
-        }
+        ]
+
+    def failed_clauses(self, *titles):
+        return {clause for clause, _ in self.failed(*titles)}
+
+    def result(self, title, text):
+        """The outcome and the detail of the one check of a chapter whose text begins so."""
+        (result,) = [r for r in self.run(title) if r.check.text.startswith(text)]
+        return result.outcome, result.detail
 
     def _tick(self, frames, now):
         for frame in frames:

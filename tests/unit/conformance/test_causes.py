@@ -1,6 +1,7 @@
 """One cause is one failure: its consequences are not run, and what a clause leaves open passes."""
 
 import pytest
+from support.changed_frames import LSS, REQUEST, aborted_otherwise, begun_otherwise, lost
 
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Degree, Impact
@@ -34,10 +35,6 @@ class Falling:
         return [*due, frame]
 
 
-def chapters(*titles):
-    return [chapter for chapter in CHAPTERS if chapter.title in titles]
-
-
 def those(results, outcome):
     return [result for result in results if result.outcome is outcome]
 
@@ -55,7 +52,7 @@ def those(results, outcome):
 )
 def test_a_device_that_leaves_operational_fails_one_check(laboratory, said, cause):
     Falling(laboratory, START, said)
-    results = laboratory.run(chapters=chapters("NMT", "TPDO"))
+    results = laboratory.run("NMT", "TPDO")
     (failed,) = those(results, Outcome.FAILED)
     assert failed.check.clause == "7.3.2.2.3"
     assert failed.detail.startswith(cause)
@@ -88,7 +85,7 @@ def test_errors_of_before_are_named_where_no_emcy_follows_the_command(laboratory
         return frame.can_id == 0x585 and frame.data[:3] == b"\x4f\x01\x10"
 
     laboratory.says = says
-    (failed,) = those(laboratory.run(chapters=chapters("NMT")), Outcome.FAILED)
+    (failed,) = those(laboratory.run("NMT"), Outcome.FAILED)
     assert falling.trigger is START
     assert failed.detail == (
         "the device does not become OPERATIONAL: EMCY 0x5000 came before, error register 0x11"
@@ -110,7 +107,7 @@ def test_a_fall_within_a_check_is_named_by_it_and_ends_with_a_reset(laboratory):
         return [] if frame == START and state["fallen"] else [frame]
 
     laboratory.hears = hears
-    results = laboratory.run(chapters=chapters("TPDO"))
+    results = laboratory.run("TPDO")
     (failed,) = those(results, Outcome.FAILED)
     assert failed.check.text.startswith("type 1 is sent with every SYNC")
     assert failed.detail.startswith(
@@ -120,8 +117,8 @@ def test_a_fall_within_a_check_is_named_by_it_and_ends_with_a_reset(laboratory):
 
 
 def test_a_device_that_stays_operational_is_judged_by_its_own_failures(laboratory):
-    laboratory.hears = lambda frame: [] if frame.can_id == 0x080 else [frame]
-    results = laboratory.run(chapters=chapters("NMT", "TPDO"))
+    laboratory.hears = lost(0x080)
+    results = laboratory.run("NMT", "TPDO")
     failed = those(results, Outcome.FAILED)
     assert len(failed) > 1
     assert not any("become OPERATIONAL" in result.detail for result in failed)
@@ -159,7 +156,7 @@ def test_a_device_that_ends_at_a_reset_fails_one_check(laboratory):
 
 def test_a_device_that_falls_silent_while_nothing_is_written_fails_one_check(laboratory):
     Silent(laboratory, UNKNOWN_COMMAND)
-    results = laboratory.run(Impact.READ)
+    results = laboratory.run(allowed=Impact.READ)
     (failed,) = those(results, Outcome.FAILED)
     assert failed.check.text == "an unknown command specifier aborts with 0504 0001h"
     assert all(r.outcome is Outcome.NOT_RUN for r in results[results.index(failed) + 1 :])
@@ -168,7 +165,7 @@ def test_a_device_that_falls_silent_while_nothing_is_written_fails_one_check(lab
 def test_a_device_that_comes_back_is_judged_again(laboratory):
     """Twenty requests are more than the wait after the failed check takes, and fewer than all."""
     Silent(laboratory, UNKNOWN_COMMAND, until=20)
-    results = laboratory.run(Impact.READ)
+    results = laboratory.run(allowed=Impact.READ)
     assert len(those(results, Outcome.FAILED)) == 1
     outcomes = [result.outcome for result in results]
     last = max(k for k, outcome in enumerate(outcomes) if outcome is Outcome.NOT_RUN)
@@ -177,9 +174,8 @@ def test_a_device_that_comes_back_is_judged_again(laboratory):
 
 def test_a_recommendation_that_is_not_followed_is_no_failure(laboratory):
     """The device does not take up the event timer of its RPDO."""
-    timer = b"\x2b\x00\x14\x05"
-    laboratory.hears = lambda f: [f._replace(data=timer + bytes(4))] if f.data[:4] == timer else [f]
-    results = laboratory.run(chapters=chapters("RPDO"))
+    laboratory.hears = begun_otherwise(REQUEST, "2b001405", "2b001405 00000000")
+    results = laboratory.run("RPDO")
     (result,) = those(results, Outcome.NOT_FOLLOWED)
     assert result.check.degree is Degree.RECOMMENDED
     assert "8250h" in result.detail
@@ -188,8 +184,8 @@ def test_a_recommendation_that_is_not_followed_is_no_failure(laboratory):
 
 
 def test_a_service_of_lss_that_is_not_there_is_not_applicable(laboratory):
-    laboratory.hears = lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x46 else [f]
-    results = laboratory.run(chapters=chapters("LSS"))
+    laboratory.hears = lost(LSS, "46")
+    results = laboratory.run("LSS")
     assert those(results, Outcome.FAILED) == []
     (result,) = [r for r in results if r.check.clause == "CiA 305, identify remote slave"]
     assert (result.outcome, result.detail) == (
@@ -199,17 +195,12 @@ def test_a_service_of_lss_that_is_not_there_is_not_applicable(laboratory):
 
 
 @pytest.mark.parametrize(
-    ("code", "outcome"), [("01000405", Outcome.PASSED), ("02000405", Outcome.FAILED)]
+    ("code", "outcome"), [(0x05040001, Outcome.PASSED), (0x05040002, Outcome.FAILED)]
 )
 def test_no_clause_names_the_code_for_a_segment_that_was_not_sent(laboratory, code, outcome):
     """0504 0003h and 0001h pass, as of the two the clause leaves open; 0002h is another error."""
-    sequence = bytes.fromhex("03000405")
-    laboratory.says = lambda f: (
-        [f._replace(data=f.data[:4] + bytes.fromhex(code))]
-        if f.can_id == 0x585 and f.data[:1] == b"\x80" and f.data[4:] == sequence
-        else [f]
-    )
-    results = laboratory.run(Impact.READ, chapters("SDO block transfer"))
+    laboratory.says = aborted_otherwise(code, 0x05040003)
+    results = laboratory.run("SDO block transfer", allowed=Impact.READ)
     (result,) = [r for r in results if r.check.text.startswith("confirming a segment")]
     assert result.outcome is outcome
 

@@ -3,22 +3,16 @@
 import struct
 
 import pytest
+from support.changed_frames import HEARTBEAT, LSS, REQUEST, aborted_otherwise, begun_otherwise, lost
 
-from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
+from hil_bench.abilities.conformance.suite import Outcome
 from hil_bench.canopen_device.frame import Frame
-
-
-def failed(laboratory, *titles):
-    """Clause and text of the checks that fail, of some chapters or of all."""
-    chapters = [chapter for chapter in CHAPTERS if chapter.title in titles or not titles]
-    results = laboratory.run(chapters=chapters)
-    return [(r.check.clause, r.check.text) for r in results if r.outcome is Outcome.FAILED]
 
 
 def test_lss_that_is_claimed_and_mute(make_variant):
     laboratory = make_variant(claims_lss=True)
-    laboratory.hears = lambda frame: [] if frame.can_id == 0x7E5 else [frame]
-    assert failed(laboratory, "LSS") == [
+    laboratory.hears = lost(LSS)
+    assert laboratory.failed("LSS") == [
         ("CiA 306, LSS_Supported", "a device that claims LSS answers to it")
     ]
 
@@ -46,8 +40,7 @@ def test_who_answers_a_fastscan_is_found_out(laboratory, answers_own, outcome):
         ]
 
     laboratory.hears = hears
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "LSS"]
-    found = {result.check.clause: result.outcome for result in laboratory.run(chapters=chapters)}
+    found = {result.check.clause: result.outcome for result in laboratory.run("LSS")}
     assert found.pop("CiA 305, fastscan") is outcome
     assert set(found.values()) <= {Outcome.PASSED}
 
@@ -69,7 +62,7 @@ def test_another_emcy_identifier_that_is_taken_is_taken_back(laboratory):
         return [frame]
 
     laboratory.hears = hears
-    assert failed(laboratory, "EMCY") == [
+    assert laboratory.failed("EMCY") == [
         ("7.5.2.17", "the identifier of a valid EMCY cannot be changed")
     ]
     assert own.value == 0x085
@@ -82,8 +75,8 @@ def test_a_number_of_four_bytes_beyond_its_limits(laboratory, index, low, high, 
     """The EDS has limits that the device does not know."""
     variable = laboratory.dut.objects.variable(index)
     variable.low, variable.high = low, high
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Object dictionary"]
-    (detail,) = [r.detail for r in laboratory.run(chapters=chapters) if r.outcome is Outcome.FAILED]
+    results = laboratory.run("Object dictionary")
+    (detail,) = [r.detail for r in results if r.outcome is Outcome.FAILED]
     wrong = {"-6": low, str(high + 1): high}
     for value, limit in wrong.items():
         said = f"0x{index:04X}.00 {verb} {value}, which is beyond its limits"
@@ -94,26 +87,19 @@ def test_a_number_of_four_bytes_beyond_its_limits(laboratory, index, low, high, 
 
 def test_a_text_shorter_than_announced_is_taken(laboratory):
     # The size in the first request of a segmented download of a text is not looked at.
-    def hears(frame):
-        is_it = frame.can_id == 0x605 and frame.data[:4] == b"\x21\x20\x20\x00"
-        return [frame._replace(data=b"\x20\x20\x20\x00" + bytes(4))] if is_it else [frame]
-
-    laboratory.hears = hears
-    assert failed(laboratory, "SDO download") == [
+    laboratory.hears = begun_otherwise(REQUEST, "21202000", "20202000 00000000")
+    assert laboratory.failed("SDO download") == [
         ("7.2.4.3.17", "fewer bytes than announced abort with 0607 0010h or 0013h")
     ]
 
 
 def test_a_number_shorter_than_announced_is_taken(laboratory):
-    # What is missing in a segment is taken as zero.
-    def hears(frame):
-        is_segment = frame.can_id == 0x605 and frame.data[:1] == b"\x0d"  # the last, of one byte
-        return [frame._replace(data=b"\x0b" + frame.data[1:])] if is_segment else [frame]
-
-    laboratory.hears = hears
-    assert ("7.2.4.3.17", "fewer bytes than announced abort with 0607 0010h or 0013h") in failed(
-        laboratory, "SDO download"
-    )
+    # What is missing in a segment, the last, of one byte, is taken as zero.
+    laboratory.hears = begun_otherwise(REQUEST, "0d", "0b")
+    assert (
+        "7.2.4.3.17",
+        "fewer bytes than announced abort with 0607 0010h or 0013h",
+    ) in laboratory.failed("SDO download")
 
 
 def test_a_node_that_does_not_start_by_itself(make_variant):
@@ -130,20 +116,15 @@ def test_a_node_that_does_not_start_by_itself(make_variant):
         return [Frame(0x000, b"\x80\x05"), frame]
 
     laboratory.says = says
-    assert failed(laboratory, "Store and restore") == [
+    assert laboratory.failed("Store and restore") == [
         ("CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself")
     ]
 
 
 def test_a_node_that_starts_though_told_not_to(make_variant):
     laboratory = make_variant(startup=4)
-
-    def hears(frame):
-        is_it = frame.can_id == 0x605 and frame.data[:4] == b"\x23\x80\x1f\x00"
-        return [frame._replace(data=frame.data[:4] + bytes(4))] if is_it else [frame]
-
-    laboratory.hears = hears
-    assert failed(laboratory, "Store and restore") == [
+    laboratory.hears = begun_otherwise(REQUEST, "23801f00", "23801f00 00000000")
+    assert laboratory.failed("Store and restore") == [
         ("CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself")
     ]
 
@@ -160,7 +141,7 @@ def test_an_sdo_server_that_is_mute_before_its_first_transfer(laboratory):
         return [] if is_fresh and frame.can_id == 0x605 else [frame]
 
     laboratory.hears = hears
-    assert failed(laboratory, "SDO upload") == [
+    assert laboratory.failed("SDO upload") == [
         ("7.2.4.3.17", "the first request after a reset aborts likewise")
     ]
 
@@ -178,17 +159,15 @@ def test_sdo_that_is_served_in_stopped(laboratory):
         return [frame]
 
     laboratory.hears = hears
-    assert ("7.3.2.3", "STOPPED has no SDO; leaving it brings SDO back") in failed(
-        laboratory, "NMT"
-    )
+    assert ("7.3.2.3", "STOPPED has no SDO; leaving it brings SDO back") in laboratory.failed("NMT")
 
 
 @pytest.mark.parametrize(
     ("code", "outcome"),
     [
-        ("01000405", Outcome.NOT_APPLICABLE),  # 0504 0001h: no such command
-        ("00000106", Outcome.NOT_APPLICABLE),  # 0601 0000h: no such access
-        ("00000008", Outcome.FAILED),
+        (0x05040001, Outcome.NOT_APPLICABLE),  # no such command
+        (0x06010000, Outcome.NOT_APPLICABLE),  # no such access
+        (0x08000000, Outcome.FAILED),
     ],
 )
 def test_a_server_without_block_transfer_has_nothing_to_judge(laboratory, code, outcome):
@@ -196,19 +175,14 @@ def test_a_server_without_block_transfer_has_nothing_to_judge(laboratory, code, 
         is_block = frame.can_id == 0x605 and frame.data[0] >> 5 in {5, 6}
         return [frame._replace(data=b"\xe0" + frame.data[1:])] if is_block else [frame]
 
-    def says(frame):
-        is_it = frame.data[:1] == b"\x80" and frame.data[4:] == bytes.fromhex("01000405")
-        return [frame._replace(data=frame.data[:4] + bytes.fromhex(code))] if is_it else [frame]
-
-    laboratory.hears, laboratory.says = hears, says
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
-    assert outcome in {result.outcome for result in laboratory.run(chapters=chapters)}
-    assert bool(failed(laboratory, "SDO block transfer")) == (outcome is Outcome.FAILED)
+    laboratory.hears, laboratory.says = hears, aborted_otherwise(code, 0x05040001)
+    assert outcome in {result.outcome for result in laboratory.run("SDO block transfer")}
+    assert bool(laboratory.failed("SDO block transfer")) == (outcome is Outcome.FAILED)
 
 
 def test_a_missing_boot_up_is_one_finding(laboratory):
-    laboratory.says = lambda f: [] if f.can_id == 0x705 and f.data == b"\0" else [f]
-    assert failed(laboratory) == [
+    laboratory.says = lost(HEARTBEAT, "00")
+    assert laboratory.failed() == [
         ("7.2.8.3.3", "reset node is followed by the boot-up message"),
         ("7.2.8.3.3", "reset communication is followed by the boot-up message"),
     ]

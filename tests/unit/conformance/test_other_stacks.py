@@ -5,37 +5,23 @@ of the other tests is changed to send them, and a neighbour of each that is wron
 """
 
 import pytest
+from support.changed_frames import ANSWER, EMCY, HEARTBEAT, REQUEST, altered, begun_otherwise, lost
 
-from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
+from hil_bench.abilities.conformance.suite import Outcome
 from hil_bench.canopen_device.frame import Frame
-
-REQUEST, ANSWER, ERROR_CONTROL, EMCY = 0x605, 0x585, 0x705, 0x085
-
-
-def result_of(laboratory, title, text):
-    """The outcome and the detail of the one check of a chapter whose text begins so."""
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
-    (result,) = [r for r in laboratory.run(chapters=chapters) if r.check.text.startswith(text)]
-    return result.outcome, result.detail
 
 
 def test_a_segment_with_a_wrong_toggle_bit_may_be_ignored(laboratory):
     """Lely keeps still: it takes the segment for one that it has already."""
-    laboratory.hears = lambda f: (
-        [] if f.can_id == REQUEST and f.data[:3] == b"\x1b\xd2\x04" else [f]
-    )
-    found = result_of(laboratory, "SDO download", "a segment with a wrong toggle bit")
+    laboratory.hears = lost(REQUEST, "1bd204")
+    found = laboratory.result("SDO download", "a segment with a wrong toggle bit")
     assert found == (Outcome.PASSED, "it counts for nothing")
 
 
 def test_a_segment_with_a_wrong_toggle_bit_must_not_be_taken(laboratory):
-    laboratory.hears = lambda f: (
-        [f._replace(data=b"\x0b" + f.data[1:])]
-        if f.can_id == REQUEST and f.data[:3] == b"\x1b\xd2\x04"
-        else [f]
-    )
-    laboratory.says = lambda f: [] if f.can_id == ANSWER and f.data[:1] == b"\x20" else [f]
-    outcome, _ = result_of(laboratory, "SDO download", "a segment with a wrong toggle bit")
+    laboratory.hears = begun_otherwise(REQUEST, "1bd204", "0bd204")
+    laboratory.says = lost(ANSWER, "20")
+    outcome, _ = laboratory.result("SDO download", "a segment with a wrong toggle bit")
     assert outcome is Outcome.FAILED
 
 
@@ -43,34 +29,32 @@ def test_a_request_of_seven_bytes_may_be_served(laboratory):
     laboratory.hears = lambda f: (
         [f._replace(data=f.data.ljust(8, b"\0"))] if len(f.data) == 7 else [f]
     )
-    found = result_of(laboratory, "SDO upload", "what is no SDO request")
+    found = laboratory.result("SDO upload", "what is no SDO request")
     assert found == (Outcome.PASSED, "a request of seven bytes is served")
 
 
 def test_a_request_with_a_29_bit_identifier_may_not(laboratory):
     """As the node of python-canopen does; the line says which frame it was."""
     laboratory.hears = lambda f: [f._replace(is_extended=False)]
-    outcome, detail = result_of(laboratory, "SDO upload", "what is no SDO request")
+    outcome, detail = laboratory.result("SDO upload", "what is no SDO request")
     assert outcome is Outcome.FAILED
     assert detail.startswith("a 29-bit identifier: answer 43 00 10 00 ")
 
 
 @pytest.mark.parametrize(
-    ("confirmed", "outcome"), [(b"\xa2\x01\x01", Outcome.PASSED), (b"\xa2\0\x01", Outcome.FAILED)]
+    ("confirmed", "outcome"), [("a20101", Outcome.PASSED), ("a20001", Outcome.FAILED)]
 )
 def test_more_segments_may_be_confirmed_than_were_sent(laboratory, confirmed, outcome):
     """Lely takes A2 7F 01 for all that it has sent; a device that sends them again is wrong."""
-    laboratory.hears = lambda f: (
-        [f._replace(data=confirmed + bytes(5))] if f.data[:3] == b"\xa2\x7f\x01" else [f]
-    )
-    found = result_of(laboratory, "SDO block transfer", "confirming a segment that was not sent")
+    laboratory.hears = begun_otherwise(REQUEST, "a27f01", f"{confirmed} 0000000000")
+    found = laboratory.result("SDO block transfer", "confirming a segment that was not sent")
     assert found[0] is outcome
     if outcome is Outcome.PASSED:
         assert found[1] == "goes on behind what was sent"
 
 
 @pytest.mark.parametrize(
-    ("code", "outcome"), [("01000405", Outcome.PASSED), ("00000405", Outcome.FAILED)]
+    ("code", "outcome"), [(0x05040001, Outcome.PASSED), (0x05040000, Outcome.FAILED)]
 )
 def test_a_short_block_download_aborts_by_either_code(laboratory, code, outcome):
     """Lely: 0504 0001h to D9."""
@@ -81,12 +65,15 @@ def test_a_short_block_download_aborts_by_either_code(laboratory, code, outcome)
         return [frame]
 
     laboratory.hears = hears
-    laboratory.says = lambda f: (
-        [f._replace(data=f.data[:4] + bytes.fromhex(code))]
-        if f.can_id == ANSWER and f.data[:1] == b"\x80" and heard[-1] == b"\xd9"
-        else [f]
+    laboratory.says = altered(
+        ANSWER,
+        lambda data: (
+            data[:4] + code.to_bytes(4, "little")
+            if data[:1] == b"\x80" and heard[-1] == b"\xd9"
+            else data
+        ),
     )
-    assert result_of(laboratory, "SDO block transfer", "fewer bytes")[0] is outcome
+    assert laboratory.result("SDO block transfer", "fewer bytes")[0] is outcome
 
 
 def test_node_guarding_may_need_a_life_time(laboratory):
@@ -98,7 +85,7 @@ def test_node_guarding_may_need_a_life_time(laboratory):
         return [frame] if not frame.is_remote or is_guarded else []
 
     laboratory.hears = hears
-    found = result_of(laboratory, "Error control", "node guarding is answered")
+    found = laboratory.result("Error control", "node guarding is answered")
     assert found == (Outcome.PASSED, "with 100Ch and 100Dh set")
 
 
@@ -117,7 +104,7 @@ def test_an_error_may_stay_until_a_reset(laboratory, title, text, register, outc
         return [frame]
 
     laboratory.says = says
-    found = result_of(laboratory, title, text)
+    found = laboratory.result(title, text)
     assert found[0] is outcome
     if outcome is Outcome.PASSED:
         assert found[1] == "the device keeps the error, 1001h is 11h"
@@ -127,7 +114,7 @@ def test_the_end_of_an_error_is_no_error(laboratory):
     """CANopenNode sends EMCY 0000h when 1016h is written: nobody was missed."""
     ends = Frame(EMCY, bytes.fromhex("0000 00 1b 00000000"))
     laboratory.says = lambda f: [f, ends] if f.data[:4] == b"\x60\x16\x10\x01" else [f]
-    assert result_of(laboratory, "Error control", "nobody is watched")[0] is Outcome.PASSED
+    assert laboratory.result("Error control", "nobody is watched")[0] is Outcome.PASSED
 
 
 @pytest.mark.parametrize(("answers", "outcome"), [(1, Outcome.PASSED), (2, Outcome.FAILED)])
@@ -144,6 +131,6 @@ def test_one_heartbeat_after_a_remote_frame_is_no_answer_to_it(laboratory, answe
 
     laboratory.hears = hears
     laboratory.says = lambda f: (
-        [Frame(ERROR_CONTROL, b"\x7f")] if f.data[:4] == b"\x80\x0a\xc0\0" else [f]
+        [Frame(HEARTBEAT, b"\x7f")] if f.data[:4] == b"\x80\x0a\xc0\0" else [f]
     )
-    assert result_of(laboratory, "Error control", "a heartbeat excludes")[0] is outcome
+    assert laboratory.result("Error control", "a heartbeat excludes")[0] is outcome

@@ -1,5 +1,7 @@
 """The suite on a sound device: it passes, and it is left as it was."""
 
+from support.changed_frames import ANSWER, HEARTBEAT, begun_otherwise, lost
+
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.nmt import NmtState
@@ -39,7 +41,7 @@ def test_reading_changes_nothing_and_asks_for_no_change(laboratory):
     heard = []
     laboratory.hears = lambda frame: heard.append(frame) or [frame]
     before = values(laboratory.node)
-    results = laboratory.run(Impact.READ)
+    results = laboratory.run(allowed=Impact.READ)
     assert {r.check.impact for r in results} == {Impact.READ}
     assert all(r.outcome is not Outcome.FAILED for r in results)
     assert values(laboratory.node) == before
@@ -50,25 +52,20 @@ def test_reading_changes_nothing_and_asks_for_no_change(laboratory):
 
 
 def test_writing_leaves_what_is_stored_alone(laboratory):
-    results = laboratory.run(Impact.WRITE)
+    results = laboratory.run(allowed=Impact.WRITE)
     assert {r.check.impact for r in results} == {Impact.READ, Impact.WRITE}
 
 
 def test_a_value_is_restored_where_the_check_fails(laboratory):
     # The answer to reading back 0x1017 is always 7 ms: the download check fails half way.
-    def says(frame):
-        if frame.can_id == 0x585 and frame.data[:4] == b"\x4b\x17\x10\x00":
-            return [frame._replace(data=b"\x4b\x17\x10\x00\x07\0\0\0")]
-        return [frame]
-
-    laboratory.says = says
+    laboratory.says = begun_otherwise(ANSWER, "4b171000", "4b171000 07000000")
     assert "7.2.4.3.3" in laboratory.failed_clauses("SDO download")
     assert laboratory.node.object_dictionary.variable(0x1017).value == 7  # as it said it was
 
 
 def test_a_device_that_goes_silent_fails_everything_that_needs_an_answer(laboratory):
     laboratory.says = lambda _frame: []
-    results = laboratory.run(Impact.READ)
+    results = laboratory.run(allowed=Impact.READ)
     passed = {r.check.text for r in results if r.outcome is Outcome.PASSED}
     assert passed <= {
         # Silence is what these ask for, or they ask for nothing more.
@@ -88,8 +85,7 @@ def test_an_abort_names_the_object_of_its_transfer(laboratory):
     # Some servers do not heed an abort of another object, and stay in the transfer.
     requests = []
     laboratory.hears = lambda frame: requests.append(frame) or [frame]
-    chapters = [c for c in CHAPTERS if c.title in {"SDO upload", "SDO block transfer"}]
-    laboratory.run(Impact.READ, chapters)
+    laboratory.run("SDO upload", "SDO block transfer", allowed=Impact.READ)
     begun, aborts = bytes(3), 0
     for data in [f.data for f in requests if f.can_id == 0x605 and not f.is_extended]:
         if len(data) == 8 and data[0] in {0x40, 0xA4}:
@@ -102,14 +98,13 @@ def test_an_abort_names_the_object_of_its_transfer(laboratory):
 
 def test_a_heartbeat_that_is_on_is_judged_without_writing(laboratory):
     laboratory.dut.write(0x1017, 0, 100)
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Error control"]
-    (result,) = laboratory.run(Impact.READ, chapters)
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
     assert (result.outcome, result.detail) == (Outcome.PASSED, "every 100 ms")
     laboratory.says = lambda f: [f._replace(data=b"\x06")] if f.can_id == 0x705 else [f]
-    (result,) = laboratory.run(Impact.READ, chapters)
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
     assert "heartbeat 06; one byte of 04, 05 or 7F is right" in result.detail
-    laboratory.says = lambda f: [] if f.can_id == 0x705 else [f]
-    (result,) = laboratory.run(Impact.READ, chapters)
+    laboratory.says = lost(HEARTBEAT)
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
     assert result.detail == "no heartbeat, though 1017h is 100 ms"
 
 

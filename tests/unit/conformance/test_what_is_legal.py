@@ -1,13 +1,21 @@
 """Devices that do what CiA 301 allows, though otherwise than ours: nothing fails."""
 
 import re
-import struct
 from types import SimpleNamespace
 
 import pytest
+from support.changed_frames import (
+    ANSWER,
+    LSS,
+    REQUEST,
+    aborted_otherwise,
+    altered,
+    begun_otherwise,
+    lost,
+)
 
 from hil_bench.abilities.conformance.check import Impact
-from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, run_suite
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
@@ -63,23 +71,14 @@ def test_texts_of_any_capacity(laboratory, present, code, takes, size):
 
 def test_a_value_beyond_its_limits_may_be_refused_in_general(laboratory):
     """0609 0030h is right beside 0031h and 0032h, which say which way (CiA 301, table 22)."""
-    general = struct.pack("<I", 0x06090030)
-    either = {struct.pack("<I", 0x06090031), struct.pack("<I", 0x06090032)}
-    laboratory.says = lambda f: (
-        [f._replace(data=f.data[:4] + general)]
-        if f.can_id == 0x585 and f.data[:1] == b"\x80" and f.data[4:] in either
-        else [f]
-    )
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Object dictionary"]
-    results = laboratory.run(chapters=chapters)
-    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    laboratory.says = aborted_otherwise(0x06090030, 0x06090031, 0x06090032)
+    assert laboratory.failed("Object dictionary") == []
 
 
 def test_the_period_of_a_sync_producer_is_shown(laboratory):
     """Asked for: 20 ms."""
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SYNC and TIME"]
-    found = {r.check.text: r.detail for r in laboratory.run(chapters=chapters)}
-    assert found["a SYNC producer has the period of 1006h"] == "20.0 ms"
+    found = laboratory.result("SYNC and TIME", "a SYNC producer has the period of 1006h")
+    assert found == (Outcome.PASSED, "20.0 ms")
 
 
 def test_a_text_that_takes_nothing_is_not_judged(laboratory):
@@ -102,10 +101,8 @@ def test_a_text_that_is_filled_up_with_zeros(laboratory):
 
 
 def test_a_device_that_waits_on_after_segment_0(laboratory):
-    laboratory.hears = lambda f: [] if f.can_id == 0x605 and f.data == bytes(8) else [f]
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
-    results = laboratory.run(chapters=chapters)
-    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    laboratory.hears = lost(REQUEST, "00 00000000000000")
+    assert laboratory.failed("SDO block transfer") == []
 
 
 @pytest.mark.parametrize(("confirmed", "failures"), [(0, 0), (1, 1)])
@@ -123,36 +120,21 @@ def test_a_device_that_asks_for_the_first_segment_after_segment_0(laboratory, co
         return [frame._replace(data=bytes((0xA2, confirmed, 127)) + bytes(5))] if is_it else [frame]
 
     laboratory.hears, laboratory.says = hears, says
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
-    results = laboratory.run(chapters=chapters)
-    assert len([r for r in results if r.outcome is Outcome.FAILED]) == failures
-
-
-def results_of(laboratory, title):
-    """Return outcome and detail of a chapter's checks by what is right."""
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
-    return {r.check.text: (r.outcome, r.detail) for r in laboratory.run(chapters=chapters)}
+    assert len(laboratory.failed("SDO block transfer")) == failures
 
 
 def test_a_device_that_takes_no_crc(laboratory):
     """Bit 2 of its answer to the initiation of a block download is 0 (CiA 301, 7.2.4.3.9)."""
-    laboratory.says = lambda f: (
-        [f._replace(data=b"\xa0" + f.data[1:])]
-        if f.can_id == 0x585 and f.data[:1] == b"\xa4"
-        else [f]
-    )
-    found = results_of(laboratory, "SDO block transfer")
-    assert found["a wrong CRC aborts with 0504 0004h and changes nothing"] == (
-        Outcome.NOT_APPLICABLE,
-        "the device takes no CRC",
-    )
+    laboratory.says = begun_otherwise(ANSWER, "a4", "a0")
+    found = laboratory.result("SDO block transfer", "a wrong CRC aborts with 0504 0004h")
+    assert found == (Outcome.NOT_APPLICABLE, "the device takes no CRC")
 
 
 @pytest.mark.parametrize("heartbeat", [0, 100])
 def test_a_heartbeat_of_its_own_is_switched_off_where_it_is_guarded(make_variant, heartbeat):
-    found = results_of(make_variant(heartbeat=heartbeat), "Error control")
-    assert {outcome for outcome, _ in found.values()} <= {Outcome.PASSED, Outcome.NOT_APPLICABLE}
-    assert sum(outcome is Outcome.PASSED for outcome, _ in found.values()) > 4
+    found = [result.outcome for result in make_variant(heartbeat=heartbeat).run("Error control")]
+    assert set(found) <= {Outcome.PASSED, Outcome.NOT_APPLICABLE}
+    assert found.count(Outcome.PASSED) > 4
 
 
 def test_a_heartbeat_is_waited_for_whatever_the_patience_for_answers(laboratory):
@@ -176,7 +158,7 @@ def test_an_rpdo_carries_values_within_the_limits_of_its_objects(laboratory, low
         laboratory.dut.objects.variable(index).high = high
     sent = []
     laboratory.hears = lambda f: sent.append(f) or [f]
-    results_of(laboratory, "RPDO")
+    laboratory.run("RPDO")
     payloads = {frame.data for frame in sent if frame.can_id == 0x205}
     assert (b"\x01\0\x01\0" in payloads) is is_changed
 
@@ -201,23 +183,22 @@ def test_a_device_without_1f80_may_start_by_itself(laboratory, command, outcome)
         return [frame]
 
     laboratory.says = says
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "NMT"]
-    found = {r.check.text: r.outcome for r in laboratory.run(chapters=chapters)}
-    assert found["the node enters PRE-OPERATIONAL after the boot-up message"] is outcome
+    text = "the node enters PRE-OPERATIONAL after the boot-up message"
+    assert laboratory.result("NMT", text)[0] is outcome
 
 
 def test_save_is_asked_for_in_pre_operational(make_variant):
     laboratory = make_variant(startup=0)
     assert laboratory.node.state is NmtState.OPERATIONAL
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Store and restore"]
-    stored = [c for c in chapters[0].checks if c.impact is Impact.STORE]
-    chapter = SimpleNamespace(title="Store and restore", checks=stored)
-    results = laboratory.run(chapters=[chapter])
+    (chapter,) = [chapter for chapter in CHAPTERS if chapter.title == "Store and restore"]
+    stored = [check for check in chapter.checks if check.impact is Impact.STORE]
+    alone = SimpleNamespace(title=chapter.title, checks=stored)
+    results = run_suite(laboratory.dut, Impact.STORE, [alone])
     assert {r.outcome for r in results} == {Outcome.PASSED}
 
 
 def test_no_lss_where_none_is_claimed(laboratory):
-    laboratory.hears = lambda frame: [] if frame.can_id == 0x7E5 else [frame]
+    laboratory.hears = lost(LSS)
     found = check_all(laboratory)
     assert found["a device that claims LSS answers to it"] == (
         Outcome.NOT_APPLICABLE,
@@ -227,15 +208,7 @@ def test_no_lss_where_none_is_claimed(laboratory):
 
 @pytest.mark.parametrize("code", [0x06070012, 0x06070013])
 def test_the_general_abort_code_of_a_wrong_length(laboratory, code):
-    special, general = struct.pack("<I", code), struct.pack("<I", 0x06070010)
-
-    def says(frame):
-        is_it = frame.can_id == 0x585 and frame.data[:1] == b"\x80"
-        if is_it and frame.data[4:] == special:
-            return [frame._replace(data=frame.data[:4] + general)]
-        return [frame]
-
-    laboratory.says = says
+    laboratory.says = aborted_otherwise(0x06070010, code)
     check_all(laboratory)
 
 
@@ -262,27 +235,15 @@ def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_
 
 def test_either_abort_code_for_mapping_what_is_not_there(laboratory):
     """CANopenNode answers 0604 0041, Lely 0602 0000; CiA 301 names both."""
-    no_object, not_mappable = (struct.pack("<I", code) for code in (0x06020000, 0x06040041))
-
-    def says(frame):
-        is_mapping = frame.data[1:3] in {b"\x00\x16", b"\x00\x1a"}
-        is_it = frame.can_id == 0x585 and frame.data[:1] == b"\x80" and is_mapping
-        if is_it and frame.data[4:] == no_object:
-            return [frame._replace(data=frame.data[:4] + not_mappable)]
-        return [frame]
-
-    laboratory.says = says
+    laboratory.says = aborted_otherwise(
+        0x06040041, 0x06020000, where=lambda data: data[1:3] in {b"\x00\x16", b"\x00\x1a"}
+    )
     check_all(laboratory)
 
 
 def test_an_rpdo_that_is_kept_after_the_synchronous_window(laboratory):
     """CANopenNode does so: by CiA 301 a device may discard it."""
-
-    def hears(frame):
-        is_window = frame.can_id == 0x605 and frame.data[:4] == b"\x23\x07\x10\x00"
-        return [frame._replace(data=frame.data[:4] + bytes(4))] if is_window else [frame]
-
-    laboratory.hears = hears
+    laboratory.hears = begun_otherwise(REQUEST, "23071000", "23071000 00000000")
     found = check_all(laboratory)
     assert found["an RPDO within the synchronous window acts, one after it may not"] == (
         Outcome.PASSED,
@@ -292,7 +253,7 @@ def test_an_rpdo_that_is_kept_after_the_synchronous_window(laboratory):
 
 def test_lss_without_bit_timing(laboratory):
     """CANopenNode answers the service only where the application can change its bit rate."""
-    laboratory.hears = lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x13 else [f]
+    laboratory.hears = lost(LSS, "13")
     assert check_all(laboratory)["a reserved bit timing is refused"] == (
         Outcome.NOT_APPLICABLE,
         "no answer: the device does not have this service",
@@ -301,13 +262,8 @@ def test_lss_without_bit_timing(laboratory):
 
 def test_a_block_upload_may_come_without_its_size(laboratory):
     """CiA 301, 7.2.4.3.13: with s = 0 the four bytes of the size are reserved."""
-
-    def says(frame):
-        if frame.can_id == 0x585 and frame.data[0] in {0xC2, 0xC6}:
-            return [frame._replace(data=bytes([frame.data[0] & ~2]) + frame.data[1:4] + bytes(4))]
-        return [frame]
-
-    laboratory.says = says
-    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
-    results = laboratory.run(chapters=chapters)
-    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    laboratory.says = altered(
+        ANSWER,
+        lambda d: bytes([d[0] & ~2]) + d[1:4] + bytes(4) if d[0] in {0xC2, 0xC6} else d,
+    )
+    assert laboratory.failed("SDO block transfer") == []

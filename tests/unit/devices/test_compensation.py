@@ -41,7 +41,7 @@ def test_beyond_the_threshold_the_step_is_added(dead_band, value, compensated):
 @pytest.mark.parametrize(
     ("value", "jump", "continuous"),
     # Half of the threshold gives nothing, or half of the step.
-    [(50, 0, 1000), (-50, 0, -2000), (99, 0, 1980)],
+    [(50, 0, 1000), (-50, 0, -2000), (99, 0, 1980), (-99, 0, -3960)],
 )
 def test_below_the_threshold_the_types_differ(value, jump, continuous):
     assert JUMP.compensate(value) == jump

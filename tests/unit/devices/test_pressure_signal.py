@@ -44,11 +44,6 @@ def measure(rig, bar):
     return rig.value(0x6130, 1)
 
 
-def test_by_default_field_and_process_value_are_the_pressure(rig):
-    assert measure(rig, 123.4) == pytest.approx(123.4)
-    assert rig.value(0x6100, 1) == pytest.approx(123.4)
-
-
 @pytest.mark.parametrize(
     ("bar", "expected"),
     # The line through (50, 0) and (150, 10): a tenth of what is above 50 bar.

@@ -19,9 +19,7 @@ from support.valves import (
 )
 
 from device_profiles import VALVE_408
-from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
-from hil_bench.errors import ParameterError
 
 
 @pytest.fixture
@@ -179,17 +177,6 @@ def test_local_control_leads_to_init_and_ignores_the_bus(active):
     assert status(active) == ACTIVE
 
 
-@pytest.mark.parametrize(("setpoint", "position"), [(16384, 0.25e-3), (-16384, -0.125e-3)])
-def test_limits_hold_the_demand_back_and_show_in_bit_10(active, setpoint, position):
-    assert active.write(0x6320, 1, 4096, 2) is None
-    assert active.write(0x6321, 1, -2048, 2, signed=True) is None
-    control(active, 0x0007, setpoint)
-    assert active.spool == position
-    assert status(active) == ACTIVE | 0x0400
-    control(active, 0x0007, 4096)
-    assert status(active) == ACTIVE
-
-
 def test_setpoints_beyond_100_percent_need_wider_limits(active):
     control(active, 0x0007, 32767)
     assert (active.spool, status(active)) == (1e-3, ACTIVE | 0x0400)
@@ -254,12 +241,6 @@ def test_an_unknown_spool_position_leaves_the_last_one(active):
     place_spool(active, 0.25e-3)
     place_spool(active, math.nan)
     assert active.value(0x6301, 1) == 4096
-
-
-@pytest.mark.parametrize("full_opening", [0.0, -1e-3, math.nan, math.inf])
-def test_an_impossible_full_opening_is_refused(make_rig, full_opening):
-    with pytest.raises(ParameterError, match="full_opening is"):
-        ValveDevice(make_rig(VALVE_408).node, full_opening)
 
 
 def test_without_its_enable_input_the_valve_is_disabled(active):

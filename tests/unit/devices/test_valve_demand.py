@@ -65,12 +65,6 @@ def test_each_function_works_alone(rig, objects, expected):
     assert demand(rig, 1000) == expected
 
 
-@pytest.mark.parametrize("index", [0x6322, 0x6341])
-@pytest.mark.parametrize("factor", [0, 0x0001_0000, 0x0000_0001])
-def test_a_factor_has_numerator_and_denominator(rig, index, factor):
-    assert rig.write(index, 0, factor, 4) == 0x06090030
-
-
 @pytest.mark.parametrize(
     ("factor", "setpoint", "expected"),
     # 1/2 halves the positive side, 2/1 the negative one.
@@ -106,19 +100,6 @@ def test_gain_comes_before_dead_band_and_zero_correction_last(rig):
     # 198 / 2 = 99 is below the threshold; 200 / 2 is not.
     assert demand(rig, 198) == 7
     assert demand(rig, 200) == 1007
-
-
-@pytest.mark.parametrize(
-    ("index", "subindex", "value", "size"),
-    [(0x6330, 0, 4, 1), (0x6340, 0, 2, 1), (0x6342, 0, 3, 1)],
-)
-def test_a_type_that_does_not_exist_is_refused(rig, index, subindex, value, size):
-    assert rig.write(index, subindex, value, size) == 0x06090031
-
-
-@pytest.mark.parametrize("index", [0x6343, 0x6344, 0x6345])
-def test_a_negative_step_is_refused(rig, index):
-    assert rig.write(index, 1, -1, 2, signed=True) == 0x06090032
 
 
 def without_limits(rig_class, *indices):

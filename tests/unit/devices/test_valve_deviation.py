@@ -100,9 +100,13 @@ def test_the_time_begins_anew_when_a_parameter_is_written(rig, index, subindex, 
     assert status(rig) & 0x000F == FAULT_HOLD
 
 
-def test_the_delay_can_be_none(rig):
-    assert rig.write(0x6352, 1, 0, 2) is None
+@pytest.mark.parametrize("delay", [0, 3])
+def test_the_delay_can_be_another_or_0(rig, delay):
+    assert rig.write(0x6352, 1, delay, 2) is None
     control(rig, 0x0007, 8192)
+    for _ in range(delay):
+        assert status(rig) == ACTIVE
+        rig.tick()
     assert status(rig) == FAULT_HOLD | DEVIATION
 
 

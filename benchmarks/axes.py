@@ -15,13 +15,13 @@ from collections.abc import Iterable, Sequence
 import occasion
 from hil_bench.abilities.doctor.machine import SilentTransport
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import open_session
 from lockstep import config_of, cycle_frames, set_up_frames, valves_of
 
 PRIORITY = 80

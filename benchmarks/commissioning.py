@@ -27,7 +27,7 @@ import occasion
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.commissioning.session import Commissioning, commission
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import Network
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -37,7 +37,7 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare
 from hil_bench.abilities.scenario.values import Block, Floats
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import expectations as oracle

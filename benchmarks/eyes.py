@@ -34,11 +34,11 @@ from hil_bench.abilities.eyes.listener import Listener
 from hil_bench.abilities.eyes.verbs.sight_lines import SightLines
 from hil_bench.abilities.recording.frames import message_of, open_frame_file
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
 from hil_bench.cli.parser import own_verbs
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 BITRATE = 1_000_000

@@ -20,13 +20,13 @@ import occasion
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.paced import RunReport, run_paced
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.plants.hydraulic_cylinder.model import PlantInput
-from hil_bench.session.paced import RunReport, run_paced
-from hil_bench.session.session import Session
 from master import NMT_START, TICK, demand, download, upload
 from peers import CanopenNetwork
 

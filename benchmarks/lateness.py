@@ -42,13 +42,13 @@ from hil_bench.bench.configuration import (
     RealtimePolicy,
     load_config,
 )
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import Session, open_session
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
 from hil_bench.outside.processes.shared_ring import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import Session, open_session
 
 LONGEST_US = 100_000
 PRIORITY = 80

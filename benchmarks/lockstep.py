@@ -30,8 +30,8 @@ from hil_bench.abilities.lockstep.lockstep import LockStep, run_lockstep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.compiled import look_at_core
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.session.session import open_session
 
 ROOT = Path(__file__).parents[1]
 SYNC = Frame(0x080)

@@ -34,11 +34,11 @@ from hil_bench.abilities.modbus.protocol.register_map import Table
 from hil_bench.abilities.modbus.server.process import ModbusProcess
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy, load_config
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import open_session
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import open_session
 
 CLIENTS = (1, 8, 64)
 PRIORITY = 80

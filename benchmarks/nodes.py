@@ -26,8 +26,8 @@ from device_profiles import PRESSURE_404, VALVE_408
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.session.session import Session
 from master import NMT_START, SYNC, demand, download, upload
 from peers import CanopenNetwork, Sent
 

@@ -19,9 +19,9 @@ from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import sample
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.session import sample
 
 CHANNELS = tuple(Channel(f"signal{number}", "m") for number in range(16))
 PERIOD = 1e-3

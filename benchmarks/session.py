@@ -28,9 +28,9 @@ import can
 
 import occasion
 from hil_bench.abilities.doctor.machine import SilentTransport
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
-from hil_bench.session.virtual_bench import VirtualBench
 
 SYNC = Frame(0x080)
 START_ALL = Frame(0x000, b"\x01\x00")

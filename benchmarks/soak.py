@@ -31,12 +31,12 @@ import can
 import occasion
 from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.bench.configuration import RealtimeConfig, RealtimePolicy, load_config
+from hil_bench.bench.paced import RunReport, run_paced
+from hil_bench.bench.session import open_session
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.opening import open_transport
-from hil_bench.session.paced import RunReport, run_paced
-from hil_bench.session.session import open_session
 
 PERIOD = 1e-3  # of SYNC [s]
 NODE_IDS = (1, 2, 3, 4)

@@ -25,7 +25,7 @@ import occasion
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.session import open_session
+from hil_bench.bench.session import open_session
 
 NODE_IDS = (1, 2, 3, 4)
 READ = bytes.fromhex("4000100000000000")  # 0x1000.00

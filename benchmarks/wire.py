@@ -10,8 +10,8 @@ import time
 import occasion
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import Session, open_session
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.session.session import Session, open_session
 
 TICK = 1_000_000
 BLOCK = 400

@@ -10,7 +10,7 @@ _MODULES = {
     "bench.configuration": ("BenchConfig", "load_config"),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
     "outside.recording.signal_table": ("SignalTable",),
-    "session.virtual_bench": ("VirtualBench",),
+    "bench.virtual_bench": ("VirtualBench",),
 }
 
 _PLACES = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}

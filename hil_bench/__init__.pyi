@@ -14,12 +14,12 @@ from hil_bench.abilities.recording.report import RecordingWish as RecordingWish
 from hil_bench.bench.assembly import embedded_bus as embedded_bus
 from hil_bench.bench.configuration import BenchConfig as BenchConfig
 from hil_bench.bench.configuration import load_config as load_config
+from hil_bench.bench.virtual_bench import VirtualBench as _VirtualBench
 from hil_bench.errors import BusError as BusError
 from hil_bench.errors import ConfigError as ConfigError
 from hil_bench.errors import HilBenchError as HilBenchError
 from hil_bench.errors import WaitTimeoutError as WaitTimeoutError
 from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
-from hil_bench.session.virtual_bench import VirtualBench as _VirtualBench
 
 # Both with the attributes that abilities bring.
 

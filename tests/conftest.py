@@ -110,7 +110,7 @@ def load_bench(tmp_path):
 def site(tmp_path, monkeypatch):
     """A folder in which distributions may be installed for one test."""
     # Not above: the tests of the CANopen device run where nothing else of the bench is.
-    from hil_bench.kinds.registry import KINDS  # noqa: PLC0415 - see above
+    from hil_bench.devices.kinds.registry import KINDS  # noqa: PLC0415 - see above
     from hil_bench.plants.registry import PLANTS  # noqa: PLC0415
 
     folder = tmp_path / "site"

@@ -17,8 +17,8 @@ from support.documents import ROOT, Command
 
 from hil_bench import cli
 from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli.parser import own_verbs
-from hil_bench.session.virtual_bench import VirtualBench
 
 VERBS = own_verbs()
 COMMANDS = [*documents.commands("hil-bench"), *documents.remarks("hil-bench")]

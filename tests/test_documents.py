@@ -31,8 +31,9 @@ from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 from hil_drivers.modbus.framing import TcpFraming
 
@@ -109,7 +110,7 @@ def test_a_file_that_is_named_is_there(place, code):
 @pytest.mark.parametrize(("place", "code"), code_with(r"(?:hil_bench|hil_drivers)(?:\.\w+)+"))
 def test_a_name_of_the_packages_is_there(place, code):
     """Of a module, or of a group of entry points."""
-    assert code == FAULT_KINDS.group or pkgutil.resolve_name(code) is not None, place
+    assert code in {FAULT_KINDS.group, KINDS.group} or pkgutil.resolve_name(code) is not None, place
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from hil_bench.bench.configuration import NodeConfig
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.config.objects import named_serial_number, override_defaults
+from hil_bench.devices.kinds.bindings import find_bound, find_scripted
 from hil_bench.errors import EdsError
-from hil_bench.kinds.bindings import find_bound, find_scripted
 
 
 def load_objects(config: NodeConfig) -> ObjectDictionary:

@@ -20,8 +20,8 @@ from hil_bench.canopen_device.pdo_parameters import (
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_lines
+from hil_bench.devices.kinds.bindings import find_bound
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.bindings import find_bound
 
 # The device table: what is on the bus, and on which identifiers one talks to it.
 

@@ -11,7 +11,9 @@ from typing import NamedTuple
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_text
+from hil_bench.bench.paced import RunReport, run_paced
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session
 from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
@@ -24,8 +26,6 @@ from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock,
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import DurationSummary, TickStatistics, TickSummary
 from hil_bench.outside.transports.transport import Transport, TransportCounters
-from hil_bench.session.paced import RunReport, run_paced
-from hil_bench.session.session import Session
 
 # The figures of a loop in words, for the summary at the end of a run.
 

@@ -15,7 +15,9 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.bench.configuration.records import Served, Serving
 from hil_bench.bench.events import event_content
+from hil_bench.bench.paced import RunReport
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session, open_session
 from hil_bench.cli import exit_codes
 from hil_bench.cli.devices import device_table
 from hil_bench.cli.helpers import Helper, Helpers
@@ -28,8 +30,6 @@ from hil_bench.outside.transports.can_interfaces import bitrate_of
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport, TransportCounters
-from hil_bench.session.paced import RunReport
-from hil_bench.session.session import Session, open_session
 
 # The bench's own end of its buses: those that are there, or a hub that it hosts.
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import can
 
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
+    from hil_bench.bench.virtual_bench import VirtualBench
     from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
-    from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
@@ -200,9 +200,9 @@ def bench(
         yield PhysicalBench(_bench_config)
         return
     from hil_bench.ability import given_to
+    from hil_bench.bench.virtual_bench import VirtualBench
     from hil_bench.outside.realtime.clock import MonotonicClock
     from hil_bench.outside.realtime.pacer import Pacer
-    from hil_bench.session.virtual_bench import VirtualBench
 
     directory = options.path_option(request.config, "artifacts")
     request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")
@@ -320,7 +320,7 @@ def device(_networks: "Networks", _bench_config: "BenchConfig") -> "Iterator[Dev
 @pytest.fixture
 def valve(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "ProportionalValve":
     """The driver of the first axis' valve, ready for `enable`; disabled at the end."""
-    from hil_bench.kinds.registry import VALVE
+    from hil_bench.devices.kinds.registry import VALVE
 
     node = _node(_bench_config, lambda node: node.kind is VALVE, VALVE.name)
     driver: ProportionalValve = request.getfixturevalue("device")(node.name)
@@ -340,7 +340,7 @@ def pressure(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "P
 @pytest.fixture
 def position(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "PositionSensor":
     """The driver of the first axis' position sensor, sending."""
-    from hil_bench.kinds.registry import ENCODER
+    from hil_bench.devices.kinds.registry import ENCODER
 
     node = _node(_bench_config, lambda node: node.kind is ENCODER, ENCODER.name)
     driver: PositionSensor = request.getfixturevalue("device")(node.name)

@@ -24,11 +24,11 @@ from support.bus_side import (
 
 from hil_bench.abilities.lockstep.lockstep import LockStep, run_lockstep
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.session import open_session
 
 TICK = 1_000_000  # [ns]
 SECOND = 1_000_000_000

@@ -26,12 +26,12 @@ from support.bus_side import (
 )
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import open_session
 
 MS = 1_000_000  # [ns]
 SECOND = 1000 * MS

@@ -7,7 +7,7 @@ import pytest
 from support.documents import ROOT
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 PAGE = (ROOT / "docs/connecting.md").read_text(encoding="utf-8")
 WATCHED = re.search(r"```toml\n(\[nodes\.valve\.objects\].*?)```", PAGE, re.DOTALL)

@@ -16,12 +16,12 @@ from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench, embedded_bus
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import Session
 
 TICK = 1_000_000  # [ns]
 MINUTE = 60_000  # SYNCs of 1 kHz

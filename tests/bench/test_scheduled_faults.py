@@ -9,7 +9,7 @@ import pytest
 
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import PressureSensor
 
 pytest_plugins = ["pytester"]

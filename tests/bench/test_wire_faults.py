@@ -5,8 +5,8 @@ import pytest
 
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 WIRE = {"bus": {"bitrate": 125_000, "wire": {}}}
 US = 1e-6

@@ -7,7 +7,7 @@ import pytest
 from support.live_bench import live_bench, panel
 
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.session.commands import Mark
+from hil_bench.bench.commands import Mark
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

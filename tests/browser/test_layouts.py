@@ -9,7 +9,7 @@ from support.live_bench import live_bench, panel
 
 from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

@@ -7,7 +7,7 @@ from support.distribution import PLUGIN
 from support.live_bench import live_bench, panel
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

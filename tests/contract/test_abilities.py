@@ -15,10 +15,10 @@ from support.distribution import PLUGIN, declare
 
 from hil_bench.ability import OWN, Ability, own_abilities
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.parser import own_verbs
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 ROOT = Path(__file__).resolve().parents[2]
 ABILITIES = {ability.name: ability for ability in own_abilities()}

@@ -6,7 +6,7 @@ import pytest
 from support.dissection import dissect, require_tshark, write_tcp_capture
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import DriverError
 from hil_drivers.modbus import ModbusClient, PositionSensor, PressureSensor, ProportionalValve
 from hil_drivers.modbus.framing import RtuFraming, TcpFraming

@@ -10,7 +10,7 @@ import pytest
 from support.openplc import openplc, run_openplc
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4
 UNITS = """

@@ -20,8 +20,8 @@ from scipy.io import savemat
 from hil_bench.abilities.campaign.store import program_identity
 from hil_bench.abilities.recording import mdf_blocks as mdf
 from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
-from hil_bench.session.virtual_bench import VirtualBench
 
 _GIB = 1 << 30
 _MEASURED = "identify {} --columns columns.toml --time-limit 1 -o out"

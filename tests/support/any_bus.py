@@ -9,7 +9,7 @@ import pytest
 from support.patience import GUARD
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve, modbus
 from hil_drivers.interfaces import CommandedValve, Medium, PositionSource, PressureSource
 from hil_drivers.modbus.framing import RtuFraming, TcpFraming

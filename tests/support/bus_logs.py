@@ -3,7 +3,7 @@
 import contextlib
 import struct
 
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import (
     DriverError,
     Network,

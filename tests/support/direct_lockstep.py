@@ -3,7 +3,7 @@
 from collections import deque
 
 from hil_bench.abilities.lockstep.lockstep import LockStep
-from hil_bench.session.session import open_session
+from hil_bench.bench.session import open_session
 
 
 class DirectLockStep:

@@ -13,8 +13,8 @@ from hil_bench.abilities.live.session_feed import LOOK, Feed
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.session import open_session
 
 TICK = 1_000_000
 PATIENCE = 1000

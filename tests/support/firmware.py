@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 from hil_bench.abilities.lockstep.firmware import FirmwareBus
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "firmware"
 

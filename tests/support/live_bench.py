@@ -14,8 +14,8 @@ from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else
 

@@ -10,8 +10,8 @@ import pytest
 
 from device_profiles import IMITATIONS
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 IO = IMITATIONS / "analogue_io_401.eds"
 DEVICE = Path(__file__).parent / "canopen_device" / "device.eds"

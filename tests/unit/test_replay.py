@@ -10,11 +10,11 @@ from hil_bench.abilities.replay.drive import (
     play_frames,
 )
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.channels import Channel, LoggedFrame, recording_dtype
-from hil_bench.session.virtual_bench import VirtualBench
 
 FRAMES = [
     LoggedFrame(Frame(number), 5_000_000_000 + number * 1_000_000, bool(number % 2))

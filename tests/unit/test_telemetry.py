@@ -3,7 +3,7 @@
 import pytest
 from support.bus_side import BusSide
 
-from hil_bench.session.session import bench_channels, sample
+from hil_bench.bench.session import bench_channels, sample
 
 
 def test_a_row_has_a_value_a_channel_in_si_units():

@@ -5,12 +5,12 @@ import math
 import can
 import pytest
 
+from hil_bench.bench.virtual_bench import LoggedFrame, VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, recording_channels
-from hil_bench.session.virtual_bench import LoggedFrame, VirtualBench
 
 READ_DEVICE_TYPE = can.Message(
     arbitration_id=0x604, data=bytes.fromhex("4000100000000000"), is_extended_id=False

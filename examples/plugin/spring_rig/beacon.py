@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.ability import Ability
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config.document import Document, read_section
 from hil_bench.config.settings import (
@@ -23,7 +24,6 @@ from hil_bench.config.settings import (
     read_table,
 )
 from hil_bench.config.values import integer
-from hil_bench.session.session import Session
 
 KEYS = (
     Key("can_id", integer(1, 0x7FF), example="0x77F"),

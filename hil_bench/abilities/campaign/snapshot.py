@@ -33,8 +33,8 @@ from hil_bench.abilities.scenario.run import (
 )
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.session.virtual_bench import VirtualBench
 
 # One run: a pure function of what its key is made of.
 

@@ -14,7 +14,7 @@ from hil_bench.outside.transports.opening import open_can_bus
 from hil_drivers import BusLostError, Network
 
 if TYPE_CHECKING:
-    from hil_bench.session.virtual_bench import VirtualBench
+    from hil_bench.bench.virtual_bench import VirtualBench
 
 
 class OpenNetwork(NamedTuple):
@@ -53,7 +53,7 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
     seen = seen_from_bus(args, config)
     with contextlib.ExitStack() as stack:
         if args.virtual:
-            from hil_bench.session.virtual_bench import VirtualBench  # noqa: PLC0415 - a whole bench
+            from hil_bench.bench.virtual_bench import VirtualBench  # noqa: PLC0415 - a whole bench
 
             bench = stack.enter_context(VirtualBench(config))
             network = stack.enter_context(

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.devices.kinds.encoder_406 import ROTARY_ENCODER, EncoderConfig, RotaryEncoderConfig
+from hil_bench.devices.kinds.pressure_404 import PressureConfig
+from hil_bench.devices.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.devices.kinds.valve_408 import ValveConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.encoder_406 import ROTARY_ENCODER, EncoderConfig, RotaryEncoderConfig
-from hil_bench.kinds.pressure_404 import PressureConfig
-from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
-from hil_bench.kinds.valve_408 import ValveConfig
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 
 

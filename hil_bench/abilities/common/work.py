@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from hil_bench.ability import given_to
+from hil_bench.bench.session import Session
 from hil_bench.outside.realtime.clock import MonotonicClock
-from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.outside.recording.channels import Channel, RowSink

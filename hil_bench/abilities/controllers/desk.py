@@ -21,10 +21,10 @@ from hil_bench.abilities.controllers.seam import (
     make_timed,
 )
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.processes.turns import Turns
-from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hil_bench.abilities.controllers.handle import Handle
-    from hil_bench.session.virtual_bench import VirtualBench
+    from hil_bench.bench.virtual_bench import VirtualBench
 
 
 @pytest.fixture

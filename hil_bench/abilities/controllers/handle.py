@@ -6,8 +6,8 @@ from hil_bench.abilities.controllers.desk import Desk, Desks
 from hil_bench.abilities.controllers.kinds import read_controller
 from hil_bench.abilities.controllers.power import Power
 from hil_bench.abilities.controllers.section import config_of
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.config.settings import Problems
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 class Handle:

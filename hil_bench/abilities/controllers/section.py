@@ -9,11 +9,11 @@ from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.kinds import Chosen, files_of, read_controller
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.scratch import scratch_folder
-from hil_bench.session.session import Session
 
 TABLE = "controllers"
 

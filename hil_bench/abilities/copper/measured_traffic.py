@@ -11,9 +11,9 @@ from hil_bench.abilities.copper.wire.wire import Passage
 from hil_bench.abilities.eyes.traffic import MeasuredTraffic
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.session.session import open_session
 
 _DEPTH: Final = 256
 _BOOT_TICKS: Final = 100

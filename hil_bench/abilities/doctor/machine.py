@@ -15,14 +15,14 @@ from typing import NamedTuple
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy
+from hil_bench.bench.paced import run_paced
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime import linux, scheduling
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickSummary
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import run_paced
-from hil_bench.session.session import Session
 
 # The findings of an examination, and the reading of the kernel's files.
 

@@ -32,8 +32,8 @@ from hil_bench.bench.compiled import HOW, Core, look_at_core
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.registry import KINDS
 from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.transports.can_interfaces import CanInterface, can_interfaces, has_socketcan

@@ -27,11 +27,11 @@ from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.conformance.suite import Outcome, Result, run_suite
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.devices.kinds.kind import NodeConfig
+from hil_bench.devices.kinds.valve_408 import ValveConfig
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.kinds.kind import NodeConfig
-from hil_bench.kinds.valve_408 import ValveConfig
-from hil_bench.session.virtual_bench import VirtualBench
 
 # The software that made a pack: versions, and digests of all that could change a result.
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.registry import find_fault_kind
+from hil_bench.bench.commands import Controls
 from hil_bench.errors import ConfigError
-from hil_bench.session.commands import Controls
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import pytest
 
 if TYPE_CHECKING:
     from hil_bench.abilities.faults.faults import Faults
-    from hil_bench.session.virtual_bench import VirtualBench
+    from hil_bench.bench.virtual_bench import VirtualBench
 
 
 @pytest.fixture

@@ -39,9 +39,9 @@ from hil_bench.config.settings import (
     read_table,
 )
 from hil_bench.config.values import describe, find_nearest, quote
+from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.devices.kinds.registry import kind_of
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.bindings import SinkConfig, SourceConfig
-from hil_bench.kinds.registry import kind_of
 from hil_bench.plants.registry import PLANTS as OWN_PLANTS
 from hil_bench.units import Unit
 

@@ -16,8 +16,8 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.axis import Fitting
+from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.units import ONE
 
 # The J1939 devices of a bench on one bus, and what they hear of each other.

@@ -16,14 +16,7 @@ from hil_bench.abilities.common.work import WorkState
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.server import FeedPlan, FeedProcess
 from hil_bench.ability import load
-from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.events import EventWatch
-from hil_bench.bench.peers import Peer, peers_of
-from hil_bench.canopen_device.datatypes import Value
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.run_setup import Health
-from hil_bench.errors import ConfigError, ControllerError, HilBenchError
-from hil_bench.session.commands import (
+from hil_bench.bench.commands import (
     Command,
     Controls,
     Mark,
@@ -31,7 +24,14 @@ from hil_bench.session.commands import (
     SetPlant,
     Stop,
 )
-from hil_bench.session.session import Session
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.events import EventWatch
+from hil_bench.bench.peers import Peer, peers_of
+from hil_bench.bench.session import Session
+from hil_bench.canopen_device.datatypes import Value
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli.run_setup import Health
+from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

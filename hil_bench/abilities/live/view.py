@@ -22,15 +22,15 @@ from hil_bench.abilities.live.places import HAS_SOCKETS, NAME, Place, check_pane
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed, Shown, feed_parts
 from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.commands import Journal
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session
 from hil_bench.cli.run_setup import Health
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
-from hil_bench.session.commands import Journal
-from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.outside.recording.channels import Channel

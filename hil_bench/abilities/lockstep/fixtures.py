@@ -11,7 +11,7 @@ from hil_bench.pytest_plugin.options import add_options, option, positive_option
 
 if TYPE_CHECKING:
     from hil_bench.abilities.lockstep.firmware import Firmware, FirmwareBus
-    from hil_bench.session.virtual_bench import VirtualBench
+    from hil_bench.bench.virtual_bench import VirtualBench
 
 _BUS = (
     "bus between bench and firmware: 'hub', the bench's own on 127.0.0.1 (the default), or a "

@@ -3,8 +3,8 @@
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.server.register_server import RegisterServer
 from hil_bench.abilities.modbus.server.session import EmbeddedLink
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 def modbus_link(bench: VirtualBench, framing: object, *, is_serial: bool = False) -> EmbeddedLink:

@@ -7,8 +7,8 @@ from hil_bench.abilities.modbus.protocol import register_map as maps
 from hil_bench.config.document import Sort, Tables
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import choice, describe, integer, number, text
+from hil_bench.devices.kinds.registry import PRESSURE, kind_name
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.registry import PRESSURE, kind_name
 from hil_bench.units import ONE, UNITS_OF
 
 # Register map files: TOML, one table a register, to a checked `RegisterMap`.

@@ -24,13 +24,13 @@ from hil_bench.abilities.modbus.protocol.register_map import (
 )
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, Tables, read_section
 from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, number, text
+from hil_bench.devices.kinds.registry import KINDS, kind_of
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.registry import KINDS, kind_of
-from hil_bench.session.session import Session
 from hil_bench.units import MILLISECOND, Unit
 
 if TYPE_CHECKING:

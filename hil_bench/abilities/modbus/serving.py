@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.map_files import ModbusConfig
+from hil_bench.bench.session import Session
 from hil_bench.cli.helpers import Helper
 from hil_bench.errors import ConfigError
-from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.abilities.modbus.server.process import Endpoints, ModbusProcess

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from hil_bench.abilities.recording.formats import check_suffix
 from hil_bench.abilities.recording.report import FileReport, RecordingReport, RecordingWish
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.abilities.recording.recorder import RecordingSink

@@ -17,10 +17,10 @@ from hil_bench.abilities.recording.recorder_process import RecorderProcess
 from hil_bench.abilities.recording.report import RecordingReport, RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import event_spans
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.channels import Span
-from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ from hil_bench.abilities.scenario.dimensions import UNITS, Dimension, find_unit
 from hil_bench.abilities.scenario.examination import Cause, Coverage, Examination
 from hil_bench.abilities.scenario.reach import Asks, asks_for
 from hil_bench.abilities.scenario.values import Floats, build_values
+from hil_bench.bench.virtual_bench import FrameReader
 from hil_bench.outside.recording.channels import LoggedFrame, Recording, Span
-from hil_bench.session.virtual_bench import FrameReader
 from hil_bench.units import ONE, Unit
 
 # Values, conditions and their readings as a person reads them.

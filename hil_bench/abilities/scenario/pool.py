@@ -17,9 +17,9 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.processes.helper_process import HelperProcess
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 class TaskEnd(enum.Enum):

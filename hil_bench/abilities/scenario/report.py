@@ -15,8 +15,8 @@ from hil_bench.abilities.scenario.judgement import (
 )
 from hil_bench.abilities.scenario.picture import Scene, draw_scene
 from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.bench.virtual_bench import FrameReader
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.session.virtual_bench import FrameReader
 
 # The content of a report: a chapter a run, and the tables over all of them.
 

@@ -17,10 +17,10 @@ from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import look_back, reach, walk
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.config.settings import Problems, read_table
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
-from hil_bench.session.session import Session
 from hil_bench.units import ONE, Unit
 
 _NEVER = 1e9

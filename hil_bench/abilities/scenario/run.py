@@ -32,13 +32,13 @@ from hil_bench.abilities.scenario.usage import MANUAL, idle_steps, usage_problem
 from hil_bench.abilities.scenario.witness import bench_vocabulary
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.events import event_spans
+from hil_bench.bench.session import Session, open_session
+from hil_bench.bench.virtual_bench import FrameReader, VirtualBench
 from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.kinds.registry import VALVE
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.kinds.registry import VALVE
 from hil_bench.scratch import scratch_folder
-from hil_bench.session.session import Session, open_session
-from hil_bench.session.virtual_bench import FrameReader, VirtualBench
 
 # Controllers of a run, and its time, which the runner lets pass.
 

@@ -34,7 +34,9 @@ from hil_bench.abilities.scenario.targets import (
 )
 from hil_bench.abilities.scenario.witness import Witness
 from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.commands import Command, SetObject, SetPlant
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
@@ -43,8 +45,6 @@ from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMap
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
-from hil_bench.session.commands import Command, SetObject, SetPlant
-from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

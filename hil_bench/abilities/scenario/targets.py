@@ -16,18 +16,18 @@ from hil_bench.abilities.modbus.binding import BoundUnit, ModbusBinding
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister
 from hil_bench.abilities.modbus.protocol.register_map import ModbusException, RegisterAccess
 from hil_bench.abilities.scenario.dimensions import dimension_of, show_dimension
+from hil_bench.bench.commands import Controls
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.kinds.registry import VALVE
 from hil_bench.devices.valve_408 import REFERENCE
 from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.kinds.registry import VALVE
 from hil_bench.plants.quantity import Influence
-from hil_bench.session.commands import Controls
-from hil_bench.session.session import Session
 from hil_bench.units import ONE, si_unit
 
 # Modbus registers by the names that scenarios give them: "modbus.valve.spool_setpoint".

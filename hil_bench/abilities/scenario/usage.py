@@ -18,7 +18,7 @@ from hil_bench.abilities.scenario.targets import MODBUS
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.values import find_nearest
-from hil_bench.kinds.registry import VALVE
+from hil_bench.devices.kinds.registry import VALVE
 
 _WORD = re.compile(r"\w+")
 _ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)

@@ -22,6 +22,7 @@ from hil_bench.abilities.scenario.values import Floats
 from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
@@ -29,7 +30,6 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
 from hil_bench.devices.valve_state_machine import ValveState
-from hil_bench.session.session import Session
 from hil_bench.units import si_unit
 
 # Readings of a J1939 device: its signals, its address claim, its trouble codes.

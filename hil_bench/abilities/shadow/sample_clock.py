@@ -10,7 +10,7 @@ from typing import NamedTuple
 import can
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
 from hil_drivers.device import Device, Input
 

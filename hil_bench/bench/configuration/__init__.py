@@ -4,8 +4,8 @@ from hil_bench.bench.configuration.load import CONFIG_VARIABLE, load_config
 from hil_bench.bench.configuration.loop import SEED_VARIABLE
 from hil_bench.bench.configuration.records import BenchConfig, BusConfig
 from hil_bench.config.settings import Origin, Setting
-from hil_bench.kinds.bindings import SinkConfig, SourceConfig
-from hil_bench.kinds.kind import NodeConfig
+from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.devices.kinds.kind import NodeConfig
 from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimeConfig, RealtimePolicy
 from hil_bench.plants.kind import AxisConfig
 

@@ -26,12 +26,18 @@ from hil_bench.config.values import (
     points,
     text,
 )
+from hil_bench.devices.kinds.bindings import Follow, ScriptConfig, SinkConfig, SourceConfig
+from hil_bench.devices.kinds.chains import (
+    CHAIN_KEYS,
+    CHAIN_TABLE,
+    build_chain,
+    check_chain,
+    read_chain,
+)
+from hil_bench.devices.kinds.registry import GENERIC
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.scripted_objects import Course, Points, Sine
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.bindings import Follow, ScriptConfig, SinkConfig, SourceConfig
-from hil_bench.kinds.chains import CHAIN_KEYS, CHAIN_TABLE, build_chain, check_chain, read_chain
-from hil_bench.kinds.registry import GENERIC
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.quantity import Quantity
 from hil_bench.units import DEGREE, MILLISECOND, ONE, SECOND, UNITS_OF, Unit

@@ -22,9 +22,9 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
+from hil_bench.devices.kinds.chains import check_chains
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import EdsError
-from hil_bench.kinds.chains import check_chains
-from hil_bench.kinds.registry import KINDS
 
 
 class Whole(NamedTuple):

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from hil_bench.config.settings import Setting
+from hil_bench.devices.kinds.kind import NodeConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.kind import NodeConfig
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig

@@ -16,9 +16,9 @@ from hil_bench.abilities.evidence.content import classification, page_html
 from hil_bench.abilities.evidence.pack import examine_software
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
-from hil_bench.session.virtual_bench import VirtualBench
 
 RESULTS = {
     "<b>a</b>.scenario.toml": {

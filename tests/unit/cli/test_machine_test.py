@@ -12,10 +12,10 @@ from hil_bench.abilities.scenario.recorded import SetPoints, lay_samples
 from hil_bench.abilities.scenario.resolve import SetAction
 from hil_bench.abilities.scenario.verbs import machine_test
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 
 HEAD = 'title = "T"\nduration_s = 0.8\n'

@@ -10,9 +10,9 @@ from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.live import ctl, places, view
 from hil_bench.abilities.panel import server
+from hil_bench.bench.commands import Stop
+from hil_bench.bench.session import Session
 from hil_bench.cli import main
-from hil_bench.session.commands import Stop
-from hil_bench.session.session import Session
 
 
 @pytest.fixture

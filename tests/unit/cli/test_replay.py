@@ -5,9 +5,9 @@ import json
 import can
 import pytest
 
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

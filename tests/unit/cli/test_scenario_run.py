@@ -11,9 +11,9 @@ from hil_bench.abilities.scenario.run import prepare
 from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.abilities.scenario.verbs import scenario_run
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
+from hil_bench.bench.session import open_session
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.session.session import open_session
 
 HEAD = 'title = "T"\nduration_s = 0.02\n'
 ALONE = ["--speed", "max", "--no-feed"]

@@ -11,8 +11,8 @@ from hil_bench.abilities.common.work import WorkView
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.shadow.verbs import shadow
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

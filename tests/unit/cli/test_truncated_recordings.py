@@ -4,9 +4,9 @@ import can
 import pytest
 
 from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.virtual_bench import VirtualBench
 
 SUFFIXES = (".mf4", ".csv", ".blf", ".asc", ".log")
 START_ALL = can.Message(arbitration_id=0, data=[1, 0], is_extended_id=False)

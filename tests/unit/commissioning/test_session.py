@@ -19,10 +19,10 @@ from hil_bench.abilities.commissioning.measures import Verdict
 from hil_bench.abilities.commissioning.plan import StepKind, load_plan
 from hil_bench.abilities.commissioning.session import Console, commission
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"

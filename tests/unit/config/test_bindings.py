@@ -12,8 +12,8 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.power_on import load_objects
 from hil_bench.cli import main
+from hil_bench.devices.kinds.generic import GenericConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.generic import GenericConfig
 
 Write = Callable[[str], Path]
 

@@ -7,9 +7,15 @@ from pathlib import Path
 import pytest
 
 from hil_bench.bench.configuration import Origin, load_config
+from hil_bench.devices.kinds.chains import (
+    CHAIN_KEYS,
+    PRESETS,
+    PositionPreset,
+    PressurePreset,
+    preset_chain,
+)
 from hil_bench.devices.measurement.low_pass import ChainParameters, OverRange
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.chains import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset, preset_chain
 
 Write = Callable[[str], Path]
 

@@ -20,9 +20,9 @@ from hil_bench.bench.configuration.loop import (
     node_keys,
 )
 from hil_bench.config.settings import Key
+from hil_bench.devices.kinds.chains import CHAIN_KEYS
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.chains import CHAIN_KEYS
-from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 
 TEXT = st.text(alphabet='aZ_-.\n\x00\u2028é\\"', max_size=4)

@@ -14,9 +14,9 @@ from hil_bench.bench.configuration import (
     Origin,
     load_config,
 )
-from hil_bench.kinds.encoder_406 import EncoderConfig
-from hil_bench.kinds.pressure_404 import PressureConfig
-from hil_bench.kinds.valve_408 import ValveConfig
+from hil_bench.devices.kinds.encoder_406 import EncoderConfig
+from hil_bench.devices.kinds.pressure_404 import PressureConfig
+from hil_bench.devices.kinds.valve_408 import ValveConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model, ReducedOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir, LuGreFriction
 from hil_bench.plants.hydraulic_cylinder.model.loads import (

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 from support.dissection import dissect, require_tshark, write_capture
 
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 pytestmark = pytest.mark.usefixtures("_tshark")

@@ -6,10 +6,10 @@ import pytest
 from support.fmus import CAN_BUILD, describe_2, write_fmu, write_law
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.session.virtual_bench import VirtualBench
 
 SCENARIO = """
 title = "Holds its target, and again after a loss of power"

@@ -18,9 +18,9 @@ from hil_bench.abilities.controllers.library import controller as library_contro
 from hil_bench.abilities.controllers.library.controller import LibraryController
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.session.virtual_bench import VirtualBench
 
 ROOT = Path(__file__).parents[3]
 INCLUDE = Path(library.__file__).parent / "include"

@@ -7,8 +7,8 @@ import pytest
 from support.bus_programs import JOIN
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.session.virtual_bench import VirtualBench
 
 PROGRAM = (
     JOIN

@@ -28,9 +28,9 @@ from hil_bench.abilities.controllers.program.exchange import RING
 from hil_bench.abilities.controllers.program.kind import KIND
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
-from hil_bench.session.session import open_session
 
 pytestmark = needs_compiler
 FOR_EVER = 10**9  # ticks

@@ -4,8 +4,8 @@ import pytest
 
 from hil_bench.abilities.controllers.python.kind import find_call
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.session.virtual_bench import VirtualBench
 
 FILE = """
 import can

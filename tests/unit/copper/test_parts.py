@@ -15,12 +15,12 @@ from hil_bench.abilities.copper.wire.error_frames import broken_frame, event_fra
 from hil_bench.abilities.copper.wire.station import Order, Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.measurement.low_pass import random_stream
 from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
-from hil_bench.session.virtual_bench import VirtualBench
 
 MS = 1_000_000
 BIT = 8_000  # ns at 125 kbit/s

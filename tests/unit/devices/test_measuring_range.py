@@ -5,8 +5,8 @@ from support.encoders import move, position
 
 from device_profiles import ENCODER_406, IMITATIONS
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.devices.encoder_406 import EncoderDevice
-from hil_bench.session.virtual_bench import VirtualBench
 
 FIXED = 0x01000302  # profile version 3.2 in the low word, software version 1.0 above it
 

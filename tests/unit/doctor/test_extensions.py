@@ -8,7 +8,7 @@ from support.distribution import declare
 from hil_bench.abilities.doctor.machine import Verdict, absent, good
 from hil_bench.abilities.doctor.verbs import examine_extensions
 from hil_bench.cli import main
-from hil_bench.kinds.registry import KINDS
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.plants.registry import PLANTS
 
 SPRING = """

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import pytest
 
 from device_profiles import IMITATIONS
-from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import Network, ProgramError, SdoAbortError
 from hil_drivers.program import ControlCommand, ProgramDownload, ProgramState
 

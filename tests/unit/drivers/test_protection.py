@@ -7,9 +7,9 @@ import pytest
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.pdo_parameters import Seal
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, StaleValueError
 from hil_drivers.protection import Protection, crc8
 

@@ -14,6 +14,7 @@ from support.documents import ROOT
 
 from hil_bench.abilities.evidence.content import classification, known_defects
 from hil_bench.bench.configuration import OverrunPolicy, load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.devices.position_control import POSITION
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW
 from hil_bench.devices.valve_408 import SPOOL
@@ -30,7 +31,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Solver,
     paper_parameters,
 )
-from hil_bench.session.virtual_bench import VirtualBench
 
 DEFAULT = Solver.LINEARLY_IMPLICIT_MIDPOINT
 AT_REST = PlantState(0.0, 0.0, 5e5, 5e5, 0.0, 0.0)

@@ -18,9 +18,9 @@ from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.usefixtures("spring_rig")

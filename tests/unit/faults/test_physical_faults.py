@@ -7,6 +7,7 @@ import pytest
 
 from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
@@ -16,7 +17,6 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, ProportionalValve
 
 LEAK = 1e-11

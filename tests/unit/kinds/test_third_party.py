@@ -16,11 +16,11 @@ from support.distribution import PLUGIN, declare, pip_install
 
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
+from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.registry import PLANTS
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_bench.units import METRE
 from hil_drivers import Network, PositionSensor
 from hil_drivers.modbus.client import ModbusClient
@@ -247,12 +247,12 @@ BROKEN = {
     "no_kind": ("KIND = 1", "is int; an instance of DeviceKind is right"),
     "absent": ("", "cannot be imported: AttributeError: module 'absent' has no attribute 'KIND'"),
     "other": (
-        "from hil_bench.kinds.generic import GENERIC as KIND",
+        "from hil_bench.devices.kinds.generic import GENERIC as KIND",
         "calls itself 'generic'; both names must be the same",
     ),
     "no_eds": (
         (
-            "from pathlib import Path\nfrom hil_bench.kinds.generic import GenericKind\n"
+            "from pathlib import Path\nfrom hil_bench.devices.kinds.generic import GenericKind\n"
             "class Kind(GenericKind):\n    name = 'no_eds'\n    eds = Path('/nowhere/no.eds')\n"
             "KIND = Kind()"
         ),
@@ -260,7 +260,7 @@ BROKEN = {
     ),
     "twice": (
         (
-            "from hil_bench.kinds.generic import GenericKind\n"
+            "from hil_bench.devices.kinds.generic import GenericKind\n"
             "from hil_bench.config.settings import Key\n"
             "class Kind(GenericKind):\n    name = 'twice'\n    keys = (Key('bus', str),)\n"
             "KIND = Kind()"

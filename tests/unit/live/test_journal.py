@@ -5,8 +5,8 @@ from support.feed_loop import FeedLoop
 
 from hil_bench.abilities.faults.live import fault_fields, fault_table
 from hil_bench.abilities.live import attached
+from hil_bench.bench.commands import MOST_BYTES, MOST_ENTRY, Journal
 from hil_bench.errors import ConfigError
-from hil_bench.session.commands import MOST_BYTES, MOST_ENTRY, Journal
 
 HELLO = {"channels": [["pressure_a.measured", "Pa"], ["position.measured", "m"]]}
 

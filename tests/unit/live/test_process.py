@@ -22,10 +22,10 @@ from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, F
 from hil_bench.abilities.live.session_feed import Feed
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.processes.shared_ring import SharedRing
-from hil_bench.session.session import open_session
 
 TICK = 1_000_000
 

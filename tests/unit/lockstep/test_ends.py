@@ -13,12 +13,12 @@ from hil_bench.abilities.lockstep.lockstep import (
     SyncWatch,
     run_lockstep,
 )
+from hil_bench.bench.paced import frames_per_tick
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ControllerError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import frames_per_tick
 
 MILLISECOND, SECOND = 1_000_000, 1_000_000_000
 SYNC, OTHER, ANSWER = Frame(0x080), Frame(0x601, bytes(8)), Frame(0x581, bytes(8))

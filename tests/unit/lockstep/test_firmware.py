@@ -10,8 +10,8 @@ import pytest
 from support.bus_programs import JOIN
 
 from hil_bench.abilities.lockstep.firmware import HUB, FirmwareBus
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ControllerError, WaitTimeoutError
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture

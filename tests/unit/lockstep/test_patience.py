@@ -6,10 +6,10 @@ from hil_bench.abilities.lockstep.firmware import USUAL_PATIENCE, LockStepLink, 
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.session import Session
 
 SYNC = Frame(0x080)
 HEARTBEAT = Frame(0x77F, b"\x05")

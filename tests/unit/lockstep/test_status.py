@@ -6,11 +6,11 @@ from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.abilities.lockstep.run import LockStepStatus
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.status_line import format_lines
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.session import Session
 
 SYNC = Frame(0x080)
 TENTH = 100_000_000  # of a second [ns]

@@ -13,8 +13,8 @@ from hil_bench.abilities.panel.layouts import (
     write_layout,
 )
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PLACE = {"column": 1, "row": 1, "width": 6, "height": 2}

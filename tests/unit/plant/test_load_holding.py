@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import lag, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
@@ -24,7 +25,6 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrder
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
-from hil_bench.session.virtual_bench import VirtualBench
 
 # With guides that damp and a valve that opens slowly: others let a load swing, as they do.
 HEAVY = {"h": 1.0, "V_A0": 6e-3, "V_B0": 6e-3, "m": 500.0, "sigma": 4e4, "F_s": 600.0}

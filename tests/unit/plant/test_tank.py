@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
@@ -17,7 +18,6 @@ from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameter
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.tank import Tank, TankConfig
-from hil_bench.session.virtual_bench import VirtualBench
 
 TANK = TankConfig(
     oil=OILS["HLP 46"],

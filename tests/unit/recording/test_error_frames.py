@@ -9,10 +9,10 @@ from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.frame_words import error_text
 from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.transports.socketcan import pack_frame, unpack_frame
-from hil_bench.session.virtual_bench import VirtualBench
 
 # CAN_ERR_PROT | CAN_ERR_BUSERROR | CAN_ERR_CNT, CAN_ERR_PROT_STUFF, TEC 0 and REC 1
 STUFF = Frame(ERROR_FLAG | 0x288, bytes((0, 0, 4, 0, 0, 0, 0, 1)))

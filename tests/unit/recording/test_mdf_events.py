@@ -9,8 +9,8 @@ from hil_bench.abilities.recording.plot import Span
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import pytest
 
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingWish
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import prepare_for_machine
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.abilities.scenario.targets import name_registers
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_bench.units import BAR
 
 ROOT = Path(__file__).parents[3]

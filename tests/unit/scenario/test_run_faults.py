@@ -9,8 +9,8 @@ from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario import run
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.targets import Targets
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 KEYS = {
     "freeze": 'target = "position"',

@@ -8,11 +8,11 @@ import pytest
 
 from hil_bench.abilities.faults.commands import BeginFault, ClearFault
 from hil_bench.abilities.faults.faults import Faults
+from hil_bench.bench.commands import MOST_WAITING, SetObject, SetPlant
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.session.commands import MOST_WAITING, SetObject, SetPlant
-from hil_bench.session.session import open_session
-from hil_bench.session.virtual_bench import VirtualBench
 
 TICK = 1_000_000
 

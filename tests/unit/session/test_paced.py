@@ -7,18 +7,18 @@ from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import load_config
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
-from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.outside.realtime.pacer import Pacer
-from hil_bench.outside.transports.transport import TransportCounters
-from hil_bench.session.paced import (
+from hil_bench.bench.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,
     frames_per_tick,
     run_paced,
 )
-from hil_bench.session.session import open_session
+from hil_bench.bench.session import open_session
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.transports.transport import TransportCounters
 
 TICK = 1_000_000
 

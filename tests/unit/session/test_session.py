@@ -6,9 +6,9 @@ from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.session import open_session
 
 TICK = 1_000_000
 READ_DEVICE_TYPE = Frame(0x601, bytes.fromhex("4000100000000000"))
@@ -75,12 +75,12 @@ def test_a_recording_ends_with_its_block(session, tmp_path, monkeypatch):
     with recorded(session, RecordingWish((path,)), load_config(), is_real_time=False):
         session.tick((), 0)
         session.tick((), TICK)
-    monkeypatch.setattr("hil_bench.session.session.sample", None)  # nobody wants a row any more
+    monkeypatch.setattr("hil_bench.bench.session.sample", None)  # nobody wants a row any more
     session.tick((), 2 * TICK)
     assert read_recording(path)["time"] == pytest.approx([0.0, 0.001])
 
 
 def test_without_an_observer_of_rows_none_is_made(session, monkeypatch):
-    monkeypatch.setattr("hil_bench.session.session.sample", None)  # not even called
+    monkeypatch.setattr("hil_bench.bench.session.sample", None)  # not even called
     session.watch(ticks=lambda _now: None)
     session.tick((), 0)

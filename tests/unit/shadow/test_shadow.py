@@ -7,6 +7,7 @@ from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.axis_twin import Window
 from hil_bench.abilities.shadow.twin import Shadow
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
@@ -16,7 +17,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Solver,
     paper_parameters,
 )
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, ProportionalValve
 
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke

@@ -7,9 +7,9 @@ from typing import NamedTuple
 from hil_bench.abilities.common.members import Members
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench.devices.kinds.encoder_406 import RotaryEncoderConfig
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.encoder_406 import RotaryEncoderConfig
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, RotarySensor, modbus
 from hil_drivers.interfaces import PositionSource, PressureSource, Reading
 from hil_drivers.modbus.framing import TcpFraming

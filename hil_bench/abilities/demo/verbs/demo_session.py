@@ -21,6 +21,7 @@ from hil_bench.abilities.demo.verbs.demo_sensors import (
 )
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
@@ -37,7 +38,6 @@ from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_p
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.plants.rotary.quantities import ANGLE
-from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import (
     ControllerParameters,
     CycleRecord,

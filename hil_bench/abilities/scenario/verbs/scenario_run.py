@@ -22,6 +22,8 @@ from hil_bench.abilities.scenario.stage import Stage
 from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_parameter
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
+from hil_bench.bench.session import Session
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.helpers import BenchEvents, Helpers
@@ -31,8 +33,6 @@ from hil_bench.cli.run_setup import watched_run
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.shared_ring import Snapshot
-from hil_bench.session.session import Session
-from hil_bench.session.virtual_bench import VirtualBench
 
 logger = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.session.virtual_bench import VirtualBench
 
 pytest.importorskip("unicorn")
 

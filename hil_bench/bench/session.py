@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench, FrameObserver
+from hil_bench.bench.commands import Controls, Device, Door
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.session.commands import Controls, Device, Door
 
 # The recorded channels of a bench: one row of SI values a tick.
 #

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.bench.configuration import RealtimeConfig
+from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.errors import BusError, ControllerError, TimingError
@@ -12,7 +13,6 @@ from hil_bench.outside.realtime.scheduling import undisturbed
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
-from hil_bench.session.session import Session
 
 FRAMES_PER_MILLISECOND = 32
 """Most frames taken from the bus in one tick, for each millisecond of its period: twice what a

@@ -17,13 +17,13 @@ from typing import Any, Protocol, Self, cast
 from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.bench.peers import peers_of
+from hil_bench.bench.session import Session, open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, ChannelRecorder, LoggedFrame
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
-from hil_bench.session.session import Session, open_session
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)

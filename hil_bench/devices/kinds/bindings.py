@@ -11,10 +11,10 @@ from hil_bench.config.objects import find_object, name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Drive, Measurement
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
+from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.scripted_objects import Course, ScriptedCourse, ScriptedFollower
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.surroundings import Surroundings
 
 
 @dataclass(frozen=True, slots=True)

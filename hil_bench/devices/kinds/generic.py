@@ -6,9 +6,9 @@ from typing import Final
 
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Fitting
-from hil_bench.kinds.bindings import SinkConfig, SourceConfig, build_sinks
-from hil_bench.kinds.kind import DeviceKind, NodeConfig
-from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig, build_sinks
+from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
+from hil_bench.devices.kinds.surroundings import Surroundings
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,14 @@
 from typing import Any, Final
 
 from hil_bench.config.values import describe
+from hil_bench.devices.kinds.chains import CHAIN_TABLE
+from hil_bench.devices.kinds.drive_402 import DRIVE
+from hil_bench.devices.kinds.encoder_406 import ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER
+from hil_bench.devices.kinds.generic import GENERIC
+from hil_bench.devices.kinds.kind import DeviceKind
+from hil_bench.devices.kinds.pressure_404 import PRESSURE, TRANSDUCER
+from hil_bench.devices.kinds.valve_408 import VALVE
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.chains import CHAIN_TABLE
-from hil_bench.kinds.drive_402 import DRIVE
-from hil_bench.kinds.encoder_406 import ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER
-from hil_bench.kinds.generic import GENERIC
-from hil_bench.kinds.kind import DeviceKind
-from hil_bench.kinds.pressure_404 import PRESSURE, TRANSDUCER
-from hil_bench.kinds.valve_408 import VALVE
 from hil_bench.registry import Registry, find_twice
 
 __all__ = ["ENCODER", "GENERIC", "KINDS", "PRESSURE", "TRANSDUCER", "VALVE", "kind_name", "kind_of"]

@@ -10,11 +10,11 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import describe, interval, number, text
 from hil_bench.devices.axis import Fitting, Measurement
+from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
+from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, PressureDevice, Span, TransducerDevice
 from hil_bench.devices.quantities import pressure_quantities, transducer_quantities
-from hil_bench.kinds.kind import DeviceKind, NodeConfig
-from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.hydraulic_cylinder.quantities import T_OIL
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.registry import DEFAULT_PLANT

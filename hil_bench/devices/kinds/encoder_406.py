@@ -12,12 +12,12 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.devices.axis import Fitting, Measurement, Rate
 from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig, require_quantities
+from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
 from hil_bench.devices.redundant_encoder import RedundantEncoder
 from hil_bench.devices.rotary_encoder_406 import RotaryEncoderDevice
-from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
-from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 
 # Common parts of the kinds of devices that measure a motion of their axis, and its speed.

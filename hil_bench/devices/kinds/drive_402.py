@@ -10,9 +10,9 @@ from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.drive_402 import DriveDevice
-from hil_bench.kinds.kind import require_quantities
-from hil_bench.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
-from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.kind import require_quantities
+from hil_bench.devices.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
+from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.units import REVOLUTION_PER_MINUTE
 

@@ -87,29 +87,21 @@ def two_heartbeats_of_one_node_in_a_log_that_begins_late():
     return [frame._replace(now=frame.now - first) for frame in frames], [written]
 
 
-@BROKEN.of(Cause.IDENTIFIER_CLASH, "pressure_b")
-def two_nodes_send_one_identifier():
+@BROKEN.played(Cause.IDENTIFIER_CLASH, "pressure_b")
+def two_nodes_send_one_identifier(rig):
     """A copied configuration: TPDO1 of pressure_b has the identifier of pressure_a's."""
-
-    def play(rig):
-        rig.set_up()
-        rig.write(rig.pressure_b, 0x1800, 1, 0x80000183)
-        rig.write(rig.pressure_b, 0x1800, 1, 0x40000182)
-        rig.move(0.3)
-
-    return played(play), bench_nodes()
+    rig.set_up()
+    rig.write(rig.pressure_b, 0x1800, 1, 0x80000183)
+    rig.write(rig.pressure_b, 0x1800, 1, 0x40000182)
+    rig.move(0.3)
 
 
-@BROKEN.of(Cause.RESTART, "pressure_a")
-def supply_that_breaks_for_a_moment():
+@BROKEN.played(Cause.RESTART, "pressure_a")
+def supply_that_breaks_for_a_moment(rig):
     """pressure_a loses its supply for 200 ms in the middle of the motion."""
-
-    def play(rig):
-        rig.start()
-        rig.faults.reset("pressure_a", duration=0.2)
-        rig.move(0.8)
-
-    return played(play), bench_nodes()
+    rig.start()
+    rig.faults.reset("pressure_a", duration=0.2)
+    rig.move(0.8)
 
 
 @BROKEN.of(Cause.OTHER_DEVICE, "pressure_x")
@@ -119,69 +111,49 @@ def another_device_than_the_eds():
     return started(), bench_nodes(wrong)
 
 
-@BROKEN.of(Cause.NOT_STARTED, "pressure_b")
-def node_that_was_forgotten():
+@BROKEN.played(Cause.NOT_STARTED, "pressure_b")
+def node_that_was_forgotten(rig):
     """The master sets all four up and starts three."""
-
-    def play(rig):
-        rig.set_up(rig.valve, rig.pressure_a, rig.position)
-        rig.set_up(rig.pressure_b, start=False)
-        rig.move(1.5)
-
-    return played(play), bench_nodes()
+    rig.set_up(rig.valve, rig.pressure_a, rig.position)
+    rig.set_up(rig.pressure_b, start=False)
+    rig.move(1.5)
 
 
-@BROKEN.of(Cause.NOT_STARTED, "valve")
-def set_points_before_nmt_start():
+@BROKEN.played(Cause.NOT_STARTED, "valve")
+def set_points_before_nmt_start(rig):
     """The master sends set-points and never starts a node."""
-
-    def play(rig):
-        rig.set_up(start=False)
-        rig.move(1.5)
-
-    return played(play), bench_nodes()
+    rig.set_up(start=False)
+    rig.move(1.5)
 
 
-@BROKEN.of(Cause.START_REFUSED, "pressure_b")
-def start_that_does_not_arrive():
+@BROKEN.played(Cause.START_REFUSED, "pressure_b")
+def start_that_does_not_arrive(rig):
     """pressure_b hears nothing when it is started, and says PRE-OPERATIONAL ever after."""
-
-    def play(rig):
-        rig.set_up(start=False)
-        with rig.faults.lose("pressure_b", can_id=0x000, direction="received"):
-            rig.network.start_node()
-            rig.move(0.1)
-        rig.move(1.5)
-
-    return played(play), bench_nodes()
+    rig.set_up(start=False)
+    with rig.faults.lose("pressure_b", can_id=0x000, direction="received"):
+        rig.network.start_node()
+        rig.move(0.1)
+    rig.move(1.5)
 
 
-@BROKEN.of(Cause.HEARTBEAT_LOST, "position")
-def plug_that_falls_out():
+@BROKEN.played(Cause.HEARTBEAT_LOST, "position")
+def plug_that_falls_out(rig):
     """The plug of position falls out and stays out; the valve watches its heartbeat."""
-
-    def play(rig):
-        rig.set_up()
-        rig.write(rig.valve, 0x1016, 1, 0x0004_00FA)  # node 4, 250 ms
-        rig.move(0.5)
-        rig.faults.silence("position")
-        rig.move(0.8)
-
-    return played(play), bench_nodes()
+    rig.set_up()
+    rig.write(rig.valve, 0x1016, 1, 0x0004_00FA)  # node 4, 250 ms
+    rig.move(0.5)
+    rig.faults.silence("position")
+    rig.move(0.8)
 
 
-@BROKEN.of(Cause.HEARTBEAT_LOST, "position")
-def plug_with_a_loose_contact():
+@BROKEN.played(Cause.HEARTBEAT_LOST, "position")
+def plug_with_a_loose_contact(rig):
     """The same for 0.5 s; then it is back."""
-
-    def play(rig):
-        rig.set_up()
+    rig.set_up()
+    rig.move(0.5)
+    with rig.faults.silence("position"):
         rig.move(0.5)
-        with rig.faults.silence("position"):
-            rig.move(0.5)
-        rig.move(0.5)
-
-    return played(play), bench_nodes()
+    rig.move(0.5)
 
 
 @BROKEN.of(Cause.OTHER_BUS)

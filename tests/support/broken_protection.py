@@ -36,26 +36,18 @@ def with_protection(disturb):
     return played(play, config), nodes_of(config)
 
 
-@BROKEN.of(Cause.PDO_CHECKSUM, "position")
-def one_wrong_bit_in_a_protected_pdo():
+@BROKEN.played(Cause.PDO_CHECKSUM, "position", with_protection)
+def one_wrong_bit_in_a_protected_pdo(rig):
     """A gateway turns a bit of the encoder's TPDO1 round, in each frame for 100 ms."""
-
-    def disturb(rig):
-        with rig.faults.corrupt("position", can_id=POSITION):
-            rig.move(0.1)
-
-    return with_protection(disturb)
+    with rig.faults.corrupt("position", can_id=POSITION):
+        rig.move(0.1)
 
 
-@BROKEN.of(Cause.PDO_REPEATED, "position")
-def sender_that_hangs():
+@BROKEN.played(Cause.PDO_REPEATED, "position", with_protection)
+def sender_that_hangs(rig):
     """The encoder's driver sends the same buffer for 100 ms, with the old counter."""
-
-    def disturb(rig):
-        with rig.faults.repeat("position", can_id=POSITION):
-            rig.move(0.1)
-
-    return with_protection(disturb)
+    with rig.faults.repeat("position", can_id=POSITION):
+        rig.move(0.1)
 
 
 @BROKEN.of(Cause.PDO_REPEATED, "position")
@@ -66,26 +58,18 @@ def frame_that_comes_twice():
     return [*frames[: number + 1], frames[number], *frames[number + 1 :]], known
 
 
-@BROKEN.of(Cause.PDO_LOST, "position")
-def frames_that_are_lost_on_the_way():
+@BROKEN.played(Cause.PDO_LOST, "position", with_protection)
+def frames_that_are_lost_on_the_way(rig):
     """A gateway loses a frame of the encoder, too few for its event timer to show it."""
-
-    def disturb(rig):
-        with rig.faults.lose("position", can_id=POSITION):
-            rig.move(CYCLE)
-
-    return with_protection(disturb)
+    with rig.faults.lose("position", can_id=POSITION):
+        rig.move(CYCLE)
 
 
-@BROKEN.of(Cause.PDO_LOST, "position")
-def gateway_that_pauses():
+@BROKEN.played(Cause.PDO_LOST, "position", with_protection)
+def gateway_that_pauses(rig):
     """A gateway loses the frames of the encoder for 200 ms: its counter shows that it sent them."""
-
-    def disturb(rig):
-        with rig.faults.lose("position", can_id=POSITION):
-            rig.move(0.2)
-
-    return with_protection(disturb)
+    with rig.faults.lose("position", can_id=POSITION):
+        rig.move(0.2)
 
 
 @BROKEN.of(Cause.PDO_LOST, "position")

@@ -24,6 +24,16 @@ class Case:
     node: str
 
 
+def bench_nodes(*others):
+    """Return the nodes of the built-in bench, and others in their places."""
+    return merge_nodes(nodes_of(load_config()), others)
+
+
+def on_the_bench(play):
+    """Return the frames of what `play` does to a rig on the built-in bench, and its nodes."""
+    return played(play), bench_nodes()
+
+
 class Broken(dict[str, Case]):
     """Logs with one thing wrong."""
 
@@ -36,10 +46,14 @@ class Broken(dict[str, Case]):
 
         return register
 
+    def played(self, cause, node="", on=on_the_bench):
+        """Register what happens to a rig, whose log it makes."""
 
-def bench_nodes(*others):
-    """Return the nodes of the built-in bench, and others in their places."""
-    return merge_nodes(nodes_of(load_config()), others)
+        def register(play):
+            self[play.__name__] = Case(functools.partial(on, play), cause, node)
+            return play
+
+        return register
 
 
 @functools.cache

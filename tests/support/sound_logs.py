@@ -1,9 +1,11 @@
 """Logs in which nothing is wrong."""
 
+import functools
+
 from support.broken_messages import every_fourth_sync
 from support.broken_protection import protected_bench
 from support.bus_logs import played
-from support.log_cases import Make, bench_nodes, started
+from support.log_cases import Make, bench_nodes, on_the_bench, started
 from support.sdo_frames import MS
 
 from device_profiles import PRESSURE_404
@@ -19,6 +21,12 @@ def sound(make):
     """Register what makes a log."""
     SOUND[make.__name__] = make
     return make
+
+
+def played_sound(play):
+    """Register what happens to a rig, whose log it makes."""
+    SOUND[play.__name__] = functools.partial(on_the_bench, play)
+    return play
 
 
 @sound
@@ -57,66 +65,50 @@ def idle_bus():
     return played(lambda rig: rig.network.pump(2.0)), bench_nodes()
 
 
-@sound
-def reset_that_was_commanded():
+@played_sound
+def reset_that_was_commanded(rig):
     """The master resets a node and sets it up again."""
-
-    def play(rig):
-        rig.start()
-        rig.network.reset_node(2)
-        rig.set_up(rig.pressure_a)
-        rig.move(0.3)
-
-    return played(play), bench_nodes()
+    rig.start()
+    rig.network.reset_node(2)
+    rig.set_up(rig.pressure_a)
+    rig.move(0.3)
 
 
-@sound
-def stop_and_start_again():
+@played_sound
+def stop_and_start_again(rig):
     """The master takes all nodes to PRE-OPERATIONAL and STOPPED, and starts them again."""
-
-    def play(rig):
-        rig.start()
-        rig.network.enter_pre_operational()
-        rig.network.pump(1.5)
-        rig.network.stop_node()
-        rig.network.pump(1.5)
-        rig.network.start_node()
-        rig.move(0.3)
-
-    return played(play), bench_nodes()
+    rig.start()
+    rig.network.enter_pre_operational()
+    rig.network.pump(1.5)
+    rig.network.stop_node()
+    rig.network.pump(1.5)
+    rig.network.start_node()
+    rig.move(0.3)
 
 
-@sound
-def every_object_read():
+@played_sound
+def every_object_read(rig):
     """A tool reads every readable object of a transducer, texts by segments."""
-
-    def play(rig):
-        rig.set_up()
-        for variable in load_eds(PRESSURE_404, 2):
-            is_empty = variable.index == 0x1003 and variable.subindex
-            if variable.access.readable and not is_empty:
-                rig.pressure_a.node.upload(variable.index, variable.subindex)
-
-    return played(play), bench_nodes()
+    rig.set_up()
+    for variable in load_eds(PRESSURE_404, 2):
+        is_empty = variable.index == 0x1003 and variable.subindex
+        if variable.access.readable and not is_empty:
+            rig.pressure_a.node.upload(variable.index, variable.subindex)
 
 
-@sound
-def changes_while_it_runs():
+@played_sound
+def changes_while_it_runs(rig):
     """Other times of heartbeat and event timer, a heartbeat off, a PDO mapped anew by the book."""
-
-    def play(rig):
-        rig.start()
-        rig.write(rig.position, 0x1017, 0, 500, "H")
-        rig.write(rig.pressure_b, 0x1017, 0, 0, "H")
-        rig.write(rig.pressure_b, 0x1800, 5, 400, "H")
-        rig.write(rig.pressure_a, 0x1800, 1, 0x80000182)
-        rig.write(rig.pressure_a, 0x1A00, 0, 0, "B")
-        rig.write(rig.pressure_a, 0x1A00, 1, 0x71300110)
-        rig.write(rig.pressure_a, 0x1A00, 0, 1, "B")
-        rig.write(rig.pressure_a, 0x1800, 1, 0x40000182)
-        rig.move(1.2)
-
-    return played(play), bench_nodes()
+    rig.start()
+    rig.write(rig.position, 0x1017, 0, 500, "H")
+    rig.write(rig.pressure_b, 0x1017, 0, 0, "H")
+    rig.write(rig.pressure_b, 0x1800, 5, 400, "H")
+    rig.write(rig.pressure_a, 0x1800, 1, 0x80000182)
+    rig.write(rig.pressure_a, 0x1A00, 0, 0, "B")
+    rig.write(rig.pressure_a, 0x1A00, 1, 0x71300110)
+    rig.write(rig.pressure_a, 0x1A00, 0, 1, "B")
+    rig.write(rig.pressure_a, 0x1800, 1, 0x40000182)
+    rig.move(1.2)
 
 
 @sound

@@ -84,7 +84,8 @@ BENT = [(-16384 + 128 * n) // (2 if n <= 128 else 4) for n in range(CURVE_POINTS
     [
         *((0, 0), (-16384, -8192), (16384, 4096), (-256, -128), (256, 64)),
         *((64, 16), (-64, -32), (1.0, 0.25)),  # between two points
-        *((-20000, -8192), (20000, 4096)),  # beyond the ends
+        (16320, 4080),  # between the last two
+        *((-16400, -8192), (-20000, -8192), (20000, 4096)),  # beyond the ends
     ],
 )
 def test_a_characteristic_is_straight_between_its_points(value, bent):

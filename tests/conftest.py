@@ -93,6 +93,12 @@ def _own_log_handlers():
     logging.root.handlers[:] = [handler for handler in logging.root.handlers if handler in before]
 
 
+@pytest.fixture(scope="session")
+def anyio_backend():
+    """The loop in which tests run that are coroutines, marked `anyio`."""
+    return "asyncio"
+
+
 @pytest.fixture
 def load_bench(tmp_path):
     """Loads a bench from the text of its file."""

@@ -42,7 +42,7 @@ PYTHON_PROGRAMS = [
 ]
 
 
-def parser_of(*words: str) -> argparse.ArgumentParser:
+def parser_of(*words):
     """Return the parser of what the first words name: all, a verb, an analysis of a verb."""
     parser = cli.build_parser(words, VERBS)
     for word in words:
@@ -139,7 +139,7 @@ def test_a_python_program_is_there_and_has_the_options(command):
 
 
 @functools.cache
-def help_of(program: Path) -> str:
+def help_of(program):
     """Return the help of a program."""
     call = [sys.executable, program, "--help"]
     return subprocess.run(call, capture_output=True, text=True, check=True).stdout  # noqa: S603

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import pytest
 from support import documents
-from support.documents import DOCUMENTS, ROOT, Block
+from support.documents import DOCUMENTS, ROOT
 from support.feed_loop import FeedLoop
 from support.fmus import write_law
 
@@ -63,7 +63,7 @@ SIGNALS = Vocabulary(
 )
 
 
-def code_with(pattern: str) -> list[tuple[str, str]]:
+def code_with(pattern):
     """Return document and match of the pieces of code in the text that match, in one order."""
     return sorted({found for found in documents.inline_code() if re.fullmatch(pattern, found[1])})
 
@@ -276,7 +276,7 @@ def test_a_python_snippet_says_what_its_comments_say(block, tmp_path, monkeypatc
         assert re.fullmatch(re.escape(comment).replace(r"\.\.\.", ".*"), line)
 
 
-def run_and_collect_comments(block: Block) -> list[str]:
+def run_and_collect_comments(block):
     """Run a snippet that prints each expression, too; return what it shows behind "#"."""
     tree, lines, shown = ast.parse(block.text), block.text.splitlines(), []
     for statement in ast.walk(tree):
@@ -290,7 +290,7 @@ def run_and_collect_comments(block: Block) -> list[str]:
     return [comment for _, comment in sorted(shown)]
 
 
-def is_call_of_another(value: ast.expr) -> bool:
+def is_call_of_another(value):
     """Whether an expression is a call, and none of print, so that it shows nothing."""
     return isinstance(value, ast.Call) and ast.unparse(value.func) != "print"
 

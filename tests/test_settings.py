@@ -38,7 +38,7 @@ def test_every_slow_test_is_there():
     assert not gone, f"{LIST.name}: run tests/support/slow_tests.py, or take these out: {gone}"
 
 
-def _defines(name: str) -> bool:
+def _defines(name):
     file, _, function = name.partition("::")
     path = ROOT / file
     return path.is_file() and f"def {function.rpartition('::')[2]}(" in path.read_text("utf-8")

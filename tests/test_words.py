@@ -2,7 +2,6 @@
 
 import ast
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ QUESTION = re.compile(
 OPENING = re.compile(rf"[\"']{{3}}\s*{QUESTION.pattern}")
 
 
-def packages() -> Iterator[str]:
+def packages():
     """Yield the top-level packages, and the modules beside them as one."""
     yield from (".ci", "benchmarks", "device_profiles", "drivers", "examples", "hil_bench")
     for path in sorted((ROOT / "hil_bench").iterdir()):
@@ -23,13 +22,13 @@ def packages() -> Iterator[str]:
             yield f"hil_bench/{path.name}"
 
 
-def files(package: str) -> Iterator[Path]:
+def files(package):
     """Yield the Python files of a package; of hil_bench only the modules beside its packages."""
     folder = ROOT / package
     yield from folder.glob("*.py") if package == "hil_bench" else folder.rglob("*.py")
 
 
-def questions(source: str) -> Iterator[str]:
+def questions(source):
     """Yield line and opening of each docstring that opens with a question word."""
     if not OPENING.search(source):
         return  # without the second that it takes to parse all
@@ -41,7 +40,7 @@ def questions(source: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("package", [*packages()])
-def test_docstrings_open_with_what_a_thing_is_or_does(package: str) -> None:
+def test_docstrings_open_with_what_a_thing_is_or_does(package):
     """No docstring of the package opens with a question word."""
     found = [
         f"{path.relative_to(ROOT)}:{question}"
@@ -55,7 +54,7 @@ PHRASE = re.compile(r"(can(not| not)|could not|to) be had|\b(tells?|told)\b(?! a
 """Phrases that nobody would say beside a machine."""
 
 
-def messages(source: str) -> Iterator[str]:
+def messages(source):
     """Yield line and text of each string that is no docstring, where it has such a phrase."""
     if not PHRASE.search(source):
         return
@@ -67,7 +66,7 @@ def messages(source: str) -> Iterator[str]:
             yield f"{node.lineno}: {text}"
 
 
-def test_messages_are_said_as_an_engineer_would() -> None:
+def test_messages_are_said_as_an_engineer_would():
     """No message of the bench or of the drivers has such a phrase."""
     folders = (ROOT / "hil_bench", ROOT / "drivers")
     found = [
@@ -83,12 +82,12 @@ def test_messages_are_said_as_an_engineer_would() -> None:
 @pytest.mark.parametrize(
     "text", ["What it does.", "Whether it is.", "Return which is.", "Have it done.", "How it goes."]
 )
-def test_question_is_found(text: str) -> None:
+def test_question_is_found(text):
     """The check sees the question words in functions, classes and modules."""
     source = f'"""{text}"""\nclass A:\n    """{text}"""\ndef f():\n    """{text}"""\n'
     assert len(list(questions(source))) == 3  # one each
 
 
-def test_statement_is_no_question() -> None:
+def test_statement_is_no_question():
     """The check leaves statements alone, and question words inside them."""
     assert not list(questions('"""Return the place where it is; Whatever."""\n'))

@@ -57,7 +57,7 @@ SHOTS = {
 }
 
 
-def address_of(process: "subprocess.Popen[str]") -> str:
+def address_of(process):
     """Return the address that a command prints."""
     for line in process.stdout or ():
         if found := re.search(r"http://\S+", line):
@@ -66,7 +66,7 @@ def address_of(process: "subprocess.Popen[str]") -> str:
 
 
 @contextlib.contextmanager
-def running(*words: str):
+def running(*words):
     """Yield a command of hil-bench that runs in a folder of its own, beside the examples."""
     command = [sys.executable, "-u", "-m", "hil_bench", *words]
     process = subprocess.Popen(  # noqa: S603 - this program

@@ -7,12 +7,11 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import can
 import pytest
-from support.any_bus import EMBEDDED, PROCESSES, AnyRig, embedded_rig, process_rig, vcan_rig
+from support.any_bus import EMBEDDED, PROCESSES, embedded_rig, process_rig, vcan_rig
 from support.patience import GUARD
 
 from hil_bench.bench.assembly import build_bench
@@ -55,7 +54,7 @@ class Rig(NamedTuple):
 
 
 @contextlib.contextmanager
-def embedded_bus() -> Iterator[tuple[can.BusABC, Callable[[], float]]]:
+def embedded_bus():
     """A bench in this process, in virtual time."""
     bench = build_bench(load_config())
     with EmbeddedBus(bench.tick) as bus:
@@ -64,14 +63,14 @@ def embedded_bus() -> Iterator[tuple[can.BusABC, Callable[[], float]]]:
 
 
 @contextlib.contextmanager
-def python_can_bus(**settings: object) -> Iterator[tuple[can.BusABC, Callable[[], float]]]:
+def python_can_bus(**settings):
     """A bus to a bench in another process, in real time."""
     with can.Bus(**settings) as bus:
         yield bus, time.monotonic
 
 
 @contextlib.contextmanager
-def bench_process(*arguments: str) -> Iterator[list[str]]:
+def bench_process(*arguments):
     """A bench in a process of its own, once it is on its bus; gives what it printed till then."""
     command = [sys.executable, "-m", "hil_bench", "run", *arguments]
     with subprocess.Popen(  # noqa: S603 - our own program
@@ -96,7 +95,7 @@ class Endpoints(NamedTuple):
 
 
 @pytest.fixture(scope="module")  # no longer: it takes a tenth of a processor while it is there
-def bench_endpoints(tmp_path_factory) -> Iterator[Endpoints]:
+def bench_endpoints(tmp_path_factory):
     """A bench that hosts a hub, and is on Modbus TCP and RTU too."""
     path = tmp_path_factory.mktemp("bench") / "bench.toml"
     path.write_text(f'[modbus]\nport = 0\nserial_port = "pty"\n{MODBUS_UNITS}')
@@ -111,7 +110,7 @@ def bench_endpoints(tmp_path_factory) -> Iterator[Endpoints]:
         yield endpoints
 
 
-def await_values(port: int) -> None:
+def await_values(port):
     """Wait until the loop has begun: before that there are no values."""
     with ModbusClient(TcpLink("127.0.0.1", port), timeout=GUARD) as client:
         while True:
@@ -121,19 +120,19 @@ def await_values(port: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def hub_port(bench_endpoints) -> int:
+def hub_port(bench_endpoints):
     """A bench that hosts a hub."""
     return bench_endpoints.hub_port
 
 
 @pytest.fixture(scope="module")
-def vcan_bench() -> Iterator[None]:
+def vcan_bench():
     """A bench on vcan0."""
     with bench_process("-i", "socketcan", "-c", "vcan0"):
         yield
 
 
-def has_vcan() -> bool:
+def has_vcan():
     try:
         with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as can_socket:
             can_socket.bind(("vcan0",))
@@ -161,7 +160,7 @@ def connect(request):
 
 
 @pytest.fixture
-def rig(connect) -> Iterator[Rig]:
+def rig(connect):
     """The drivers of the built-in bench, its nodes just booted."""
     with connect as (bus, clock):
         network = Network(bus, clock=clock)
@@ -180,7 +179,7 @@ def rig(connect) -> Iterator[Rig]:
 
 
 @pytest.fixture
-def started(rig) -> Rig:
+def started(rig):
     """The same, set up to answer SYNC, watching nothing, and OPERATIONAL."""
     for sensor in (rig.pressure_a, rig.pressure_b, rig.position):
         sensor.setup()
@@ -196,21 +195,21 @@ REAL_TIME = [
 
 
 @pytest.fixture(params=[*EMBEDDED, *REAL_TIME])
-def any_rig(request, tmp_path) -> Iterator[AnyRig]:
+def any_rig(request, tmp_path):
     """The drivers of the built-in bench, over every combination of buses; none is set up."""
     with open_rig(request, tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture(params=EMBEDDED)
-def near_rig(request, tmp_path) -> Iterator[AnyRig]:
+def near_rig(request, tmp_path):
     """The same, where the bench is in this process and time is virtual."""
     with open_rig(request, tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture(params=REAL_TIME)
-def far_rig(request, tmp_path) -> Iterator[AnyRig]:
+def far_rig(request, tmp_path):
     """The same, where the bench is in another process and time is the machine's."""
     with open_rig(request, tmp_path) as opened:
         yield opened

@@ -7,13 +7,12 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from support.distribution import PLUGIN, declare
 
-from hil_bench.ability import OWN, Ability, own_abilities
+from hil_bench.ability import OWN, own_abilities
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
@@ -44,7 +43,7 @@ OF_LIVE = {"attached", "ctl", "feed"}
 """Parts that the live view takes of other abilities, under names of its parts."""
 
 
-def imported(ability: Ability) -> set[str]:
+def imported(ability):
     """Return the other abilities that the sources of one name, but for those given to others."""
     folder = ROOT / "hil_bench" / "abilities" / ability.name
     takers = {*OWN, *OF_LIVE}
@@ -55,7 +54,7 @@ def imported(ability: Ability) -> set[str]:
     return found - {ability.name, COMMON}
 
 
-def gone_with(name: str) -> set[str]:
+def gone_with(name):
     """Return an ability, and those that need it."""
     gone = {name}
     while more := {a.name for a in ABILITIES.values() if {*a.needs} & gone} - gone:
@@ -64,10 +63,10 @@ def gone_with(name: str) -> set[str]:
 
 
 @pytest.fixture
-def without(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def without(tmp_path):
     """Return a function that copies the packages without some abilities, and runs Python on it."""
 
-    def run(gone: set[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    def run(gone, *arguments):
         package = tmp_path / "hil_bench"
         if not package.exists():
             (package / "abilities").mkdir(parents=True)
@@ -163,7 +162,7 @@ def test_an_ability_can_go(name, without, capsys):
         assert f"'{verb}' is unknown" in done.stderr
 
 
-def kept_with(name: str) -> set[str]:
+def kept_with(name):
     """Return an ability, and those that it needs."""
     kept = {name}
     while more := {need for each in kept for need in ABILITIES[each].needs} - kept:

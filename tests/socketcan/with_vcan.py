@@ -17,7 +17,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 EXIT_TIMEOUT = 124  # as timeout(1)
@@ -31,7 +30,7 @@ PRELOAD = "LD_PRELOAD"
 MAKE_VCAN = "ip link set lo up && ip link add dev vcan0 type vcan && ip link set vcan0 up"
 
 
-def main() -> int:
+def main():
     """Return the exit code of the command that the command line names."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
@@ -53,7 +52,7 @@ def main() -> int:
         return EXIT_UNAVAILABLE
 
 
-def namespace_prefix() -> list[str]:
+def namespace_prefix():
     """Return what to put before a command to run it beside a vcan0; empty where that fails."""
     if not (shutil.which("unshare") and shutil.which("ip")):
         return []
@@ -63,7 +62,7 @@ def namespace_prefix() -> list[str]:
     return prefix if trial.returncode == 0 else []
 
 
-def run_in_user_mode_linux(command: Sequence[str], timeout: float) -> int:
+def run_in_user_mode_linux(command, timeout):
     """Return the command's exit code, which comes back in a file: the kernel's own says nothing.
 
     Raises:
@@ -91,7 +90,7 @@ def run_in_user_mode_linux(command: Sequence[str], timeout: float) -> int:
         return kernel_exit_code or 1
 
 
-def build_uml_xstate(directory: Path) -> Path:
+def build_uml_xstate(directory):
     """Return the library that User-Mode Linux needs on newer processors, compiled into a directory.
 
     Raises:
@@ -113,7 +112,7 @@ def build_uml_xstate(directory: Path) -> Path:
     return library
 
 
-def job_script(command: Sequence[str]) -> str:
+def job_script(command):
     """Return a shell script that runs the command as here, with its temporary files on a tmpfs.
 
     Libraries that are preloaded here serve the User-Mode Linux itself: nothing inside it gets them.
@@ -129,9 +128,7 @@ def job_script(command: Sequence[str]) -> str:
     return "\n".join([*exports, change_directory, f"exec {shlex.join(command)} </dev/null", ""])
 
 
-def run(
-    command: Sequence[str], timeout: float, environment: Mapping[str, str] | None = None
-) -> int:
+def run(command, timeout, environment=None):
     """Return the command's exit code; 124 where its process group had to be killed.
 
     The output passes through a pipe, since a User-Mode Linux sets a terminal that it writes to to
@@ -146,7 +143,7 @@ def run(
     ) as process:
         is_late = threading.Event()
 
-        def kill_late() -> None:
+        def kill_late():
             is_late.set()
             os.killpg(process.pid, signal.SIGKILL)
 
@@ -166,7 +163,7 @@ def run(
     return process.returncode
 
 
-def copy_lines(process: subprocess.Popen[bytes]) -> None:
+def copy_lines(process):
     """Copy the output of a process to the standard output until it ends."""
     assert process.stdout
     for line in process.stdout:

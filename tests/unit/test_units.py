@@ -27,11 +27,11 @@ ALL = [value for value in vars(units).values() if isinstance(value, Unit)]
         (units.PASCAL, 300.0, 300.0),
     ],
 )
-def test_a_unit_converts_to_si_and_back(unit: Unit, value: float, si: float) -> None:
+def test_a_unit_converts_to_si_and_back(unit, value, si):
     assert math.isclose(unit.to_si(value), si, rel_tol=1e-15)
     assert math.isclose(unit.from_si(si), value, rel_tol=1e-15)
 
 
-def test_no_two_units_share_a_symbol_or_a_suffix() -> None:
+def test_no_two_units_share_a_symbol_or_a_suffix():
     assert len({unit.symbol for unit in ALL}) == len(ALL)
     assert len({unit.suffix for unit in ALL}) == len(ALL)

@@ -1,8 +1,8 @@
 import pytest
 
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 
 @pytest.fixture
-def table_1() -> PlantParameters:
+def table_1():
     return paper_parameters()

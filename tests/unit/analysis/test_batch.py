@@ -11,7 +11,6 @@ from hil_bench.outside.recording.channels import recording_channels
 from hil_bench.plants.hydraulic_cylinder.model import (
     Model,
     PlantOptions,
-    PlantParameters,
     Solver,
     SpringLoad,
     balanced_state,
@@ -19,11 +18,11 @@ from hil_bench.plants.hydraulic_cylinder.model import (
 from hil_bench.plants.hydraulic_cylinder.model.batch import LANES
 
 
-def varied_setups(parameters: PlantParameters, count: int) -> list[Setup]:
+def varied_setups(parameters, count):
     """Return set-ups with other parameters, options and starts each, reproducibly."""
     source = np.random.default_rng(1)
 
-    def vary(name: str) -> float:
+    def vary(name):
         return float(getattr(parameters, name) * source.uniform(0.8, 1.2))
 
     return [
@@ -44,13 +43,13 @@ def varied_setups(parameters: PlantParameters, count: int) -> list[Setup]:
     ]
 
 
-def manoeuvre(runs: int, steps: int) -> np.ndarray:
+def manoeuvre(runs, steps):
     """Return set-points that jump every 50 steps, within both directions' saturation."""
     jumps = np.random.default_rng(2).uniform(-2e-3, 2e-3, (runs, steps // 50))
     return jumps.repeat(50, axis=1)
 
 
-def test_each_run_of_a_batch_has_the_bits_of_a_single_one(table_1: PlantParameters) -> None:
+def test_each_run_of_a_batch_has_the_bits_of_a_single_one(table_1):
     """Two full blocks and a part of one, into stops, cavitation and reversed flow."""
     setups = varied_setups(table_1, 2 * LANES + 3)
     setpoints = manoeuvre(len(setups), 4000)
@@ -66,7 +65,7 @@ def test_each_run_of_a_batch_has_the_bits_of_a_single_one(table_1: PlantParamete
 
 
 @pytest.mark.long
-def test_what_fits_no_block_runs_in_its_place(table_1: PlantParameters) -> None:
+def test_what_fits_no_block_runs_in_its_place(table_1):
     plain = varied_setups(table_1, 3)
     extended = replace(
         plain[0], options=replace(PlantOptions.bench(), loads=(SpringLoad(1e5, 0.0),))
@@ -89,7 +88,7 @@ def test_what_fits_no_block_runs_in_its_place(table_1: PlantParameters) -> None:
         assert run["time"].tolist() == single["time"].tolist()
 
 
-def test_set_points_beyond_the_limit_act_as_the_limit(table_1: PlantParameters) -> None:
+def test_set_points_beyond_the_limit_act_as_the_limit(table_1):
     setup = varied_setups(table_1, 1)[0]
     setpoints = np.full(200, 1e6)
     batch = simulate_batch([setup], setpoints)
@@ -105,22 +104,18 @@ def test_set_points_beyond_the_limit_act_as_the_limit(table_1: PlantParameters) 
         (np.zeros(10), 0, "every = 0: must be 1 or greater"),
     ],
 )
-def test_set_points_that_fit_nothing_are_refused(
-    table_1: PlantParameters, setpoints: np.ndarray, every: int, message: str
-) -> None:
+def test_set_points_that_fit_nothing_are_refused(table_1, setpoints, every, message):
     with pytest.raises(ParameterError, match=message):
         simulate_batch(varied_setups(table_1, 3), setpoints, every=every)
 
 
-def test_a_set_up_that_cannot_be_is_named(table_1: PlantParameters) -> None:
+def test_a_set_up_that_cannot_be_is_named(table_1):
     setups = varied_setups(table_1, 3)
     setups[1] = replace(setups[1], state=balanced_state(table_1, x=0.3))
     with pytest.raises(ParameterError, match=r"set-up 1: x = 0.3 m: must lie between the end stop"):
         simulate_batch(setups, np.zeros(10))
 
 
-def test_no_bar_is_drawn_where_nobody_looks(
-    table_1: PlantParameters, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_no_bar_is_drawn_where_nobody_looks(table_1, capfd):
     simulate_batch(varied_setups(table_1, 2), np.zeros(10), progress=True)
     assert capfd.readouterr().err == ""

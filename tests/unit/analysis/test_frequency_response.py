@@ -18,12 +18,12 @@ from hil_bench.abilities.analysis.linearisation import linearise_with_valve
 from hil_bench.abilities.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.abilities.analysis.steady_motion import NyquistError
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model import Model, PlantParameters, Solver
+from hil_bench.plants.hydraulic_cylinder.model import Model, Solver
 
 DT = 1e-3
 
 
-def test_a_chirp_starts_and_ends_at_its_frequencies() -> None:
+def test_a_chirp_starts_and_ends_at_its_frequencies():
     samples = Chirp(amplitude=2.0, start_frequency=50.0, end_frequency=5.0, duration=10.0).samples(
         1e-4
     )
@@ -37,7 +37,7 @@ def test_a_chirp_starts_and_ends_at_its_frequencies() -> None:
     assert frequencies == pytest.approx(50.0 - 4.5 * middles, rel=0.02)
 
 
-def test_a_chirp_knows_when_it_passes_a_frequency() -> None:
+def test_a_chirp_knows_when_it_passes_a_frequency():
     chirp = Chirp(amplitude=1.0, start_frequency=600.0, end_frequency=1.0, duration=60.0)
 
     assert chirp.time_of(600.0) == 0.0
@@ -46,7 +46,7 @@ def test_a_chirp_knows_when_it_passes_a_frequency() -> None:
 
 
 @pytest.mark.parametrize("ends", [(600.0, 1.0), (1.0, 600.0)])
-def test_a_chirp_above_nyquist_is_refused_by_name(ends: tuple[float, float]) -> None:
+def test_a_chirp_above_nyquist_is_refused_by_name(ends):
     chirp = Chirp(amplitude=1.0, start_frequency=ends[0], end_frequency=ends[1])
     with pytest.raises(NyquistError, match="below the Nyquist frequency of 500 Hz"):
         chirp.samples(1e-3)
@@ -64,23 +64,23 @@ def test_a_chirp_above_nyquist_is_refused_by_name(ends: tuple[float, float]) -> 
         ({"duration": math.inf}, "duration = inf s: must be finite"),
     ],
 )
-def test_a_senseless_chirp_is_refused(given: dict[str, float], message: str) -> None:
+def test_a_senseless_chirp_is_refused(given, message):
     with pytest.raises(ParameterError, match=message):
         Chirp(**{"amplitude": 1.0, **given})
 
 
 @pytest.mark.parametrize("duration", [1e-4, 1e9])
-def test_a_chirp_of_no_or_too_many_samples_is_refused(duration: float) -> None:
+def test_a_chirp_of_no_or_too_many_samples_is_refused(duration):
     with pytest.raises(ParameterError, match=r"samples of 0\.0001 s; 2 to 20000000 are right"):
         Chirp(amplitude=1.0, duration=duration).samples(1e-4)
 
 
 @pytest.fixture
-def noise() -> np.random.Generator:
+def noise():
     return np.random.default_rng(17)
 
 
-def test_the_estimate_finds_a_known_filter(noise: np.random.Generator) -> None:
+def test_the_estimate_finds_a_known_filter(noise):
     excitation = noise.standard_normal(200_000)
     response = signal.lfilter([0.2], [1.0, -0.8], excitation)
 
@@ -95,7 +95,7 @@ def test_the_estimate_finds_a_known_filter(noise: np.random.Generator) -> None:
     assert estimate.coherence[1:].min() > 0.99
 
 
-def test_a_held_excitation_is_taken_as_the_staircase_that_it_is(noise: np.random.Generator) -> None:
+def test_a_held_excitation_is_taken_as_the_staircase_that_it_is(noise):
     excitation = noise.standard_normal(200_000)
     # An integrator at the end of each held step: dt z / (z - 1) of the samples, z = exp(2j a),
     # a = pi f dt. The staircase is exp(1j a) sin(a) / a of them, so that 1 / (j w) is left, times
@@ -111,9 +111,7 @@ def test_a_held_excitation_is_taken_as_the_staircase_that_it_is(noise: np.random
     assert np.abs(ratio) == pytest.approx(1.0, rel=0.03)
 
 
-def test_noise_in_the_response_costs_coherence_and_does_not_bias_h1(
-    noise: np.random.Generator,
-) -> None:
+def test_noise_in_the_response_costs_coherence_and_does_not_bias_h1(noise):
     excitation, disturbance = noise.standard_normal((2, 400_000))
     response = 3.0 * excitation + 6.0 * disturbance
 
@@ -125,7 +123,7 @@ def test_noise_in_the_response_costs_coherence_and_does_not_bias_h1(
     assert np.mean(estimate.response[1:-1].imag) == pytest.approx(0.0, abs=0.03)
 
 
-def test_smoothing_averages_over_its_width(noise: np.random.Generator) -> None:
+def test_smoothing_averages_over_its_width(noise):
     excitation, disturbance = noise.standard_normal((2, 100_000))
     response = excitation + disturbance
     raw = estimate_response(excitation, response, DT, resolution=0.5)
@@ -138,7 +136,7 @@ def test_smoothing_averages_over_its_width(noise: np.random.Generator) -> None:
     assert smooth.response[1] == pytest.approx(raw.response[1])
 
 
-def test_without_smoothing_the_estimate_is_that_of_welch(noise: np.random.Generator) -> None:
+def test_without_smoothing_the_estimate_is_that_of_welch(noise):
     excitation, response = noise.standard_normal((2, 5_000))
     estimate = estimate_response(excitation, response, DT, resolution=2.0)
 
@@ -146,9 +144,7 @@ def test_without_smoothing_the_estimate_is_that_of_welch(noise: np.random.Genera
     assert estimate.coherence == pytest.approx(coherence)
 
 
-def test_a_system_that_does_not_respond_has_no_gain_and_no_coherence(
-    noise: np.random.Generator,
-) -> None:
+def test_a_system_that_does_not_respond_has_no_gain_and_no_coherence(noise):
     estimate = estimate_response(noise.standard_normal(1000), np.zeros(1000), DT, resolution=2.0)
 
     assert not estimate.coherence.any()
@@ -159,17 +155,17 @@ def test_a_system_that_does_not_respond_has_no_gain_and_no_coherence(
     ("lengths", "message"),
     [((1000, 999), "both need the same number"), ((400, 400), "at least the 500 of one window")],
 )
-def test_signals_that_do_not_fit_are_refused(lengths: tuple[int, int], message: str) -> None:
+def test_signals_that_do_not_fit_are_refused(lengths, message):
     with pytest.raises(ParameterError, match=message):
         estimate_response(np.ones(lengths[0]), np.ones(lengths[1]), DT, resolution=2.0)
 
 
-def test_a_signal_that_is_not_finite_is_refused() -> None:
+def test_a_signal_that_is_not_finite_is_refused():
     with pytest.raises(ParameterError, match="every sample must be finite"):
         estimate_response(np.ones(1000), np.full(1000, math.nan), DT, resolution=2.0)
 
 
-def test_the_peak_is_looked_for_between_two_frequencies() -> None:
+def test_the_peak_is_looked_for_between_two_frequencies():
     frequency = np.array([1.0, 2.0, 3.0, 4.0])
     estimate = ResponseEstimate(
         frequency=frequency,
@@ -184,7 +180,7 @@ def test_the_peak_is_looked_for_between_two_frequencies() -> None:
 
 
 @pytest.mark.long
-def test_a_frictionless_cylinder_measures_as_eq_24(table_1: PlantParameters) -> None:
+def test_a_frictionless_cylinder_measures_as_eq_24(table_1):
     parameters = replace(table_1, F_c=0.0, F_s=0.0)
     setup = without_input_nonlinearities(
         Setup(

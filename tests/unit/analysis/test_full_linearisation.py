@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.analysis.linearisation import (
-    FullLinearisation,
     Input,
     Output,
     linearise_full,
@@ -15,14 +14,14 @@ from hil_bench.abilities.analysis.linearisation import (
 )
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.steady_motion import OperatingPointError
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
 
 
-def linearised(parameters: PlantParameters, **given: float) -> FullLinearisation:
+def linearised(parameters, **given):
     return linearise_full(parameters, find_operating_point(parameters, **given))
 
 
-def friction_slope(v: float) -> float:
+def friction_slope(v):
     """Derivative of eq. (13) with tanh(400 v), Table I, for v > 0, by hand."""
     power = (v / 0.02) ** 0.8
     level = 600.0 + 300.0 * math.exp(-power)
@@ -32,7 +31,7 @@ def friction_slope(v: float) -> float:
 
 
 @pytest.mark.parametrize(("v", "x"), [(0.1, 0.0), (0.015, 0.05), (0.002, -0.1)])
-def test_the_jacobian_is_that_by_hand(table_1: PlantParameters, v: float, x: float) -> None:
+def test_the_jacobian_is_that_by_hand(table_1, v, x):
     model = linearised(table_1, velocity=v, position=x)
     point, K = model.operating_point, table_1.K
     z, E = point.orifice_state, table_1.E
@@ -68,14 +67,14 @@ def test_the_jacobian_is_that_by_hand(table_1: PlantParameters, v: float, x: flo
 
 
 @pytest.fixture
-def double_rod(table_1: PlantParameters) -> PlantParameters:
+def double_rod(table_1):
     """A cylinder for which the reduced model is no reduction: same areas, viscous friction."""
     return replace(
         table_1, A_A=4.85e-3, A_B=4.85e-3, V_A0=1.175e-3, V_B0=1.175e-3, F_c=0.0, F_s=0.0
     )
 
 
-def test_of_a_double_rod_cylinder_it_is_eq_1_times_eq_24(double_rod: PlantParameters) -> None:
+def test_of_a_double_rod_cylinder_it_is_eq_1_times_eq_24(double_rod):
     model = linearised(double_rod, velocity=0.15, load=20_000.0)
     point, frequencies = model.operating_point, np.array([0.1, 10.0, 71.0, 300.0])
 
@@ -97,9 +96,7 @@ def test_of_a_double_rod_cylinder_it_is_eq_1_times_eq_24(double_rod: PlantParame
     )
 
 
-def test_the_common_pressure_of_both_chambers_is_a_pole_and_a_zero(
-    double_rod: PlantParameters,
-) -> None:
+def test_the_common_pressure_of_both_chambers_is_a_pole_and_a_zero(double_rod):
     model = linearised(double_rod, velocity=0.15)
     z, drop = model.operating_point.orifice_state, 0.5 * (1e7 - 300.0 / 4.85e-3)
 
@@ -110,9 +107,7 @@ def test_the_common_pressure_of_both_chambers_is_a_pole_and_a_zero(
     assert zeros == pytest.approx([common], rel=1e-4)
 
 
-def test_the_load_acts_at_once_on_the_velocity_and_not_on_the_spool(
-    table_1: PlantParameters,
-) -> None:
+def test_the_load_acts_at_once_on_the_velocity_and_not_on_the_spool(table_1):
     model = linearised(table_1, velocity=0.1)
 
     # Fast, the mass alone resists: v / F = -1 / (m s)
@@ -123,14 +118,14 @@ def test_the_load_acts_at_once_on_the_velocity_and_not_on_the_spool(
     assert len(model.zeros(Input.LOAD, Output.VELOCITY)) == 4
 
 
-def test_the_spools_poles_are_those_of_eq_1(table_1: PlantParameters) -> None:
+def test_the_spools_poles_are_those_of_eq_1(table_1):
     poles = linearised(table_1, velocity=0.1).poles
 
     # -xi omega_0 +- j omega_0 sqrt(1 - xi²)
     assert poles[-2:] == pytest.approx([-840.0 + 856.97j, -840.0 - 856.97j], abs=0.01)
 
 
-def test_where_the_stribeck_curve_falls_the_motion_is_unstable(table_1: PlantParameters) -> None:
+def test_where_the_stribeck_curve_falls_the_motion_is_unstable(table_1):
     # The curve falls between 6.3 and 37 mm/s (differences of eq. (13)); at 15 mm/s its slope takes
     # away more than the orifice gives.
     mode = linearised(table_1, velocity=0.015).hydraulic_mode
@@ -139,9 +134,7 @@ def test_where_the_stribeck_curve_falls_the_motion_is_unstable(table_1: PlantPar
     assert mode[1] < 0.0
 
 
-def test_a_standing_piston_does_not_oscillate_and_hears_nothing_through_the_dead_zone(
-    table_1: PlantParameters,
-) -> None:
+def test_a_standing_piston_does_not_oscillate_and_hears_nothing_through_the_dead_zone(table_1):
     model = linearised(table_1, velocity=0.0)
 
     # tanh(400 v): 400 * 900 N + 2000 kg/s on 20 kg
@@ -152,19 +145,19 @@ def test_a_standing_piston_does_not_oscillate_and_hears_nothing_through_the_dead
 
 
 @pytest.mark.parametrize("spool", [3e-4, -3e-4, 1.3e-3, 1.29999e-3])
-def test_a_corner_of_eq_2_is_refused(table_1: PlantParameters, spool: float) -> None:
+def test_a_corner_of_eq_2_is_refused(table_1, spool):
     point = find_operating_point(table_1, spool_position=spool)
     with pytest.raises(OperatingPointError, match="has a corner at"):
         linearise_full(table_1, point)
 
 
-def test_a_saturated_valve_no_longer_hears_its_spool(table_1: PlantParameters) -> None:
+def test_a_saturated_valve_no_longer_hears_its_spool(table_1):
     model = linearised(table_1, spool_position=1.5e-3)
 
     assert not model.response(np.array([1.0]), Input.SPOOL_SETPOINT, Output.VELOCITY).any()
 
 
-def test_the_options_of_the_plant_count(table_1: PlantParameters) -> None:
+def test_the_options_of_the_plant_count(table_1):
     # A laminar transition as wide as the supply makes the orifices linear and softer.
     options = PlantOptions(laminar_transition=1e7)
     point = find_operating_point(table_1, options, velocity=0.1)

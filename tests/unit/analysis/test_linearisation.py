@@ -14,18 +14,15 @@ from hil_bench.abilities.analysis.linearisation import (
     linearise_with_valve,
 )
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
-def load_flow(parameters: PlantParameters, z: float, P_L: float) -> float:
+def load_flow(parameters, z, P_L):
     """Eq. (14)."""
     drop = 0.5 * (parameters.P_S - math.copysign(1.0, z) * P_L)
     return z * parameters.K * math.sqrt(drop)
 
 
-def test_table_1_gives_the_eigenfrequency_and_damping_of_eqs_19_and_20(
-    table_1: PlantParameters,
-) -> None:
+def test_table_1_gives_the_eigenfrequency_and_damping_of_eqs_19_and_20(table_1):
     system = linearise_reduced(table_1)
 
     # 2 * 4.85e-3 sqrt(1e8 / (2.35e-3 * 20)) and 2000 / (4 * 4.85e-3) sqrt(2.35e-3 / (1e8 * 20))
@@ -37,14 +34,14 @@ def test_table_1_gives_the_eigenfrequency_and_damping_of_eqs_19_and_20(
     assert system.poles[1] == system.poles[0].conjugate()
 
 
-def test_an_overdamped_system_has_two_real_poles() -> None:
+def test_an_overdamped_system_has_two_real_poles():
     system = SecondOrderSystem(gain=1.0, eigenfrequency=2.0, damping_ratio=1.25)
 
     # s² + 5 s + 4 = (s + 1)(s + 4)
     assert system.poles == pytest.approx((-1.0, -4.0))
 
 
-def test_the_response_has_the_closed_form_at_standstill_eigenfrequency_and_far_beyond() -> None:
+def test_the_response_has_the_closed_form_at_standstill_eigenfrequency_and_far_beyond():
     system = SecondOrderSystem(gain=3.0, eigenfrequency=2.0 * math.pi * 10.0, damping_ratio=0.1)
 
     still, own, far = system.response(np.array([0.0, 10.0, 10_000.0]))
@@ -57,9 +54,7 @@ def test_the_response_has_the_closed_form_at_standstill_eigenfrequency_and_far_b
 @pytest.mark.parametrize(
     ("z", "P_L"), [(5e-5, 5e5), (9.5e-4, 9.5e6), (1e-3, -3e6), (-4e-4, 2e6), (-4e-4, -2e6)]
 )
-def test_the_consistent_coefficients_are_the_derivatives_of_eq_14(
-    table_1: PlantParameters, z: float, P_L: float
-) -> None:
+def test_the_consistent_coefficients_are_the_derivatives_of_eq_14(table_1, z, P_L):
     flow = linearise_orifice(table_1, orifice_state=z, load_pressure=P_L)
 
     dz, dp = 1e-8, 10.0
@@ -69,7 +64,7 @@ def test_the_consistent_coefficients_are_the_derivatives_of_eq_14(
     assert flow.flow_pressure_coefficient == pytest.approx(-by_p, rel=1e-7)
 
 
-def test_the_printed_coefficients_are_those_of_eqs_21_and_22(table_1: PlantParameters) -> None:
+def test_the_printed_coefficients_are_those_of_eqs_21_and_22(table_1):
     z, P_L = 5e-4, 4e6
     flow = linearise_orifice(
         table_1, orifice_state=z, load_pressure=P_L, form=CoefficientForm.PRINTED
@@ -81,9 +76,7 @@ def test_the_printed_coefficients_are_those_of_eqs_21_and_22(table_1: PlantParam
 
 @pytest.mark.parametrize("form", CoefficientForm)
 @pytest.mark.parametrize("leakage", [0.0, 2e-11])
-def test_eq_24_is_worked_out_right(
-    table_1: PlantParameters, form: CoefficientForm, leakage: float
-) -> None:
+def test_eq_24_is_worked_out_right(table_1, form, leakage):
     parameters, frequencies = replace(table_1, C_L=leakage), np.array([0.0, 1.0, 71.0, 600.0])
     system = linearise_with_valve(parameters, orifice_state=9e-4, load_pressure=9e6, form=form)
 
@@ -94,7 +87,7 @@ def test_eq_24_is_worked_out_right(
     assert system.response(frequencies) == pytest.approx(flow.flow_gain * G / (1.0 + feedback * G))
 
 
-def test_a_closed_valve_leaves_eq_18_with_a_gain(table_1: PlantParameters) -> None:
+def test_a_closed_valve_leaves_eq_18_with_a_gain(table_1):
     system = linearise_with_valve(table_1, orifice_state=0.0, load_pressure=9e6)
 
     plain = linearise_reduced(table_1)
@@ -113,8 +106,6 @@ def test_a_closed_valve_leaves_eq_18_with_a_gain(table_1: PlantParameters) -> No
         (1e-3, math.nan, "must be below the supply's"),
     ],
 )
-def test_a_point_that_the_valve_cannot_have_is_refused(
-    table_1: PlantParameters, z: float, P_L: float, message: str
-) -> None:
+def test_a_point_that_the_valve_cannot_have_is_refused(table_1, z, P_L, message):
     with pytest.raises(ParameterError, match=message):
         linearise_orifice(table_1, orifice_state=z, load_pressure=P_L)

@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.steady_motion import OperatingPointError
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantOptions
 
 BENCH = PlantOptions.bench()
 
@@ -26,9 +25,7 @@ BENCH = PlantOptions.bench()
         {"velocity": 0.2, "load": -8000.0},
     ],
 )
-def test_the_plant_stays_where_the_trim_puts_it(
-    table_1: PlantParameters, options: PlantOptions, leakage: float, given: dict[str, float]
-) -> None:
+def test_the_plant_stays_where_the_trim_puts_it(table_1, options, leakage, given):
     parameters = replace(table_1, C_L=leakage)
     point = find_operating_point(parameters, options, **given)
     plant = FullOrderPlant(parameters, options=options, state=point.state)
@@ -45,9 +42,7 @@ def test_the_plant_stays_where_the_trim_puts_it(
 
 
 @pytest.mark.parametrize(("spool", "velocity"), [(1.5e-3, 0.29126), (-1.5e-3, -0.28223)])
-def test_the_fully_open_valve_gives_the_velocity_of_the_closed_form(
-    table_1: PlantParameters, spool: float, velocity: float
-) -> None:
+def test_the_fully_open_valve_gives_the_velocity_of_the_closed_form(table_1, spool, velocity):
     # (A_A³ + A_B³) (v / (alpha K))² + 2000 v + 600 = P_S A, beyond the Stribeck range, with
     # A_A³ + A_B³ = 2.28823e-7, alpha K = 6.3059e-7: 575447 v² + 2000 v = 49400 or 46400.
     point = find_operating_point(table_1, spool_position=spool)
@@ -55,9 +50,7 @@ def test_the_fully_open_valve_gives_the_velocity_of_the_closed_form(
     assert point.velocity == pytest.approx(velocity, abs=1e-5)
 
 
-def test_steady_velocities_are_those_of_an_independent_integration(
-    table_1: PlantParameters,
-) -> None:
+def test_steady_velocities_are_those_of_an_independent_integration(table_1):
     # u = +-1e-3 m: about +0.204 and -0.198 m/s, from a high-accuracy integration to steady state
     out = find_operating_point(table_1, spool_position=1e-3)
     back = find_operating_point(table_1, spool_position=-1e-3)
@@ -66,7 +59,7 @@ def test_steady_velocities_are_those_of_an_independent_integration(
     assert back.velocity == pytest.approx(-0.198, abs=5e-4)
 
 
-def test_at_rest_the_pressures_hold_the_load(table_1: PlantParameters) -> None:
+def test_at_rest_the_pressures_hold_the_load(table_1):
     point = find_operating_point(table_1, velocity=0.0, load=3000.0, mean_pressure=4e6)
 
     force = point.pressure_a * table_1.A_A - point.pressure_b * table_1.A_B
@@ -76,14 +69,14 @@ def test_at_rest_the_pressures_hold_the_load(table_1: PlantParameters) -> None:
     assert point.load_pressure == point.pressure_a - point.pressure_b
 
 
-def test_a_spool_inside_the_dead_zone_holds_the_piston(table_1: PlantParameters) -> None:
+def test_a_spool_inside_the_dead_zone_holds_the_piston(table_1):
     point = find_operating_point(table_1, spool_position=2.9e-4)
 
     assert point.velocity == 0.0
     assert point.spool_position == 2.9e-4
 
 
-def test_each_direction_may_have_its_own_valve(table_1: PlantParameters) -> None:
+def test_each_direction_may_have_its_own_valve(table_1):
     options = PlantOptions(alpha_negative=5e-4, beta_negative=1e-4)
     point = find_operating_point(table_1, options, velocity=-0.1)
     same = find_operating_point(table_1, velocity=-0.1)
@@ -104,19 +97,17 @@ def test_each_direction_may_have_its_own_valve(table_1: PlantParameters) -> None
         ({"spool_position": 1e-3, "load": 60_000.0}, "by 10000 N and pushes the piston back"),
     ],
 )
-def test_a_point_that_does_not_exist_is_refused_by_name(
-    table_1: PlantParameters, given: dict[str, Any], message: str
-) -> None:
+def test_a_point_that_does_not_exist_is_refused_by_name(table_1, given, message):
     with pytest.raises(OperatingPointError, match=message):
         find_operating_point(table_1, **given)
 
 
-def test_an_overrunning_load_that_would_cavitate_is_refused(table_1: PlantParameters) -> None:
+def test_an_overrunning_load_that_would_cavitate_is_refused(table_1):
     with pytest.raises(OperatingPointError, match=r"chamber A would be at .* below the cavitation"):
         find_operating_point(table_1, BENCH, spool_position=1e-3, load=-60_000.0)
 
 
-def test_a_leaking_cylinder_has_no_rest(table_1: PlantParameters) -> None:
+def test_a_leaking_cylinder_has_no_rest(table_1):
     with pytest.raises(OperatingPointError, match="leakage lets the pressures creep"):
         find_operating_point(replace(table_1, C_L=1e-12), velocity=0.0)
 
@@ -134,8 +125,6 @@ def test_a_leaking_cylinder_has_no_rest(table_1: PlantParameters) -> None:
         ({"velocity": 0.0, "mean_pressure": math.nan}, "mean_pressure = nan Pa: must be finite"),
     ],
 )
-def test_senseless_conditions_are_refused(
-    table_1: PlantParameters, given: dict[str, Any], message: str
-) -> None:
+def test_senseless_conditions_are_refused(table_1, given, message):
     with pytest.raises(ParameterError, match=message):
         find_operating_point(table_1, **given)

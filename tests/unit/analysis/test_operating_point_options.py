@@ -4,7 +4,7 @@ import pytest
 
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.steady_motion import OperatingPointError
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     LuGreFriction,
@@ -28,8 +28,6 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
         PlantOptions(loads=(ConstantLoad(10.0),)),
     ],
 )
-def test_options_with_states_or_loads_of_their_own_are_refused(
-    table_1: PlantParameters, options: PlantOptions
-) -> None:
+def test_options_with_states_or_loads_of_their_own_are_refused(table_1, options):
     with pytest.raises(OperatingPointError, match="give what acts on the rod as the load F_L"):
         find_operating_point(table_1, options, velocity=0.1)

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.analysis.model_statements import (
-    PaperRuns,
-    Statement,
     Verdict,
     as_double_rod,
     run_paper,
@@ -26,7 +24,6 @@ from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantOptions,
-    PlantParameters,
     balanced_state,
 )
 
@@ -37,13 +34,13 @@ pytestmark = pytest.mark.long  # all runs of the paper
 
 
 @pytest.fixture(scope="module")
-def runs() -> PaperRuns:
+def runs():
     # Six seconds hold one window of the spectra; the published report takes sixty.
     return run_paper(chirp_duration=6.0)
 
 
 @pytest.fixture(scope="module")
-def statements(runs: PaperRuns) -> list[Statement]:
+def statements(runs):
     return check_paper(runs)
 
 
@@ -90,24 +87,20 @@ def statements(runs: PaperRuns) -> list[Statement]:
         ("anti-phase", Verdict.FAILS, "m s + σ leads by 77° at 70 Hz"),
     ],
 )
-def test_known_answers_are_found(
-    statements: list[Statement], claim: str, verdict: Verdict, found: str
-) -> None:
+def test_known_answers_are_found(statements, claim, verdict, found):
     (statement,) = [each for each in statements if claim in each.claim]
 
     assert statement.verdict is verdict
     assert found in statement.found
 
 
-def test_nothing_found_is_without_a_number_that_is_one(statements: list[Statement]) -> None:
+def test_nothing_found_is_without_a_number_that_is_one(statements):
     assert len(statements) > 30
     for statement in statements:
         assert not re.search(r"\b(nan|inf)\b", statement.found)
 
 
-def test_the_published_report_has_these_statements_and_verdicts(
-    statements: list[Statement],
-) -> None:
+def test_the_published_report_has_these_statements_and_verdicts(statements):
     published = (DOCUMENTS / REPORT).read_text(encoding="utf-8")
 
     for statement in statements:
@@ -120,7 +113,7 @@ def test_the_published_report_has_these_statements_and_verdicts(
         assert (DOCUMENTS / image).is_file()
 
 
-def test_low_inputs_leave_the_resonance_asleep_and_friction_is_why(runs: PaperRuns) -> None:
+def test_low_inputs_leave_the_resonance_asleep_and_friction_is_why(runs):
     high, low = (run.estimate for run in runs.chirps[:2])
     free = runs.frictionless.estimate
 
@@ -130,7 +123,7 @@ def test_low_inputs_leave_the_resonance_asleep_and_friction_is_why(runs: PaperRu
     assert free.peak(20.0, 200.0)[1] - free.gain_at(5.0) == pytest.approx(14.9, abs=1.0)
 
 
-def test_the_averaged_cylinder_is_all_that_tells_both_models_apart(runs: PaperRuns) -> None:
+def test_the_averaged_cylinder_is_all_that_tells_both_models_apart(runs):
     rods, single = runs.double_rod, runs.trajectories[1]
 
     # Once the motion is steady, eq. (15) is exact for a double rod.
@@ -141,7 +134,7 @@ def test_the_averaged_cylinder_is_all_that_tells_both_models_apart(runs: PaperRu
     assert np.abs(apart).min() > 2e5
 
 
-def test_the_variants_change_what_they_say(table_1: PlantParameters) -> None:
+def test_the_variants_change_what_they_say(table_1):
     frozen, rod = with_constant_volumes(table_1), as_double_rod(table_1)
 
     assert rod.omega_c == pytest.approx(table_1.omega_c)
@@ -153,7 +146,7 @@ def test_the_variants_change_what_they_say(table_1: PlantParameters) -> None:
     assert plant.state == state  # far beyond that h, and allowed without an end stop
 
 
-def test_the_report_shows_every_figure(runs: PaperRuns) -> None:
+def test_the_report_shows_every_figure(runs):
     text = report_text(runs)
     names = [name for study in paper_studies(runs) for name in study.figures]
 
@@ -162,9 +155,7 @@ def test_the_report_shows_every_figure(runs: PaperRuns) -> None:
         assert f"({IMAGES}/{name}.png)" in text
 
 
-def test_all_is_written_below_the_directory(
-    runs: PaperRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_is_written_below_the_directory(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "hil_bench.abilities.analysis.paper.paper_studies", lambda runs: full(runs)[1:2]
     )
@@ -178,7 +169,7 @@ def test_all_is_written_below_the_directory(
 full = paper_studies
 
 
-def test_a_directory_that_cannot_be_written_is_told_before_the_simulation(tmp_path: Path) -> None:
+def test_a_directory_that_cannot_be_written_is_told_before_the_simulation(tmp_path):
     (tmp_path / IMAGES).write_text("in the way")
     with pytest.raises(ConfigError, match="cannot be written: File exists"):
         write_paper(tmp_path)

@@ -8,10 +8,9 @@ import pytest
 
 from hil_bench.abilities.analysis.root_locus import root_locus
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
-def test_the_critical_gain_is_that_of_routh(table_1: PlantParameters) -> None:
+def test_the_critical_gain_is_that_of_routh(table_1):
     locus = root_locus(table_1)
 
     # Routh on s³ + 2 zeta omega s² + omega² s + k omega² / A: k = 2 zeta omega A = sigma A / m
@@ -20,15 +19,13 @@ def test_the_critical_gain_is_that_of_routh(table_1: PlantParameters) -> None:
     assert locus.critical_frequency == pytest.approx(447.43, abs=0.005)
 
 
-def test_the_spool_in_the_loop_moves_the_critical_gain(table_1: PlantParameters) -> None:
+def test_the_spool_in_the_loop_moves_the_critical_gain(table_1):
     # 0.493 m²/s: worked out independently, from the phase of k G(s) H(s) / s at -180 degrees
     assert root_locus(table_1, with_spool=True).critical_gain == pytest.approx(0.493, abs=0.0005)
 
 
 @pytest.mark.parametrize("with_spool", [False, True])
-def test_at_the_critical_gain_a_pair_lies_on_the_imaginary_axis(
-    table_1: PlantParameters, *, with_spool: bool
-) -> None:
+def test_at_the_critical_gain_a_pair_lies_on_the_imaginary_axis(table_1, *, with_spool):
     limit = root_locus(table_1, with_spool=with_spool)
     gains = limit.critical_gain * np.array([0.99, 1.0, 1.01])
 
@@ -39,7 +36,7 @@ def test_at_the_critical_gain_a_pair_lies_on_the_imaginary_axis(
     assert real[2] > 0.1
 
 
-def test_each_pole_solves_the_characteristic_equation(table_1: PlantParameters) -> None:
+def test_each_pole_solves_the_characteristic_equation(table_1):
     locus = root_locus(table_1, gains=[0.1, 0.7])
 
     for gain, poles in zip(locus.gains, locus.poles, strict=True):
@@ -49,9 +46,7 @@ def test_each_pole_solves_the_characteristic_equation(table_1: PlantParameters) 
         assert gain * G / poles == pytest.approx(-np.ones(3))
 
 
-def test_the_branches_start_at_the_open_loops_poles_and_do_not_jump(
-    table_1: PlantParameters,
-) -> None:
+def test_the_branches_start_at_the_open_loops_poles_and_do_not_jump(table_1):
     locus = root_locus(table_1, with_spool=True)
 
     assert np.sort_complex(locus.poles[0]) == pytest.approx(np.sort_complex(locus.open_loop_poles))
@@ -59,7 +54,7 @@ def test_the_branches_start_at_the_open_loops_poles_and_do_not_jump(
     assert steps.max() < 20.0  # rad/s; two branches lie 400 apart
 
 
-def test_without_damping_any_gain_is_too_much(table_1: PlantParameters) -> None:
+def test_without_damping_any_gain_is_too_much(table_1):
     locus = root_locus(replace(table_1, sigma=0.0), gains=[0.0, 1e-6])
 
     assert locus.critical_gain == pytest.approx(0.0, abs=1e-12) or math.isinf(locus.critical_gain)
@@ -75,8 +70,6 @@ def test_without_damping_any_gain_is_too_much(table_1: PlantParameters) -> None:
         ([1.0, 1.0], "must rise"),
     ],
 )
-def test_senseless_gains_are_refused(
-    table_1: PlantParameters, gains: list[float], message: str
-) -> None:
+def test_senseless_gains_are_refused(table_1, gains, message):
     with pytest.raises(ParameterError, match=message):
         root_locus(table_1, gains=gains)

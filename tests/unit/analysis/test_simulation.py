@@ -20,12 +20,11 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     Solver,
 )
 
 
-def test_a_row_holds_what_the_plant_shows_after_its_step(table_1: PlantParameters) -> None:
+def test_a_row_holds_what_the_plant_shows_after_its_step(table_1):
     setpoints = np.array([5e-4, 1e-3, -2e-4, 7e-4, 7e-4])
     run = simulate(Setup(parameters=table_1), setpoints, every=2)
 
@@ -44,9 +43,7 @@ def test_a_row_holds_what_the_plant_shows_after_its_step(table_1: PlantParameter
 
 
 @pytest.mark.parametrize("model", Model)
-def test_without_input_nonlinearities_a_small_opening_moves_the_piston(
-    table_1: PlantParameters, model: Model
-) -> None:
+def test_without_input_nonlinearities_a_small_opening_moves_the_piston(table_1, model):
     setup = Setup(
         parameters=table_1,
         model=model,
@@ -61,9 +58,7 @@ def test_without_input_nonlinearities_a_small_opening_moves_the_piston(
 
 
 @pytest.mark.parametrize("model", Model)
-def test_a_sine_has_its_amplitude_frequency_and_phase(
-    table_1: PlantParameters, model: Model
-) -> None:
+def test_a_sine_has_its_amplitude_frequency_and_phase(table_1, model):
     run = state_trajectory(
         Setup(parameters=table_1, model=model), amplitude=8e-4, frequency=5.0, duration=0.4
     )
@@ -86,8 +81,6 @@ def test_a_sine_has_its_amplitude_frequency_and_phase(
         ({"duration": 1e-5}, ParameterError, "0 steps of 0.0001 s"),
     ],
 )
-def test_a_senseless_sine_is_refused(
-    table_1: PlantParameters, given: dict[str, float], error: type[Exception], message: str
-) -> None:
+def test_a_senseless_sine_is_refused(table_1, given, error, message):
     with pytest.raises(error, match=message):
         state_trajectory(Setup(parameters=table_1), **{"amplitude": 1e-3, **given})

@@ -14,11 +14,10 @@ from hil_bench.abilities.analysis.simulation_statements import (
     position_at,
     ripple,
 )
-from hil_bench.outside.recording.channels import Recording, recording_dtype
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
+from hil_bench.outside.recording.channels import recording_dtype
 
 
-def motion(lead_deg: float, *, amplitude: float = 0.01, drift: float = 0.1) -> Recording:
+def motion(lead_deg, *, amplitude=0.01, drift=0.1):
     """A velocity that oscillates at 70 Hz about a slow motion, and a pressure that leads it."""
     run = np.zeros(4000, dtype=recording_dtype(CHANNELS))
     run["time"] = np.arange(4000) * 5e-4
@@ -29,28 +28,28 @@ def motion(lead_deg: float, *, amplitude: float = 0.01, drift: float = 0.1) -> R
 
 
 @pytest.mark.parametrize("lead", [0.0, 77.0, -120.0, 179.0])
-def test_the_phase_lead_of_an_oscillation_is_found(lead: float) -> None:
+def test_the_phase_lead_of_an_oscillation_is_found(lead):
     assert phase_lead(motion(lead), 0.5, 1.0) == pytest.approx(lead, abs=0.5)
 
 
-def test_the_frequency_of_an_oscillation_is_found() -> None:
+def test_the_frequency_of_an_oscillation_is_found():
     assert dominant_frequency(motion(30.0), 0.5, 0.8) == pytest.approx(70.0, abs=0.5)
 
 
-def test_the_ripple_is_what_the_trend_leaves() -> None:
+def test_the_ripple_is_what_the_trend_leaves():
     # At both ends of the span the polynomial gives way to half a swing: some 5 %.
     assert ripple(motion(0.0, amplitude=0.01), 0.2, 1.8) == pytest.approx(0.01, rel=0.1)
     assert ripple(motion(0.0, amplitude=0.0), 0.2, 1.8) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_eigenfrequency_off_mid_stroke_is_that_by_hand(table_1: PlantParameters) -> None:
+def test_the_eigenfrequency_off_mid_stroke_is_that_by_hand(table_1):
     # x = 0: 5e6 (25e-6 / 1.2e-3 + 22.09e-6 / 1.15e-3) = 200,210, of which the root is 447.45.
     # x = 0.1: 5e6 (25e-6 / 1.7e-3 + 22.09e-6 / 0.68e-3) = 235,956, of which it is 485.75.
     assert eigenfrequency_at(table_1, 0.0) == pytest.approx(447.45, abs=0.01)
     assert eigenfrequency_at(table_1, 0.1) == pytest.approx(485.75, abs=0.01)
 
 
-def test_the_position_is_looked_up_when_the_chirp_passes(table_1: PlantParameters) -> None:
+def test_the_position_is_looked_up_when_the_chirp_passes(table_1):
     run = np.zeros(10_000, dtype=recording_dtype(CHANNELS))
     run["x"] = np.arange(10_000)
     empty = np.zeros(1)

@@ -1,7 +1,6 @@
 """What a study leaves: text, JSON values, CSV, PNG and SVG, the same bytes each time."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from hil_bench.abilities.analysis.study import Fact, Study, make_table, write_st
 from hil_bench.errors import ConfigError
 from hil_bench.extras import require_extra
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
 
 
 @pytest.mark.parametrize(
@@ -31,14 +30,14 @@ from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParamet
         (math.inf, "inf", None),
     ],
 )
-def test_a_fact_is_read_by_people_and_by_programs(value: complex, text: str, plain: object) -> None:
+def test_a_fact_is_read_by_people_and_by_programs(value, text, plain):
     fact = Fact("something", value, "-")
 
     assert fact.text == text
     assert fact.plain == plain
 
 
-def test_a_table_is_written_with_names_units_and_all_digits(tmp_path: Path) -> None:
+def test_a_table_is_written_with_names_units_and_all_digits(tmp_path):
     table = make_table({Channel("a", "m"): [0.1, 1.0 / 3.0], Channel("b", "-"): [1.0, 2.0]})
     write_study(Study(title="", facts=[], tables={"name": table}, figures={}), tmp_path)
 
@@ -47,7 +46,7 @@ def test_a_table_is_written_with_names_units_and_all_digits(tmp_path: Path) -> N
 
 
 @pytest.mark.long
-def test_the_same_study_writes_the_same_bytes(table_1: PlantParameters, tmp_path: Path) -> None:
+def test_the_same_study_writes_the_same_bytes(table_1, tmp_path):
     written = []
     for name in ("once", "again"):
         directory = tmp_path / name
@@ -66,17 +65,13 @@ def test_the_same_study_writes_the_same_bytes(table_1: PlantParameters, tmp_path
         assert b"<dc:date>" not in content
 
 
-def test_a_figure_that_cannot_be_written_is_one_line(
-    table_1: PlantParameters, tmp_path: Path
-) -> None:
+def test_a_figure_that_cannot_be_written_is_one_line(table_1, tmp_path):
     (tmp_path / "root-locus.png").mkdir()
     with pytest.raises(ConfigError, match=r"root-locus\.png: cannot be written: Is a directory"):
         write_study(root_locus_study(table_1), tmp_path)
 
 
-def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(
-    table_1: PlantParameters,
-) -> None:
+def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(table_1):
     point = find_operating_point(table_1, velocity=0.1)
     study = linearisation_study(table_1, point, PlantOptions.paper())
     facts = {fact.name: fact.value for fact in study.facts}
@@ -97,7 +92,7 @@ def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(
     )
 
 
-def test_the_facts_of_flow_over_pressure_are_those_of_eq_14(table_1: PlantParameters) -> None:
+def test_the_facts_of_flow_over_pressure_are_those_of_eq_14(table_1):
     facts = {fact.name: fact.value for fact in flow_pressure_study(table_1).facts}
 
     # Q_L = z K sqrt((P_S - P_L) / 2), fully open at z = 1 mm
@@ -108,9 +103,7 @@ def test_the_facts_of_flow_over_pressure_are_those_of_eq_14(table_1: PlantParame
     assert facts["load pressure without flow"] == pytest.approx(table_1.P_S)
 
 
-def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(
-    table_1: PlantParameters, tmp_path: Path
-) -> None:
+def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(table_1, tmp_path):
     point = find_operating_point(table_1, velocity=0.0)
     study = linearisation_study(table_1, point, PlantOptions.paper())
     write_study(study, tmp_path)
@@ -121,7 +114,7 @@ def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(
     assert np.isfinite(study.tables["linearisation"]["frequency"]).all()
 
 
-def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _name: None)
     with pytest.raises(ConfigError) as caught:
         require_extra("scipy", "a frequency response")

@@ -5,14 +5,12 @@ import shutil
 import signal
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
 from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.plan import make_spec, own_case, space_of
-from hil_bench.abilities.campaign.records import RunSpec
 from hil_bench.abilities.campaign.snapshot import (
     Snapshots,
     can_branch,
@@ -51,13 +49,13 @@ that = "always abs(axis1.position) < 100 mm"
 """
 
 
-def specs(path: Path, *points: dict[str, float]) -> list[RunSpec]:
+def specs(path, *points):
     scenario = load_scenario(path)
     case, space = own_case(scenario), space_of(scenario)
     return [make_spec(case, point, space, None, 60.0) for point in points]
 
 
-def point(at_s: float, load_kn: float, limit_bar: float = 60.0) -> dict[str, float]:
+def point(at_s, load_kn, limit_bar=60.0):
     return {"at_s": at_s, "load_kN": load_kn, "limit_bar": limit_bar}
 
 
@@ -72,13 +70,13 @@ POINTS = (
 
 
 @pytest.fixture
-def load(tmp_path: Path) -> Path:
+def load(tmp_path):
     path = tmp_path / "load.scenario.toml"
     path.write_text(LOAD.format(controller=""))
     return path
 
 
-def test_a_copy_ends_as_a_run_from_the_start(load: Path) -> None:
+def test_a_copy_ends_as_a_run_from_the_start(load):
     runs = specs(load, *POINTS)
     snapshots, pids = Snapshots(), []
     try:
@@ -94,7 +92,7 @@ def test_a_copy_ends_as_a_run_from_the_start(load: Path) -> None:
     assert len({perform(run).verdicts for run in runs}) >= 5
 
 
-def test_a_killed_snapshot_costs_no_run(load: Path) -> None:
+def test_a_killed_snapshot_costs_no_run(load):
     runs = specs(load, *POINTS[:3])
     snapshots = Snapshots()
     try:
@@ -107,22 +105,20 @@ def test_a_killed_snapshot_costs_no_run(load: Path) -> None:
         snapshots.close()
 
 
-def begin_thread() -> None:
+def begin_thread():
     threading.Thread(target=threading.Event().wait, daemon=True).start()
 
 
 @pytest.mark.parametrize(("when", "is_taken"), [("at each fork", True), ("in the run", False)])
-def test_a_thread_of_the_run_itself_is_not_copied(
-    load: Path, monkeypatch: pytest.MonkeyPatch, when: str, is_taken: bool
-) -> None:
+def test_a_thread_of_the_run_itself_is_not_copied(load, monkeypatch, when, is_taken):
     """Those that a library starts anew at each fork, as pyarrow does, are in the copy, too."""
     keep, play = snapshot._keep, snapshot.play
 
-    def keep_with_thread(*arguments: Any) -> None:
+    def keep_with_thread(*arguments):
         begin_thread()
         keep(*arguments)
 
-    def play_with_thread(prepared: Any, *options: Any) -> Any:
+    def play_with_thread(prepared, *options):
         if options:  # not in this process
             begin_thread()
         return play(prepared, *options)
@@ -140,7 +136,7 @@ def test_a_thread_of_the_run_itself_is_not_copied(
         snapshots.close()
 
 
-def test_steps_are_common_up_to_the_first_that_differs(load: Path) -> None:
+def test_steps_are_common_up_to_the_first_that_differs(load):
     first, second, third = (prepare_spec(run).actions for run in specs(load, *POINTS[:3]))
     # Ticks of 1 ms: the load changes at 0.3 s, another one or later.
     assert first_difference(first, second) == 300
@@ -151,7 +147,7 @@ def test_steps_are_common_up_to_the_first_that_differs(load: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
-def test_a_chip_is_copied_with_its_bench(tmp_path: Path) -> None:
+def test_a_chip_is_copied_with_its_bench(tmp_path):
     pytest.importorskip("unicorn")
     (tmp_path / "bench.toml").write_text("[bench]\ntick_us = 500\n")
     table = 'kind = "elf"\nprogram = "stm32f4.elf"\nchip = "STM32F407"'
@@ -159,13 +155,13 @@ def test_a_chip_is_copied_with_its_bench(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif("CI" not in os.environ and not shutil.which("cc"), reason="needs a C compiler")
-def test_a_library_is_copied_with_its_bench(tmp_path: Path) -> None:
+def test_a_library_is_copied_with_its_bench(tmp_path):
     name = "libposition_control.so"
     settings = 'settings = { targets_mm = "50,-50" }'
     check_copies(tmp_path, name, f'kind = "library"\nlibrary = "{name}"\n{settings}')
 
 
-def check_copies(folder: Path, goal: str, table: str, bench: str = "") -> None:
+def check_copies(folder, goal, table, bench=""):
     """Check that runs with the example in C end as those from the start, from a snapshot."""
     build_example(folder, goal)
     path = folder / "example.scenario.toml"

@@ -5,7 +5,7 @@ from support.signals import SIGNALS
 
 
 @pytest.fixture(autouse=True)
-def _no_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_environment(monkeypatch):
     monkeypatch.delenv("HIL_BENCH_CONFIG", raising=False)
     monkeypatch.delenv("HIL_BENCH_SEED", raising=False)
 

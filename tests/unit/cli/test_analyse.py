@@ -1,7 +1,6 @@
 """`hil-bench analyse`: what it prints, what it writes, what it refuses."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -37,41 +36,37 @@ axis = "swing"
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Path:
+def bench(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(BENCH, encoding="utf-8")
     return path
 
 
-def facts(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
+def facts(capsys, *arguments):
     assert main(["analyse", *arguments, "--json"]) == 0
     return {fact["name"]: fact["value"] for fact in json.loads(capsys.readouterr().out)["facts"]}
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_analysis_has_a_help_that_ends_with_examples(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_analysis_has_a_help_that_ends_with_examples(name, capsys):
     assert main(["analyse", name, "--help"]) == 0
 
     examples = capsys.readouterr().out.rpartition("\nexamples:\n")[2]
     assert examples.startswith(f"  hil-bench analyse {name}")
 
 
-def test_without_a_bench_table_1_is_analysed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_bench_table_1_is_analysed(capsys):
     # sigma A / m = 2000 * 4.85e-3 / 20
     assert facts(capsys, "root-locus")["critical gain"] == pytest.approx(0.485)
 
 
-def test_the_first_axis_of_a_bench_is_analysed_or_the_one_that_is_named(
-    bench: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_first_axis_of_a_bench_is_analysed_or_the_one_that_is_named(bench, capsys):
     assert facts(capsys, "root-locus", str(bench))["critical gain"] == pytest.approx(0.485 / 4.0)
     named = facts(capsys, "root-locus", str(bench), "--axis", "swing")
     assert named["critical gain"] == pytest.approx(0.485)
 
 
-def test_the_operating_point_is_that_of_the_arguments(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_operating_point_is_that_of_the_arguments(capsys):
     arguments = ("--velocity-mm-s", "-80", "--position-mm", "50", "--load-n", "-2000")
     found = facts(capsys, "linearisation", *arguments)
 
@@ -84,9 +79,7 @@ def test_the_operating_point_is_that_of_the_arguments(capsys: pytest.CaptureFixt
     assert facts(capsys, "linearisation")["full-order: velocity"] == pytest.approx(0.1)
 
 
-def test_the_text_has_a_line_a_fact_and_the_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_text_has_a_line_a_fact_and_the_files(tmp_path, capsys):
     assert main(["analyse", "flow-pressure", "--output", str(tmp_path / "new"), "-v"]) == 0
 
     lines = capsys.readouterr().out.splitlines()
@@ -99,9 +92,7 @@ def test_the_text_has_a_line_a_fact_and_the_files(
 
 
 @pytest.mark.long
-def test_a_chirp_and_a_sine_follow_the_arguments(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_chirp_and_a_sine_follow_the_arguments(tmp_path, capsys):
     response = facts(
         capsys, "frequency-response", "--amplitude-mm", "0.8", "--duration", "5", "--to-hz", "20"
     )
@@ -116,9 +107,7 @@ def test_a_chirp_and_a_sine_follow_the_arguments(
 
 
 @pytest.mark.long
-def test_dead_zone_and_saturation_stay_in_where_it_is_told(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_dead_zone_and_saturation_stay_in_where_it_is_told(capsys):
     # An amplitude within the dead-zone of 0.3 mm.
     arguments = ("frequency-response", "--amplitude-mm", "0.25", "--duration", "5")
 
@@ -128,9 +117,7 @@ def test_dead_zone_and_saturation_stay_in_where_it_is_told(
 
 
 @pytest.mark.long
-def test_the_papers_report_is_written_and_its_verdicts_printed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_papers_report_is_written_and_its_verdicts_printed(tmp_path, capsys, monkeypatch):
     run = verbs.run_paper
     monkeypatch.setattr(verbs, "run_paper", lambda: run(chirp_duration=5.0))
     monkeypatch.setattr("hil_bench.abilities.analysis.paper.paper_studies", lambda _runs: [])
@@ -161,9 +148,7 @@ def test_the_papers_report_is_written_and_its_verdicts_printed(
         (["trajectories", "--amplitude-mm", "nan"], "amplitude = nan m: must be finite and no "),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
     assert main(["analyse", *arguments]) == 2
 
     (line,) = capsys.readouterr().err.splitlines()
@@ -174,21 +159,17 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     "arguments",
     [[], ["magic"], ["linearisation", "--velocity-mm-s", "1", "--spool-position-mm", "1"]],
 )
-def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
+def test_wrong_usage_is_exit_code_2(arguments):
     assert main(["analyse", *arguments]) == 2
 
 
-def test_an_output_that_cannot_be_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_output_that_cannot_be_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert main(["analyse", "root-locus", "--output", str(tmp_path / "file")]) == 2
     assert "cannot be made: File exists; give a directory of yours" in capsys.readouterr().err
 
 
-def test_a_missing_extra_is_one_line_that_names_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_extra_is_one_line_that_names_it(monkeypatch, capsys):
     monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _name: None)
 
     assert main(["analyse", "root-locus"]) == 2

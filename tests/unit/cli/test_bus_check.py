@@ -13,13 +13,13 @@ from hil_bench.cli import main
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def test_the_virtual_bench_is_as_its_configuration_says(capsys) -> None:
+def test_the_virtual_bench_is_as_its_configuration_says(capsys):
     assert main(["check", "--bus", "--virtual"]) == 0
     assert "as the configuration says" in capsys.readouterr().err
 
 
 @pytest.fixture
-def one_difference(monkeypatch: pytest.MonkeyPatch) -> list[Difference]:
+def one_difference(monkeypatch):
     """The heartbeat of node 1 is wrong until it was written."""
     differences = [
         [Difference(1, "node 1: 0x1017.00 is 0; 50 is right", Mend.WRITE, (0x1017, 0), 50)],
@@ -37,7 +37,7 @@ def one_difference(monkeypatch: pytest.MonkeyPatch) -> list[Difference]:
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_a_difference_comes_with_the_command_that_mends_it(capsys) -> None:
+def test_a_difference_comes_with_the_command_that_mends_it(capsys):
     assert main(["check", "--bus", "--virtual"]) == 1
     assert capsys.readouterr().out == (
         "node 1: 0x1017.00 is 0; 50 is right; "
@@ -45,7 +45,7 @@ def test_a_difference_comes_with_the_command_that_mends_it(capsys) -> None:
     )
 
 
-def test_the_command_names_the_bus_and_the_file() -> None:
+def test_the_command_names_the_bus_and_the_file():
     args = argparse.Namespace(
         config="my bench.toml",
         virtual=False,
@@ -61,14 +61,14 @@ def test_the_command_names_the_bus_and_the_file() -> None:
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_json_is_for_programs(capsys) -> None:
+def test_json_is_for_programs(capsys):
     assert main(["check", "--bus", "--virtual", "--json"]) == 1
     (difference,) = json.loads(capsys.readouterr().out)
     assert (difference["object"], difference["right"]) == ("0x1017.00", 50)
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_what_is_applied_is_shown_first(capsys) -> None:
+def test_what_is_applied_is_shown_first(capsys):
     assert main(["check", "--bus", "--virtual", "--apply", "--yes"]) == 0
     out, err = capsys.readouterr()
     assert "  0x1017.00 = 50 (0x0032)  Producer heartbeat time" in out
@@ -76,7 +76,7 @@ def test_what_is_applied_is_shown_first(capsys) -> None:
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_an_interruption_says_what_is_half_done(capsys, monkeypatch) -> None:
+def test_an_interruption_says_what_is_half_done(capsys, monkeypatch):
     def interrupt(*_arguments, **_options):
         raise KeyboardInterrupt
 
@@ -89,27 +89,27 @@ def test_an_interruption_says_what_is_half_done(capsys, monkeypatch) -> None:
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_nothing_is_written_to_other_nodes(capsys) -> None:
+def test_nothing_is_written_to_other_nodes(capsys):
     assert main(["check", "--bus", "--virtual", "--apply", "--yes", "--node", "2"]) == 1
     assert "0x0032" not in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_without_anybody_to_ask_nothing_is_written(capsys, monkeypatch) -> None:
+def test_without_anybody_to_ask_nothing_is_written(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin.isatty", lambda: False)
     assert main(["check", "--bus", "--virtual", "--apply"]) == 2
     assert "give --yes to write without asking" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("answer", ["", "n", "no", "yess"])
-def test_anything_but_yes_writes_nothing(answer, one_difference, monkeypatch) -> None:
+def test_anything_but_yes_writes_nothing(answer, one_difference, monkeypatch):
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("builtins.input", lambda _: answer)
     assert main(["check", "--bus", "--virtual", "--apply"]) == 1
     assert len(one_difference) == 1  # nothing was written, so nothing was compared again
 
 
-def test_the_concise_dcf_is_a_file_a_node(one_difference, tmp_path) -> None:
+def test_the_concise_dcf_is_a_file_a_node(one_difference, tmp_path):
     assert one_difference
     assert main(["check", "--bus", "--virtual", "--dcf", str(tmp_path / "dcf")]) == 1
     # One entry; 0x1017.00, 2 bytes, 50 (CiA 302-3).
@@ -118,7 +118,7 @@ def test_the_concise_dcf_is_a_file_a_node(one_difference, tmp_path) -> None:
 
 
 @pytest.mark.usefixtures("one_difference")
-def test_a_folder_that_cannot_be_written_is_exit_code_2(tmp_path, capsys) -> None:
+def test_a_folder_that_cannot_be_written_is_exit_code_2(tmp_path, capsys):
     (tmp_path / "file").touch()
     assert main(["check", "--bus", "--virtual", "--dcf", str(tmp_path / "file")]) == 2
     assert "cannot be written" in capsys.readouterr().err
@@ -132,7 +132,7 @@ def test_a_folder_that_cannot_be_written_is_exit_code_2(tmp_path, capsys) -> Non
         (["--bus", "--virtual", "--yes"], "--yes: belongs to --apply"),
     ],
 )
-def test_options_that_need_others_say_so(arguments, message, capsys) -> None:
+def test_options_that_need_others_say_so(arguments, message, capsys):
     assert main(["check", *arguments]) == 2
     assert message in capsys.readouterr().err
 
@@ -145,11 +145,11 @@ def test_options_that_need_others_say_so(arguments, message, capsys) -> None:
         (Write((0x6148, 1), "", 1.5, b"\x00\x00\xc0\x3f"), "0x6148.01 = 1.5 (0x3FC00000)"),
     ],
 )
-def test_a_write_is_shown_as_an_engineer_reads_it(write: Write, text: str) -> None:
+def test_a_write_is_shown_as_an_engineer_reads_it(write, text):
     assert _assignment(write) == text
 
 
-def test_one_of_several_buses_is_checked_by_its_name(capsys) -> None:
+def test_one_of_several_buses_is_checked_by_its_name(capsys):
     bench = str(EXAMPLES / "two_buses.toml")
     assert main(["check", bench, "--bus", "--virtual", "--on", "sensors"]) == 0
     assert main(["check", bench, "--bus", "--virtual"]) == 0
@@ -181,13 +181,13 @@ def test_one_of_several_buses_is_checked_by_its_name(capsys) -> None:
         ),
     ],
 )
-def test_a_bus_that_cannot_be_meant_is_told(capsys, arguments: list[str], message: str) -> None:
+def test_a_bus_that_cannot_be_meant_is_told(capsys, arguments, message):
     bench = str(EXAMPLES / "two_buses.toml")
     assert main([word.replace("BENCH", bench) for word in arguments]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message.replace('BENCH', bench)}\n"
 
 
-def test_a_twin_listens_to_one_bus(capsys) -> None:
+def test_a_twin_listens_to_one_bus(capsys):
     bench = str(EXAMPLES / "two_buses.toml")
     assert main(["shadow", bench]) == 2
     assert capsys.readouterr().err.endswith("give shadow a bench.toml with all nodes on one\n")

@@ -10,9 +10,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 
 
-def test_each_value_is_shown_with_its_origin(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_value_is_shown_with_its_origin(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HIL_BENCH_SEED", "7")
     Path("bench.toml").write_text("[plant.axis1]\nstroke_mm = 300\n")
@@ -53,9 +51,7 @@ def test_each_value_is_shown_with_its_origin(
 @pytest.mark.parametrize(
     "example", ["one_axis.toml", "two_axes.toml", "real_sensors.toml", "faults.toml"]
 )
-def test_what_check_prints_is_the_same_bench(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], example: str
-) -> None:
+def test_what_check_prints_is_the_same_bench(tmp_path, capsys, example):
     original = Path(__file__).parents[3] / "examples" / example
     assert main(["check", str(original)]) == 0
     printed = tmp_path / "printed.toml"
@@ -71,7 +67,7 @@ def test_what_check_prints_is_the_same_bench(
     )
 
 
-def test_json_is_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_for_programs(capsys):
     assert main(["check", "--json", "--seed", "3"]) == 0
 
     found = json.loads(capsys.readouterr().out)
@@ -88,9 +84,7 @@ def test_json_is_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert settings["bus", "interface"]["value"] is None
 
 
-def test_a_wrong_configuration_is_exit_code_2(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_configuration_is_exit_code_2(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("bench.toml").write_text("[bench]\ntick = 1\nseed = -1\n")
 
@@ -104,9 +98,7 @@ def test_a_wrong_configuration_is_exit_code_2(
     ]
 
 
-def test_a_broken_eds_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_broken_eds_is_found(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("broken.eds").write_text("[FileInfo]\n")
     node = 'profile = "{}"\nnode_id = {}\neds = "broken.eds"\n'
@@ -135,12 +127,7 @@ eds = "vendor.eds"
 
 
 @pytest.mark.parametrize("command", [["check"], ["devices"], ["run", "--duration", "0.01"]])
-def test_a_deviation_of_an_eds_is_told_once(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    command: list[str],
-) -> None:
+def test_a_deviation_of_an_eds_is_told_once(tmp_path, monkeypatch, capsys, command):
     monkeypatch.chdir(tmp_path)
     text = VALVE_408.read_text(encoding="ascii")
     changed = text.replace("$NODEID+0x200", "0x601").replace("AccessType=const", "AccessType=co", 1)
@@ -161,9 +148,7 @@ def test_a_deviation_of_an_eds_is_told_once(
     assert "vendor.eds" not in capsys.readouterr().err
 
 
-def test_many_deviations_of_an_eds_are_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_many_deviations_of_an_eds_are_counted(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = VALVE_408.read_text(encoding="ascii")
     number = text.count("AccessType=const")
@@ -181,9 +166,7 @@ def test_many_deviations_of_an_eds_are_counted(
     )
 
 
-def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(capsys):
     assert main(["check", "-b", "500000", "--fd", "--data-bitrate=2000000"]) == 0
     shown = capsys.readouterr().out
     bus = tomllib.loads(shown)["bus"]
@@ -198,9 +181,7 @@ def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(
         (["--timing", "f_clock=8000000"], "--timing: bit timing is the adapter's; give -b or"),
     ],
 )
-def test_what_no_bus_can_be_is_refused_in_a_line(
-    options: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_no_bus_can_be_is_refused_in_a_line(options, said, capsys):
     assert main(["check", *options]) == 2
     err = capsys.readouterr().err
     assert said in err

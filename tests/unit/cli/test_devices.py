@@ -16,12 +16,12 @@ OBJECTS = (
 )
 
 
-def lines(*pdos: PdoRow) -> list[str]:
+def lines(*pdos):
     device = DeviceRow("valve", 1, "valve_408", "axis1", "/eds/valve.eds", pdos)
     return list(_device_lines(device))
 
 
-def test_a_device_is_told_with_its_pdos_and_their_objects() -> None:
+def test_a_device_is_told_with_its_pdos_and_their_objects():
     rpdo, tpdo = (
         PdoRow("RPDO1", 0x201, 255, 100, OBJECTS),
         PdoRow("TPDO1", 0x181, 1, 0, OBJECTS[1:]),
@@ -50,15 +50,13 @@ def test_a_device_is_told_with_its_pdos_and_their_objects() -> None:
         ("RPDO1", 254, 0, "254 on event"),
     ],
 )
-def test_a_transmission_type_is_told_in_words(
-    name: str, transmission_type: int, event_time_ms: int, words: str
-) -> None:
+def test_a_transmission_type_is_told_in_words(name, transmission_type, event_time_ms, words):
     line = lines(PdoRow(name, 0x181, transmission_type, event_time_ms, ()))[-1]
 
     assert line.split(maxsplit=2)[2] == words
 
 
-def test_the_default_bench_has_the_identifiers_of_the_predefined_connection_set() -> None:
+def test_the_default_bench_has_the_identifiers_of_the_predefined_connection_set():
     devices = read_devices(load_config())
     found = {(d.name, pdo.name): pdo.can_id for d in devices for pdo in d.pdos}
 
@@ -70,7 +68,7 @@ def test_the_default_bench_has_the_identifiers_of_the_predefined_connection_set(
     assert found["position", "TPDO1"] == 0x184
 
 
-def test_timers_are_those_of_the_eds_in_milliseconds() -> None:
+def test_timers_are_those_of_the_eds_in_milliseconds():
     devices = read_devices(load_config())
     found = {d.name: pdo.event_time_ms for d in devices for pdo in d.pdos if pdo.name == "TPDO1"}
 
@@ -79,7 +77,7 @@ def test_timers_are_those_of_the_eds_in_milliseconds() -> None:
         assert found[device.name] == eds[0x1800][5].default
 
 
-def test_the_valves_pdos_carry_what_a_controller_needs() -> None:
+def test_the_valves_pdos_carry_what_a_controller_needs():
     valve = read_devices(load_config())[0]
     found = {pdo.name: [(o.index, o.subindex) for o in pdo.objects] for pdo in valve.pdos}
 
@@ -88,9 +86,7 @@ def test_the_valves_pdos_carry_what_a_controller_needs() -> None:
     assert found["TPDO1"] == [(0x6041, 0), (0x6301, 1)]
 
 
-def test_a_node_without_node_id_has_no_identifiers_yet(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_node_without_node_id_has_no_identifiers_yet(tmp_path, capsys):
     path = tmp_path / "bench.toml"
     path.write_text(
         '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 1\n'
@@ -102,9 +98,7 @@ def test_a_node_without_node_id_has_no_identifiers_yet(
     assert [line.split()[0] for line in lines[1:]] == ["EDS"]
 
 
-def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(capsys):
     assert main(["devices"]) == 0
 
     text = capsys.readouterr().out.splitlines()
@@ -118,7 +112,7 @@ def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(
     assert max(len(line) for line in text if "  EDS" not in line) <= 100
 
 
-def test_json_has_the_same_devices(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_same_devices(capsys):
     example = Path(__file__).parents[3] / "examples" / "two_axes.toml"
     assert main(["devices", str(example), "--json"]) == 0
 
@@ -127,7 +121,7 @@ def test_json_has_the_same_devices(capsys: pytest.CaptureFixture[str]) -> None:
     assert [device["node_id"] for device in expected] == [1, 4, 11, 12, 13, 14]
 
 
-def test_j1939_devices_stand_behind_the_nodes(capsys) -> None:
+def test_j1939_devices_stand_behind_the_nodes(capsys):
     assert main(["devices", str(ROOT / "examples" / "j1939.toml")]) == 0
     blocks = capsys.readouterr().out.rstrip().split("\n\n")
 
@@ -144,7 +138,7 @@ def test_j1939_devices_stand_behind_the_nodes(capsys) -> None:
     ]
 
 
-def test_a_group_of_signals_that_come_and_go_has_a_line_each_way(tmp_path: Path, capsys) -> None:
+def test_a_group_of_signals_that_come_and_go_has_a_line_each_way(tmp_path, capsys):
     path = tmp_path / "bench.toml"
     path.write_text(
         "[plant.axis1]\n[j1939.box]\naddress = 7\n[j1939.box.signals]\n"

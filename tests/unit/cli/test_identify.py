@@ -1,7 +1,6 @@
 """`hil-bench identify`: what it prints, what it writes, what it refuses."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,14 +29,14 @@ node_id = 1
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Path:
+def bench(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(BENCH, encoding="utf-8")
     return path
 
 
 @pytest.fixture
-def recording(tmp_path: Path) -> Path:
+def recording(tmp_path):
     path = tmp_path / "run.csv"
     machine = Machine(axis="lift", tick=4e-3, step=5e-4)
     with RecordingFile(path) as file:
@@ -49,9 +48,7 @@ HELD = ("bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s")
 
 
 @pytest.mark.long
-def test_a_recording_becomes_a_bench_and_a_picture(
-    bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_becomes_a_bench_and_a_picture(bench, recording, tmp_path, capsys):
     """The time is short on purpose: whatever was found by then is a bench that `check` takes."""
     output = tmp_path / "lift"
     arguments = [str(recording), str(bench), "--output", str(output), "--time-limit", "20"]
@@ -74,9 +71,7 @@ def test_a_recording_becomes_a_bench_and_a_picture(
 
 
 @pytest.mark.long
-def test_a_limit_decides_the_exit_code(
-    bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_limit_decides_the_exit_code(bench, recording, tmp_path, capsys):
     """Without the time to leave strokes out no error of prediction is known, and none passes."""
     arguments = [str(recording), str(bench), "--output", str(tmp_path / "o"), "--time-limit", "1"]
 
@@ -85,21 +80,17 @@ def test_a_limit_decides_the_exit_code(
     assert "NOT as required: position 1 mm: no stroke" in capsys.readouterr().out
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def refusal(capsys, *arguments):
     assert main(["identify", *map(str, arguments)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     return line
 
 
-def test_a_wrong_axis_is_refused(
-    bench: Path, recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_axis_is_refused(bench, recording, capsys):
     assert "give lift" in refusal(capsys, recording, bench, "--axis", "swing")
 
 
-def test_a_recording_of_another_axis_is_refused(
-    recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_of_another_axis_is_refused(recording, capsys):
     line = refusal(capsys, recording)
 
     assert str(recording) in line
@@ -107,9 +98,7 @@ def test_a_recording_of_another_axis_is_refused(
     assert "it has lift" in line
 
 
-def test_a_file_that_is_no_recording_is_refused(
-    bench: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_is_no_recording_is_refused(bench, capsys):
     assert "is no recording" in refusal(capsys, bench, bench)
 
 
@@ -122,43 +111,28 @@ def test_a_file_that_is_no_recording_is_refused(
         ("--fix", "moving_mas_kg", "moving_mass_kg"),
     ],
 )
-def test_a_senseless_option_is_refused(
-    bench: Path,
-    recording: Path,
-    option: str,
-    value: str,
-    right: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_senseless_option_is_refused(bench, recording, option, value, right, capsys):
     assert right in refusal(capsys, recording, bench, option, value)
 
 
-def test_the_reduced_model_is_refused(
-    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_reduced_model_is_refused(recording, tmp_path, capsys):
     path = tmp_path / "reduced.toml"
     path.write_text('[plant.lift]\nmodel = "reduced"\n', encoding="utf-8")
 
     assert 'model = "full-order"' in refusal(capsys, recording, path)
 
 
-def test_without_scipy_the_way_to_install_it_is_told(
-    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_scipy_the_way_to_install_it_is_told(recording, monkeypatch, capsys):
     monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _: None)
 
     assert "pip install 'hil-bench[analysis]'" in refusal(capsys, recording)
 
 
-def test_an_output_that_is_a_file_is_refused_before_the_work(
-    bench: Path, recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_output_that_is_a_file_is_refused_before_the_work(bench, recording, capsys):
     assert "--output" in refusal(capsys, recording, bench, "--output", recording)
 
 
-def test_a_refusal_leaves_no_empty_folder(
-    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_refusal_leaves_no_empty_folder(recording, tmp_path, capsys):
     mine = tmp_path / "mine"
     mine.mkdir()
 
@@ -169,9 +143,7 @@ def test_a_refusal_leaves_no_empty_folder(
     assert mine.is_dir()
 
 
-def test_a_recording_full_of_gaps_is_refused(
-    bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_full_of_gaps_is_refused(bench, recording, tmp_path, capsys):
     lines = recording.read_text(encoding="utf-8").splitlines(keepends=True)
     path = tmp_path / "gap.csv"
     lost = [row for row in range(202, len(lines)) if (row - 202) % 60 < 10]  # 44 ms each 240 ms
@@ -180,7 +152,7 @@ def test_a_recording_full_of_gaps_is_refused(
     assert "gaps in time, the first at 0.8 s" in refusal(capsys, path, bench)
 
 
-def test_the_sensors_of_an_axis_are_those_of_the_bench() -> None:
+def test_the_sensors_of_an_axis_are_those_of_the_bench():
     config = load_config()
     axis = find_cylinder(config, None, "identification")
     assert name_sensors(config, axis) == {

@@ -1,7 +1,6 @@
 """`hil-bench identify --design`: the scenario that it writes, and what it refuses."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,14 +46,14 @@ pressure_bar = [-1, 120]
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Path:
+def bench(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(BENCH, encoding="utf-8")
     return path
 
 
 @pytest.fixture
-def plan(tmp_path: Path) -> Path:
+def plan(tmp_path):
     path = tmp_path / "plan.toml"
     path.write_text(PLAN, encoding="utf-8")
     return path
@@ -62,8 +61,8 @@ def plan(tmp_path: Path) -> Path:
 
 @pytest.mark.long
 def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
-    bench: Path, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    bench, plan, tmp_path, capsys
+):
     words = ["--plan", plan, "--output", tmp_path / "out", "--duration", 30, "--json"]
 
     assert main(["identify", "--design", *map(str, (bench, *words))]) == 0
@@ -87,37 +86,31 @@ def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
     assert 3.0 < times[-1] < 31.0
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def refusal(capsys, *arguments):
     assert main(["identify", *map(str, arguments)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     return line
 
 
-def test_options_of_a_design_without_one_are_refused(
-    bench: Path, plan: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_of_a_design_without_one_are_refused(bench, plan, capsys):
     assert "--plan: belongs to --design" in refusal(capsys, "x.csv", bench, "--plan", plan)
     assert "--duration: belongs to --design" in refusal(capsys, "x.csv", bench, "--duration", 9)
 
 
 @pytest.mark.parametrize("duration", ["0", "1", "nan", "1e9"])
-def test_a_senseless_duration_is_refused(
-    bench: Path, duration: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_senseless_duration_is_refused(bench, duration, capsys):
     assert "give 2 to 600" in refusal(capsys, "--design", bench, "--duration", duration)
 
 
-def test_without_a_design_a_recording_is_needed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_design_a_recording_is_needed(capsys):
     assert "give .csv, .mf4 or .mat" in refusal(capsys)
 
 
-def test_a_design_takes_no_recording(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_design_takes_no_recording(bench, capsys):
     assert "--design takes a bench.toml" in refusal(capsys, "--design", "run.csv", bench)
 
 
-def test_an_axis_without_its_devices_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_axis_without_its_devices_is_refused(tmp_path, capsys):
     path = tmp_path / "bare.toml"
     path.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n', encoding="utf-8")
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import pytest
 from support.signals import SIGNALS
@@ -137,7 +136,7 @@ print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 
 @pytest.mark.long  # a whole run on a terminal of its own
 @pytest.mark.skipif(not hasattr(pty, "fork"), reason="needs a pseudo-terminal")
-def test_a_terminal_that_closes_leaves_the_whole_recording(tmp_path: Path):
+def test_a_terminal_that_closes_leaves_the_whole_recording(tmp_path):
     """The recorder and the status lines are on that terminal, too."""
     path = tmp_path / "run.csv"
     timing = tmp_path / "timing.json"

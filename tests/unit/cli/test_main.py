@@ -1,14 +1,11 @@
 """The frame of the command line: exit codes, error lines, quick start."""
 
-import argparse
 import io
 import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from errno import ENOSPC
-from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -36,16 +33,16 @@ from hil_bench.shown_units import VARIABLE
 class ActModule:
     """A verb that does what a test wants."""
 
-    def __init__(self, action: Callable[[argparse.Namespace], int]) -> None:
+    def __init__(self, action):
         self.action = action
 
-    def add_parser(self, subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    def add_parser(self, subparsers):
         subparsers.add_parser("act").set_defaults(run=self.action)
 
 
 @pytest.fixture
-def act(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
-    def run(action: Callable[[argparse.Namespace], int], *arguments: str) -> int:
+def act(monkeypatch):
+    def run(action, *arguments):
         verbs = own_verbs() | {"act": Verb("more", 1, "do what a test wants", "act")}
         monkeypatch.setattr(cli, "own_verbs", lambda: verbs)
         monkeypatch.setattr(cli.importlib, "import_module", lambda _name: ActModule(action))
@@ -54,8 +51,8 @@ def act(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     return run
 
 
-def failing(error: BaseException) -> Callable[[argparse.Namespace], int]:
-    def action(_args: argparse.Namespace) -> int:
+def failing(error):
+    def action(_args):
         raise error
 
     return action
@@ -80,23 +77,14 @@ def failing(error: BaseException) -> Callable[[argparse.Namespace], int]:
         (BrokenPipeError(), 0, ""),
     ],
 )
-def test_an_error_is_one_line_and_an_exit_code(
-    act: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    error: BaseException,
-    code: int,
-    line: str,
-) -> None:
+def test_an_error_is_one_line_and_an_exit_code(act, capsys, monkeypatch, error, code, line):
     monkeypatch.setattr(cli, "discard_output", lambda: None)
 
     assert act(failing(error)) == code
     assert capsys.readouterr().err == line
 
 
-def test_two_v_show_the_traceback(
-    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_v_show_the_traceback(act, capsys):
     assert act(failing(ConfigError("a: b; c")), "-vv") == 2
 
     lines = capsys.readouterr().err.splitlines()
@@ -104,16 +92,12 @@ def test_two_v_show_the_traceback(
     assert lines[-1] == "hil-bench: error: a: b; c"
 
 
-def test_a_bug_with_its_traceback_asks_for_no_more(
-    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bug_with_its_traceback_asks_for_no_more(act, capsys):
     assert act(failing(RuntimeError("oops")), "-vv") == 70
     assert capsys.readouterr().err.endswith("hil-bench: error: RuntimeError: oops\n")
 
 
-def test_one_v_shows_no_traceback(
-    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_v_shows_no_traceback(act, capsys):
     assert act(failing(ConfigError("a: b; c")), "-v") == 2
     assert capsys.readouterr().err == "hil-bench: error: a: b; c\n"
 
@@ -128,12 +112,10 @@ def test_one_v_shows_no_traceback(
         (["--quiet", "act"], 0, True),
     ],
 )
-def test_v_and_q_may_stand_before_the_verb_or_after_it(
-    act: Callable[..., int], arguments: list[str], verbose: int, quiet: bool
-) -> None:
+def test_v_and_q_may_stand_before_the_verb_or_after_it(act, arguments, verbose, quiet):
     seen = []
 
-    def action(args: argparse.Namespace) -> int:
+    def action(args):
         seen.append((args.verbose, args.quiet))
         return 0
 
@@ -141,7 +123,7 @@ def test_v_and_q_may_stand_before_the_verb_or_after_it(
     assert seen == [(verbose, quiet)]
 
 
-def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
+def test_the_code_of_a_verb_is_the_exit_code(act):
     assert act(lambda _args: ExitCode.CHECK_FAILED) == 1
     assert act(lambda _args: ExitCode.TIMING) == 4
 
@@ -160,7 +142,7 @@ def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
         (HilBenchError(""), ExitCode.INTERNAL),
     ],
 )
-def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
+def test_each_error_has_its_exit_code(error, code):
     assert exit_code_of(error) is code
 
 
@@ -201,20 +183,18 @@ def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
         ),
     ],
 )
-def test_wrong_usage_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, capsys):
     assert main(arguments) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
 
 
-def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_told(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"hil-bench {__version__}\n"
 
 
 @pytest.mark.parametrize("verb", [None, *own_verbs()])
-def test_each_help_ends_with_examples(verb: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_help_ends_with_examples(verb, capsys):
     assert main([verb, "--help"] if verb else ["--help"]) == 0
 
     examples = capsys.readouterr().out.rpartition("\nexamples:\n")[2]
@@ -228,9 +208,7 @@ HEAVY = {
 
 
 @pytest.mark.parametrize("words", ["--help", "check", "check bench.toml", "devices"])
-def test_what_neither_runs_a_plant_nor_opens_a_bus_imports_nothing_heavy(
-    words: str, tmp_path: Path
-) -> None:
+def test_what_neither_runs_a_plant_nor_opens_a_bus_imports_nothing_heavy(words, tmp_path):
     (tmp_path / "bench.toml").write_text('[bus]\ninterface = "socketcan"\nchannel = "can0"\n')
     program = (
         f"import sys; from hil_bench.cli import main; code = main({words.split()!r}); "
@@ -243,7 +221,7 @@ def test_what_neither_runs_a_plant_nor_opens_a_bus_imports_nothing_heavy(
     assert done.stdout.splitlines()[-1] == "0"
 
 
-def test_scan_of_a_bus_builds_no_bench(tmp_path: Path) -> None:
+def test_scan_of_a_bus_builds_no_bench(tmp_path):
     program = (
         "import sys; from hil_bench.cli import main; "
         "code = main('scan -i virtual -c nobody --nodes 5 --patience 0.01'.split()); "
@@ -257,7 +235,7 @@ def test_scan_of_a_bus_builds_no_bench(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "1 True"
 
 
-def test_a_run_imports_what_it_needs(tmp_path: Path) -> None:
+def test_a_run_imports_what_it_needs(tmp_path):
     """With kernels that want no NumPy, as those that a wheel carries; any bench may have faults."""
     program = (
         "import sys; from hil_bench.cli import main; "
@@ -284,9 +262,7 @@ def test_a_run_imports_what_it_needs(tmp_path: Path) -> None:
     ("is_terminal", "words", "says"),
     [(True, [], True), (True, ["-q"], False), (False, [], False), (False, ["-v"], True)],
 )
-def test_who_waits_at_a_terminal_is_told_of_compiling(
-    monkeypatch: pytest.MonkeyPatch, is_terminal: bool, words: list[str], says: bool
-) -> None:
+def test_who_waits_at_a_terminal_is_told_of_compiling(monkeypatch, is_terminal, words, says):
     kernels = logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel")
     level, root = kernels.level, logging.getLogger().level
     monkeypatch.setattr("sys.stderr.isatty", lambda: is_terminal)
@@ -298,7 +274,7 @@ def test_who_waits_at_a_terminal_is_told_of_compiling(
         logging.getLogger().setLevel(root)
 
 
-def test_python_m_is_the_same_command() -> None:
+def test_python_m_is_the_same_command():
     done = subprocess.run(
         [sys.executable, "-m", "hil_bench", "--version"], capture_output=True, text=True, check=True
     )
@@ -306,9 +282,9 @@ def test_python_m_is_the_same_command() -> None:
     assert done.stdout == f"hil-bench {__version__}\n"
 
 
-def test_ctrl_c_counts_before_anything_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_counts_before_anything_is_imported(monkeypatch):
     class Interrupted(ModuleType):
-        def __getattr__(self, name: str) -> object:
+        def __getattr__(self, name):
             raise KeyboardInterrupt
 
     monkeypatch.setitem(sys.modules, "hil_bench.cli", Interrupted("hil_bench.cli"))
@@ -316,7 +292,7 @@ def test_ctrl_c_counts_before_anything_is_imported(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("verb", ["check", "devices", "--help"])  # more and less than a buffer
-def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path, verb: str) -> None:
+def test_a_reader_that_leaves_early_is_no_error(tmp_path, verb):
     # Unbuffered output would hide what happens when the interpreter flushes it at exit.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     with subprocess.Popen(  # noqa: S603 - our own command
@@ -358,9 +334,7 @@ def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
     assert os.environ.get(VARIABLE) == before
 
 
-def test_the_help_of_run_ends_with_the_examples_of_its_abilities(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_help_of_run_ends_with_the_examples_of_its_abilities(capsys):
     assert main(["run", "--help"]) == 0
     said = capsys.readouterr().out
     for words in ("--fault freeze pressure_a at_s=10", "--scenario sag.scenario.toml"):

@@ -33,14 +33,14 @@ FOR_PROGRAMS = [
 
 
 @pytest.fixture(autouse=True)
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def log(tmp_path, monkeypatch):
     """Work in a folder that holds a log."""
     (tmp_path / "bus.log").write_text("(0.1) can0 181#0102\n(0.2) can0 080#\n")
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("verb", LOOK_UPS)
-def test_a_quiet_verb_prints_nothing(verb: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_quiet_verb_prints_nothing(verb, capfd):
     aloud = main(LOOK_UPS[verb])
     said = capfd.readouterr().out
 
@@ -52,9 +52,7 @@ def test_a_quiet_verb_prints_nothing(verb: str, capfd: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("words", FOR_PROGRAMS, ids=" ".join)
-def test_what_is_for_a_program_is_printed_all_the_same(
-    words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_for_a_program_is_printed_all_the_same(words, capsys):
     assert main(words) == 0
     said = capsys.readouterr().out
 
@@ -63,6 +61,6 @@ def test_what_is_for_a_program_is_printed_all_the_same(
     assert capsys.readouterr().out == said != ""
 
 
-def test_an_error_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_error_is_told(capsys):
     assert main(["devices", "no.toml", "-q"]) == 2
     assert "no.toml" in capsys.readouterr().err

@@ -16,7 +16,7 @@ serial_number = 77
 """
 
 
-def test_the_virtual_bench_is_scanned(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_virtual_bench_is_scanned(capsys):
     assert main(["scan", "--virtual"]) == 0
     out = capsys.readouterr().out
     header, valve, *_ = (line.split("  ") for line in out.splitlines()[3:])
@@ -32,7 +32,7 @@ def test_the_virtual_bench_is_scanned(capsys: pytest.CaptureFixture[str]) -> Non
     assert out.rstrip().endswith("4 nodes found")
 
 
-def test_json_has_a_record_a_node(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_a_record_a_node(capsys):
     assert main(["scan", "--virtual", "--json", "--nodes", "2-3"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [node["node_id"] for node in found["nodes"]] == [2, 3]
@@ -40,7 +40,7 @@ def test_json_has_a_record_a_node(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["unconfigured"] is None
 
 
-def test_a_device_without_node_id_is_found_on_request(tmp_path, capsys) -> None:
+def test_a_device_without_node_id_is_found_on_request(tmp_path, capsys):
     path = tmp_path / "bench.toml"
     path.write_text(UNCONFIGURED, encoding="utf-8")
     assert main(["scan", str(path), "--virtual", "--lss"]) == 0
@@ -48,14 +48,14 @@ def test_a_device_without_node_id_is_found_on_request(tmp_path, capsys) -> None:
     assert "serial 0x0000004D" in out
 
 
-def test_an_empty_bus_is_a_failed_check_with_a_hint(tmp_path, capsys) -> None:
+def test_an_empty_bus_is_a_failed_check_with_a_hint(tmp_path, capsys):
     path = tmp_path / "bench.toml"
     path.write_text(UNCONFIGURED, encoding="utf-8")
     assert main(["scan", str(path), "--virtual"]) == 1
     assert "0 nodes found: is the bus powered" in capsys.readouterr().out
 
 
-def test_a_bus_of_j1939_is_said_to_be_one(capsys) -> None:
+def test_a_bus_of_j1939_is_said_to_be_one(capsys):
     """The lever and the valve driver claim their addresses, and send."""
     bench = str(Path(__file__).parents[3] / "examples" / "j1939_lever.toml")
     assert main(["scan", bench, "--virtual"]) == 1
@@ -66,7 +66,7 @@ def test_a_bus_of_j1939_is_said_to_be_one(capsys) -> None:
     assert "as J1939: PGN 60928 address claimed, from 19" in capsys.readouterr().out
 
 
-def test_listening_tells_what_was_heard(capsys: pytest.CaptureFixture[str]) -> None:
+def test_listening_tells_what_was_heard(capsys):
     assert main(["scan", "--virtual", "--listen", "0.5", "-b", "500000"]) == 0
     out = capsys.readouterr().out
     assert "heard  4 frames" in out  # the boot-up messages of the four nodes
@@ -85,12 +85,12 @@ def test_listening_tells_what_was_heard(capsys: pytest.CaptureFixture[str]) -> N
         (["--virtual", "--nodes", "x"], "from 1 to 127"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys) -> None:
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
     assert main(["scan", *arguments]) == 2
     assert message in capsys.readouterr().err
 
 
-def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
+def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys):
     assert main(["scan", "-i", "socketcan", "-c", "nosuchbus0"]) == 3
     assert "nosuchbus0" in capsys.readouterr().err
 

@@ -11,7 +11,7 @@ from hil_bench.cli.exit_codes import prepare_streams
 CALL = f"{sys.executable} -m hil_bench"
 
 
-def sh(command: str) -> subprocess.CompletedProcess[str]:
+def sh(command):
     return subprocess.run(  # noqa: S603 - our own command
         ["/bin/sh", "-c", command], capture_output=True, text=True, check=False
     )

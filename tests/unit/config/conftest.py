@@ -1,21 +1,20 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 
 @pytest.fixture(autouse=True)
-def _no_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_environment(monkeypatch):
     monkeypatch.delenv("HIL_BENCH_CONFIG", raising=False)
     monkeypatch.delenv("HIL_BENCH_SEED", raising=False)
 
 
 @pytest.fixture
-def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+def write(tmp_path, monkeypatch):
     """Writes bench.toml in a directory of its own, which is the working directory."""
     monkeypatch.chdir(tmp_path)
 
-    def write_file(text: str) -> Path:
+    def write_file(text):
         path = Path("bench.toml")
         path.write_text(text, encoding="utf-8")
         return path

@@ -24,19 +24,19 @@ SINK = '"0x6411.01" = { sink = "axis1.spool_setpoint" }\n'
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 
 
-def io_node(path: Path) -> GenericConfig:
+def io_node(path):
     (node,) = (node for node in load_config(path).nodes if isinstance(node, GenericConfig))
     return node
 
 
-def test_an_eds_without_a_profile_is_a_generic_device(write: Write) -> None:
+def test_an_eds_without_a_profile_is_a_generic_device(write):
     node = io_node(write(VALVE + IO))
 
     assert (node.profile, node.axis, node.node_id, node.eds) == ("generic", None, 10, EDS)
     assert (node.sources, node.sinks, node.objects) == ((), (), {})
 
 
-def test_a_source(write: Write) -> None:
+def test_a_source(write):
     binding = '{ source = "axis1.P_A", unit = "bar", scale = 100, offset = 4, delta = 0 }'
     (source,) = io_node(write(f'{VALVE}{IO}{OBJECTS}"0x6401.2" = {binding}')).sources
 
@@ -46,7 +46,7 @@ def test_a_source(write: Write) -> None:
     assert (source.offset, source.delta) == (4.0, 0.0)
 
 
-def test_a_sink(write: Write) -> None:
+def test_a_sink(write):
     plant = "[plant.b]\norifice_full_opening_negative_mm = 2.0\n"
     binding = '{ sink = "b.spool_setpoint", unit = "%", scale = 327.67, safe = -5 }'
     node = io_node(write(f'{plant}{IO}{OBJECTS}"0x6411.01" = {binding}'))
@@ -59,7 +59,7 @@ def test_a_sink(write: Write) -> None:
     assert node.bindings == (sink,)
 
 
-def test_what_is_not_given_is_si(write: Write) -> None:
+def test_what_is_not_given_is_si(write):
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {{ source = "axis1.P_A" }}')
     node = io_node(path)
 
@@ -76,14 +76,14 @@ def test_what_is_not_given_is_si(write: Write) -> None:
         *(("Q_B", "l/min", 1e-3 / 60.0), ("spool_position", "%", 0.01)),
     ],
 )
-def test_units(write: Write, quantity: str, unit: str, factor: float) -> None:
+def test_units(write, quantity, unit, factor):
     binding = f'{{ source = "axis1.{quantity}", unit = "{unit}", scale = 3 }}'
     (source,) = io_node(write(f'{VALVE}{IO}{OBJECTS}"0x6401.01" = {binding}')).sources
 
     assert source.scale * factor == pytest.approx(3.0)
 
 
-def test_a_device_with_a_profile_may_have_sources(write: Write) -> None:
+def test_a_device_with_a_profile_may_have_sources(write):
     objects = '[nodes.valve.objects]\n"0x6310.01" = { source = "axis1.P_A" }\n"0x6314.01" = 5'
     (valve,) = load_config(write(VALVE + objects)).nodes
 
@@ -126,13 +126,13 @@ TOGETHER = [
 ]  # fmt: skip
 
 
-def test_devices_that_nothing_binds_to_the_plant_need_no_axis(write: Write) -> None:
+def test_devices_that_nothing_binds_to_the_plant_need_no_axis(write):
     config = load_config(write(f"{IO}{OBJECTS}'0x6401.01' = 5\n"))
     assert config.axes == ()
     assert [node.axis for node in config.nodes] == [None]
 
 
-def test_a_single_binding_brings_the_default_axis(write: Write) -> None:
+def test_a_single_binding_brings_the_default_axis(write):
     config = load_config(write(f"{IO}{OBJECTS}{SINK}"))
     assert [axis.name for axis in config.axes] == ["axis1"]
 
@@ -141,7 +141,7 @@ def test_a_single_binding_brings_the_default_axis(write: Write) -> None:
     ("text", "message"),
     [(f"{VALVE}{IO}{OBJECTS}{line}", message) for line, message in IN_THE_FILE] + TOGETHER,
 )
-def test_a_mistake_is_told_in_one_line(write: Write, text: str, message: str) -> None:
+def test_a_mistake_is_told_in_one_line(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))
 
@@ -159,9 +159,7 @@ def test_a_mistake_is_told_in_one_line(write: Write, text: str, message: str) ->
         ('"0x6401.01" = { sink = "b.spool_setpoint" }', '0x6401.01: "Analogue input 1" is ro; a sink is an object that the bus may write'),
     ],
 )  # fmt: skip
-def test_what_the_eds_does_not_allow_is_told_with_file_and_key(
-    write: Write, capsys: pytest.CaptureFixture[str], line: str, message: str
-) -> None:
+def test_what_the_eds_does_not_allow_is_told_with_file_and_key(write, capsys, line, message):
     axes = '[plant.axis1]\n[plant.b]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
     spare = "" if "sink" in line else '"0x6411.01" = { sink = "b.spool_setpoint" }\n'
     path = write(f'{axes}axis = "axis1"\n{IO}{OBJECTS}{spare}{line}')
@@ -174,7 +172,7 @@ def test_what_the_eds_does_not_allow_is_told_with_file_and_key(
 @pytest.mark.parametrize(
     ("data_type", "kind"), [("0x0001", "BOOLEAN"), ("0x0009", "VISIBLE_STRING")]
 )
-def test_an_object_that_is_no_number(write: Write, data_type: str, kind: str) -> None:
+def test_an_object_that_is_no_number(write, data_type, kind):
     text = EDS.read_text(encoding="ascii")
     for section, was, new in (
         ("6401sub4", "0x0003", data_type),
@@ -194,9 +192,7 @@ def test_an_object_that_is_no_number(write: Write, data_type: str, kind: str) ->
     )
 
 
-def test_objects_and_eds_files_of_several_nodes_are_told_together(
-    write: Write, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_objects_and_eds_files_of_several_nodes_are_told_together(write, capsys):
     bad = '"0x6401.09" = { source = "axis1.P_A" }'
     path = write(f'{VALVE}objects = {{ "0x6042" = 3 }}\n{IO}{OBJECTS}{bad}')
 
@@ -208,9 +204,7 @@ def test_objects_and_eds_files_of_several_nodes_are_told_together(
     ]
 
 
-def test_check_prints_bindings_that_load_again(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_bindings_that_load_again(write, tmp_path, capsys):
     binding = '{ source = "axis1.P_A", unit = "bar", scale = 2.5 }'
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {binding}\n"0x1801.05" = 7')
 
@@ -221,7 +215,7 @@ def test_check_prints_bindings_that_load_again(
     assert load_config(again).nodes == load_config(path).nodes
 
 
-def test_devices_shows_what_is_bound(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_shows_what_is_bound(write, capsys):
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {{ source = "axis1.P_A" }}')
 
     assert main(["devices", str(path)]) == 0
@@ -236,7 +230,7 @@ def test_devices_shows_what_is_bound(write: Write, capsys: pytest.CaptureFixture
     assert [bound["role"] for bound in device["bound"]] == ["source", "sink"]
 
 
-def test_a_source_on_a_device_with_a_profile_wins(write: Write) -> None:
+def test_a_source_on_a_device_with_a_profile_wins(write):
     objects = '[nodes.valve.objects]\n"0x6350.01" = { source = "axis1.P_A", unit = "bar" }'
     bench = build_bench(load_config(write(VALVE + objects)))
 

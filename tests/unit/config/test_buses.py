@@ -21,13 +21,13 @@ node_id = 1
 """
 
 
-def problems(path: Path) -> list[str]:
+def problems(path):
     with pytest.raises(ConfigError) as caught:
         load_config(path)
     return [line.removeprefix(f"{path}:") for line in str(caught.value).splitlines()]
 
 
-def test_a_node_is_on_the_first_bus_unless_it_names_another(write: Write) -> None:
+def test_a_node_is_on_the_first_bus_unless_it_names_another(write):
     config = load_config(write('[bus]\nchannel = "a"\n[buses.sensors]\nchannel = "b"\n' + NODES))
     assert config.buses == {"bus": BusConfig(channel="a"), "sensors": BusConfig(channel="b")}
     assert [(node.name, node.bus) for node in config.nodes] == [
@@ -39,13 +39,13 @@ def test_a_node_is_on_the_first_bus_unless_it_names_another(write: Write) -> Non
     assert seen.buses == {"bus": BusConfig(channel="b")}
 
 
-def test_the_command_line_is_for_the_first_bus(write: Write) -> None:
+def test_the_command_line_is_for_the_first_bus(write):
     path = write('[bus]\nchannel = "a"\n[buses.sensors]\nchannel = "b"\n' + NODES)
     config = load_config(path, interface="virtual", channel="c")
     assert (config.bus.channel, config.further_buses["sensors"].channel) == ("c", "b")
 
 
-def test_further_keys_are_for_the_bus_class(write: Write) -> None:
+def test_further_keys_are_for_the_bus_class(write):
     text = '[buses.sensors]\ninterface = "socketcand"\nchannel = "b"\nhost = "h"\nport = 1\n'
     config = load_config(write(text + NODES))
     assert config.further_buses["sensors"].options == {"host": "h", "port": 1}
@@ -80,11 +80,11 @@ def test_further_keys_are_for_the_bus_class(write: Write) -> None:
         ),
     ],
 )
-def test_what_makes_no_sense_is_told(write: Write, text: str, expected: list[str]) -> None:
+def test_what_makes_no_sense_is_told(write, text, expected):
     assert problems(write(text)) == expected
 
 
-def test_more_buses_than_any_machine_has_are_refused(write: Write) -> None:
+def test_more_buses_than_any_machine_has_are_refused(write):
     names = [f"b{number}" for number in range(8)]
     text = "".join(f'[buses.{name}]\nchannel = "{name}"\n' for name in names)
     text += "".join(
@@ -97,7 +97,7 @@ def test_more_buses_than_any_machine_has_are_refused(write: Write) -> None:
 @pytest.mark.parametrize(
     ("count", "right"), [(126, "127 is free"), (127, "a bus has room for 127 nodes")]
 )
-def test_a_full_bus_is_told_from_one_with_room(write: Write, count: int, right: str) -> None:
+def test_a_full_bus_is_told_from_one_with_room(write, count, right):
     nodes = [f'[nodes.n{n}]\nprofile = "encoder_406"\nnode_id = {n}\n' for n in range(1, count + 1)]
     more = '[nodes.more]\nprofile = "encoder_406"\nnode_id = 5\n'
     assert f"nodes.more.node_id: 5 is taken by nodes.n5; {right}" in problems(

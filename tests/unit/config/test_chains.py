@@ -25,20 +25,20 @@ PRESSURE = '[nodes.p]\nprofile = "pressure_404"\nsource = "P_A"\nnode_id = 2\n[n
 POSITION = '[nodes.x]\nprofile = "encoder_406"\nnode_id = 3\n[nodes.x.chain]\n'
 
 
-def chain(write: Write, text: str) -> ChainParameters:
+def chain(write, text):
     return load_config(write(VALVE + text)).nodes[1].chain
 
 
-def test_the_built_in_sensors_are_ideal() -> None:
+def test_the_built_in_sensors_are_ideal():
     assert all(node.chain.is_ideal for node in load_config().nodes[1:])
 
 
-def test_an_empty_chain_is_ideal(write: Write) -> None:
+def test_an_empty_chain_is_ideal(write):
     assert chain(write, PRESSURE).is_ideal
     assert chain(write, POSITION).is_ideal
 
 
-def test_the_values_of_a_pressure_come_in_si(write: Write) -> None:
+def test_the_values_of_a_pressure_come_in_si(write):
     parameters = chain(
         write,
         PRESSURE
@@ -83,7 +83,7 @@ def test_the_values_of_a_pressure_come_in_si(write: Write) -> None:
     )
 
 
-def test_the_values_of_a_position_come_in_si(write: Write) -> None:
+def test_the_values_of_a_position_come_in_si(write):
     text = (
         "hysteresis_um = 4\noffset_error_mm = 0.1\noffset_drift_um_k = 3\nnoise_rms_um = 2\n"
         "noise_density_um_rthz = 0.5\nbandwidth_hz = 100\nresolution_um = 1\n"
@@ -104,7 +104,7 @@ def test_the_values_of_a_position_come_in_si(write: Write) -> None:
     assert parameters.range == pytest.approx((-0.15, 0.2))
 
 
-def test_a_preset_sets_defaults_and_what_is_given_wins(write: Write) -> None:
+def test_a_preset_sets_defaults_and_what_is_given_wins(write):
     text = 'preset = "class_0.25_250_bar"\nnoise_rms_bar = 0.0\n'
     config = load_config(write(VALVE + PRESSURE + text))
 
@@ -119,7 +119,7 @@ def test_a_preset_sets_defaults_and_what_is_given_wins(write: Write) -> None:
     assert origins["noise_rms_bar"] is Origin.FILE
 
 
-def test_the_transducer_of_class_0_25_is_of_its_class() -> None:
+def test_the_transducer_of_class_0_25_is_of_its_class():
     """HYDAC HDA 4700: at most 0.25 % of the span of 250 bar, hysteresis included."""
     parameters = preset_chain("Pa", PressurePreset.CLASS_025_250_BAR)
     span = 250e5
@@ -127,14 +127,14 @@ def test_the_transducer_of_class_0_25_is_of_its_class() -> None:
     assert worst == pytest.approx(0.0025 * span)
 
 
-def test_the_magnetostrictive_sensor_has_its_resolution() -> None:
+def test_the_magnetostrictive_sensor_has_its_resolution():
     parameters = preset_chain("m", PositionPreset.MAGNETOSTRICTIVE_1_UM)
     assert parameters.resolution == pytest.approx(1e-6)
     assert parameters.hysteresis == pytest.approx(4e-6)
 
 
 @pytest.mark.parametrize("unit", CHAIN_KEYS)
-def test_a_preset_has_no_key_that_is_not_there(unit: str) -> None:
+def test_a_preset_has_no_key_that_is_not_there(unit):
     names = {key.name for key in CHAIN_KEYS[unit]}
     (preset_key,) = (key for key in CHAIN_KEYS[unit] if key.name == "preset")
     for preset in type(preset_key.default):
@@ -160,7 +160,7 @@ def test_a_preset_has_no_key_that_is_not_there(unit: str) -> None:
         (PRESSURE + "sampling_period_us = 5", "nodes.p.chain.sampling_period_us: 5 is out of range; give an integer from 10 to 1000000, or 0 for none"),
     ],
 )  # fmt: skip
-def test_a_wrong_value_is_told(write: Write, text: str, message: str) -> None:
+def test_a_wrong_value_is_told(write, text, message):
     text = text if text.startswith(VALVE) else VALVE + text
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))
@@ -177,7 +177,7 @@ def test_a_wrong_value_is_told(write: Write, text: str, message: str) -> None:
         ("warming_s_k = [[1, -1e300]]", "warming_s_k: -1e+300 K is out of range; give at most 1000 K"),
     ],
 )  # fmt: skip
-def test_values_that_do_not_go_together_are_told(write: Write, text: str, message: str) -> None:
+def test_values_that_do_not_go_together_are_told(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(VALVE + PRESSURE + text))
     assert str(caught.value) == f"bench.toml:nodes.p.chain.{message}"
@@ -191,7 +191,7 @@ node_id = 9
 """
 
 
-def bound(write: Write, binding: str) -> ChainParameters:
+def bound(write, binding):
     """Return the chain of the first object that is bound in an EDS file without a profile."""
     eds = ROOT / "device_profiles" / "imitations" / "analogue_io_401.eds"
     path = write(f'{VALVE}{IO}"0x6401.01" = {{ {binding} }}\n')
@@ -199,11 +199,11 @@ def bound(write: Write, binding: str) -> ChainParameters:
     return load_config(path).nodes[1].sources[0].chain
 
 
-def test_a_bound_object_is_ideal_without_a_chain(write: Write) -> None:
+def test_a_bound_object_is_ideal_without_a_chain(write):
     assert bound(write, 'source = "axis1.P_A"').is_ideal
 
 
-def test_a_bound_object_may_have_the_chain_of_its_quantity(write: Write) -> None:
+def test_a_bound_object_may_have_the_chain_of_its_quantity(write):
     pressure = bound(write, 'source = "axis1.P_B", chain = { noise_rms_bar = 0.5 }')
     position = bound(
         write, 'source = "axis1.position", chain = { preset = "magnetostrictive_1_um" }'
@@ -221,7 +221,7 @@ def test_a_bound_object_may_have_the_chain_of_its_quantity(write: Write) -> None
         ('source = "axis1.P_A", chain = { sampling_phase_us = 1 }', "1 is not below sampling_period_us = 0; give sampling_period_us too"),
     ],
 )  # fmt: skip
-def test_a_wrong_chain_of_a_bound_object_is_told(write: Write, binding: str, message: str) -> None:
+def test_a_wrong_chain_of_a_bound_object_is_told(write, binding, message):
     with pytest.raises(ConfigError) as caught:
         bound(write, binding)
     place, _, told = str(caught.value).partition(": ")

@@ -3,13 +3,11 @@
 import json
 import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from hil_bench.abilities.copper.section import WIRE_KEYS
-from hil_bench.abilities.faults.kind import FaultKind
 from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.modbus.map_files import ModbusConfig
@@ -25,7 +23,6 @@ from hil_bench.bench.configuration.loop import (
     SOURCE_KEYS,
     node_keys,
 )
-from hil_bench.config.settings import Key
 from hil_bench.devices.kinds.chains import CHAIN_KEYS
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
@@ -63,12 +60,12 @@ ACTIONS = (ROOT / "hil_bench/abilities/panel/static/fault_form.js").read_text(en
 OBJECTS = re.findall(r"```toml\n(\[nodes\.valve\.objects\][^`]*)```", DOCUMENT)
 
 
-def test_the_document_has_each_key_and_no_other() -> None:
+def test_the_document_has_each_key_and_no_other():
     assert ROWS.keys() == ALL_KEYS.keys()
 
 
 @pytest.mark.parametrize("key", ALL_KEYS.values(), ids=ALL_KEYS.keys())
-def test_the_document_has_the_unit_and_the_default_of_a_key(key: Key) -> None:
+def test_the_document_has_the_unit_and_the_default_of_a_key(key):
     unit, default = ROWS[key.name]
     assert unit == ("bit/s" if key.name.endswith("bitrate") else key.unit.symbol)
     if key.example:
@@ -80,25 +77,23 @@ def test_the_document_has_the_unit_and_the_default_of_a_key(key: Key) -> None:
 
 
 @pytest.mark.parametrize("key", ALL_KEYS.values(), ids=ALL_KEYS.keys())
-def test_a_key_ends_in_the_suffix_of_its_unit(key: Key) -> None:
+def test_a_key_ends_in_the_suffix_of_its_unit(key):
     assert key.name.endswith(key.unit.suffix)
 
 
 @pytest.mark.parametrize(("text", "messages"), WRONG)
-def test_the_messages_in_the_document_are_the_real_ones(
-    write: Callable[[str], Path], text: str, messages: str
-) -> None:
+def test_the_messages_in_the_document_are_the_real_ones(write, text, messages):
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))
 
     assert str(caught.value) == messages.strip()
 
 
-def test_the_document_shows_messages() -> None:
+def test_the_document_shows_messages():
     assert len(WRONG) == 4
 
 
-def test_the_objects_in_the_document_can_be_overridden(write: Callable[[str], Path]) -> None:
+def test_the_objects_in_the_document_can_be_overridden(write):
     (text,) = OBJECTS
     valve = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 
@@ -108,7 +103,7 @@ def test_the_objects_in_the_document_can_be_overridden(write: Callable[[str], Pa
     assert dictionary.number(0x1800, 1) == 0x40000281
 
 
-def test_the_example_of_one_axis_is_the_built_in_bench() -> None:
+def test_the_example_of_one_axis_is_the_built_in_bench():
     example, default = load_config(ROOT / "examples" / "one_axis.toml"), load_config()
 
     assert (example.tick_ns, example.step_ns, example.seed) == (
@@ -119,7 +114,7 @@ def test_the_example_of_one_axis_is_the_built_in_bench() -> None:
     assert (example.bus, example.axes, example.nodes) == (default.bus, default.axes, default.nodes)
 
 
-def test_the_example_of_one_axis_has_every_key_of_the_plant() -> None:
+def test_the_example_of_one_axis_has_every_key_of_the_plant():
     example = tomllib.loads((ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8"))
 
     assert example["bench"].keys() == {key.name for key in BENCH_KEYS} - {"realtime_cpu"}
@@ -134,7 +129,7 @@ def test_the_example_of_one_axis_has_every_key_of_the_plant() -> None:
     ("node", "unit"),
     [("pressure_a", "Pa"), ("position", "m")],
 )
-def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, unit: str) -> None:
+def test_the_example_of_one_axis_has_every_key_of_a_chain(node, unit):
     text = (ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8")
     written = tomllib.loads(text)["nodes"][node]["chain"].keys()
     ranges = {key.name for key in CHAIN_KEYS[unit] if key.default is None}
@@ -143,7 +138,7 @@ def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, unit: str) 
     assert all(f"\n# {name} = " in text for name in ranges)
 
 
-def test_the_example_of_faults_loads() -> None:
+def test_the_example_of_faults_loads():
     config = load_config(ROOT / "examples" / "faults.toml")
 
     assert [fault.kind for fault in config.of(FaultsPart).faults] == [
@@ -151,26 +146,26 @@ def test_the_example_of_faults_loads() -> None:
     ]
 
 
-def test_the_example_of_real_sensors_has_no_ideal_one() -> None:
+def test_the_example_of_real_sensors_has_no_ideal_one():
     config = load_config(ROOT / "examples" / "real_sensors.toml")
 
     assert [node.chain.is_ideal for node in config.nodes[1:]] == [False] * 3
 
 
-def test_the_example_of_sixteen_axes_has_64_nodes() -> None:
+def test_the_example_of_sixteen_axes_has_64_nodes():
     config = load_config(ROOT / "examples" / "sixteen_axes.toml")
 
     assert len(config.axes) == 16
     assert sorted(node.node_id for node in config.nodes) == list(range(1, 65))
 
 
-def test_the_example_of_two_axes_loads() -> None:
+def test_the_example_of_two_axes_loads():
     config = load_config(ROOT / "examples" / "two_axes.toml")
 
     assert [axis.name for axis in config.axes] == ["feed", "press"]
 
 
-def test_the_example_with_modbus_serves_all_devices() -> None:
+def test_the_example_with_modbus_serves_all_devices():
     modbus = load_config(ROOT / "examples" / "modbus.toml").of(ModbusConfig)
     assert modbus is not None
     assert [(unit.node, unit.unit_id, unit.commands) for unit in modbus.units] == [
@@ -184,7 +179,7 @@ def test_the_example_with_modbus_serves_all_devices() -> None:
 
 
 @pytest.mark.parametrize("kind", FAULT_KINDS.built_in.values(), ids=list(FAULT_KINDS.built_in))
-def test_the_page_on_faults_and_the_panel_have_each_kind(kind: FaultKind) -> None:
+def test_the_page_on_faults_and_the_panel_have_each_kind(kind):
     row = re.search(rf"^\| `{kind.name}` \|.*\|$", FAULTS, re.MULTILINE)
     assert row is not None
     assert [key.name for key in kind.keys if f"`{key.name}`" not in row[0]] == []

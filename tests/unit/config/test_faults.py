@@ -91,16 +91,16 @@ x = { pgn = 0xFDD6, start_bit = 6, length = 10 }
 """
 
 
-def fault(kind: str, target: str, more: str = "") -> str:
+def fault(kind, target, more=""):
     return f'[[faults]]\nkind = "{kind}"\ntarget = "{target}"\n{more}\n'
 
 
-def test_there_is_an_example_of_each_kind() -> None:
+def test_there_is_an_example_of_each_kind():
     assert EXAMPLES.keys() == FAULT_KINDS.built_in.keys()
 
 
 @pytest.mark.parametrize("kind", FAULT_KINDS.built_in)
-def test_each_kind_comes_in_si(write: Write, kind: str) -> None:
+def test_each_kind_comes_in_si(write, kind):
     target, more, values = EXAMPLES[kind]
     (found,) = (
         load_config(
@@ -123,14 +123,14 @@ def test_each_kind_comes_in_si(write: Write, kind: str) -> None:
     ("kind", "target"),
     [("drop_load", "axis1"), ("wear_pump", "axis1"), ("lose", "valve"), ("corrupt", "valve")],
 )
-def test_without_a_share_all_is_lost(write: Write, kind: str, target: str) -> None:
+def test_without_a_share_all_is_lost(write, kind, target):
     """As docs/configuration.md has it: 100 %."""
     (found,) = load_config(write(NODES + fault(kind, target))).of(FaultsPart).faults
     assert found.values["share"] == 1.0
 
 
 @pytest.mark.parametrize(("base", "is_of_ecu"), [(NODES, False), (LEVER, True)])
-def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: bool) -> None:
+def test_each_kind_can_be_made_and_happens(write, base, is_of_ecu):
     kinds = [kind for kind in FAULT_KINDS.built_in if (hasattr(ecu_kinds, kind)) == is_of_ecu]
     text = base + "".join(fault(kind, *EXAMPLES[kind][:2]) for kind in kinds)
     bench = build_bench(load_config(write(text)))
@@ -139,12 +139,12 @@ def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: b
     assert [each.kind for each in bench.part(Faults).active] == kinds
 
 
-def test_without_times_a_fault_is_there_for_ever(write: Write) -> None:
+def test_without_times_a_fault_is_there_for_ever(write):
     (found,) = load_config(write(fault("freeze", "pressure_a"))).of(FaultsPart).faults
     assert (found.at, found.duration) == (0.0, None)
 
 
-def test_the_settings_name_each_fault(write: Write) -> None:
+def test_the_settings_name_each_fault(write):
     config = load_config(write(fault("freeze", "pressure_a") + fault("stick", "valve")))
     tables = [setting.table for setting in config.settings if setting.key.name == "kind"]
     assert tables == ["faults[1]", "faults[2]"]
@@ -174,13 +174,13 @@ def test_the_settings_name_each_fault(write: Write) -> None:
         (TWO_SOURCES.replace("position", "speed").replace('"mm"', '"m/s"') + fault("offset", "io.0x6401.02", "offset_mm = 1"), 'faults[1].kind: "offset" is for pressures, positions and angles'),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told(write: Write, text: str, message: str) -> None:
+def test_a_mistake_is_told(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write_io(write, text))
     assert str(caught.value) == f"bench.toml:{message}"
 
 
-def write_io(write: Write, text: str) -> Path:
+def write_io(write, text):
     path = write(text)
     eds = Path(VALVE_408).parent / "imitations" / "analogue_io_401.eds"
     Path("io.eds").write_text(eds.read_text(encoding="utf-8"), encoding="utf-8")
@@ -194,14 +194,14 @@ def write_io(write: Write, text: str) -> Path:
         fault("freeze", "io.0x6401.01") + fault("slow", "io.0x6411.01", "time_constant_ms = 5"),
     ],
 )
-def test_bound_objects_may_have_faults(write: Write, faults: str) -> None:
+def test_bound_objects_may_have_faults(write, faults):
     bench = build_bench(load_config(write_io(write, IO + faults)))
     bench.start(0)
     bench.tick([], 1_000_000)
     assert len(bench.part(Faults).active) == faults.count("[[faults]]")
 
 
-def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> None:
+def test_faults_of_the_command_line_come_to_those_of_the_file(write):
     words = ["offset", "pressure_a", "offset_bar=20", "at_s=1"]
     config = load_config(write(fault("stick", "valve")), faults=[parse_fault(words)])
     assert [each.kind for each in config.of(FaultsPart).faults] == ["stick", "offset"]
@@ -209,7 +209,7 @@ def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> N
     assert config.settings[-1].origin in {Origin.COMMAND_LINE, Origin.DEFAULT}
 
 
-def test_words_need_no_quotes() -> None:
+def test_words_need_no_quotes():
     assert parse_fault(
         ["lose", "valve", "direction=sent", "can_id=0x181", "share_percent=2.5"]
     ) == {
@@ -224,7 +224,7 @@ def test_words_need_no_quotes() -> None:
 @pytest.mark.parametrize(
     "words", ["freeze", "freeze at_s=1", "freeze pressure_a 2", "kind=freeze x"]
 )
-def test_words_that_are_no_fault_are_told(words: str) -> None:
+def test_words_that_are_no_fault_are_told(words):
     with pytest.raises(ConfigError) as caught:
         parse_fault(words.split())
     right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
@@ -242,7 +242,7 @@ def test_words_that_are_no_fault_are_told(words: str) -> None:
         ("thaw pressure_a", 'kind: "thaw" is unknown; give one of'),
     ],
 )
-def test_a_mistake_in_the_option_is_told(words: str, message: str) -> None:
+def test_a_mistake_in_the_option_is_told(words, message):
     with pytest.raises(ConfigError) as caught:
         load_config(faults=[parse_fault(words.split())])
     assert message in str(caught.value)
@@ -258,20 +258,18 @@ IDLE = [
 
 
 @pytest.mark.parametrize(("kind", "target", "key"), IDLE)
-def test_an_amount_that_changes_nothing_is_refused(
-    write: Write, kind: str, target: str, key: str
-) -> None:
+def test_an_amount_that_changes_nothing_is_refused(write, kind, target, key):
     with pytest.raises(ConfigError, match="changes nothing; give another amount"):
         load_config(write(NODES + fault(kind, target, key)))
 
 
-def test_an_open_coil_and_a_tank_pressure_are_faults(write: Write) -> None:
+def test_an_open_coil_and_a_tank_pressure_are_faults(write):
     """Travel 0 is an open coil, and a supply of 0 bar a burst hose: no amounts of a change."""
     text = fault("weaken", "valve", "travel_percent = 0")
     text += fault("drop_supply", "axis1", "pressure_bar = 0")
     assert len(load_config(write(NODES + text)).of(FaultsPart).faults) == 2
 
 
-def test_no_time_is_refused(write: Write) -> None:
+def test_no_time_is_refused(write):
     with pytest.raises(ConfigError, match=r"for_s: 0 is no time; give how long"):
         load_config(write(NODES + fault("freeze", "pressure_a", "for_s = 0")))

@@ -2,8 +2,6 @@
 
 import datetime as dt
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -11,7 +9,7 @@ from hypothesis import strategies as st
 
 from device_profiles import VALVE_408
 from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
-from hil_bench.bench.configuration import BenchConfig, load, load_config
+from hil_bench.bench.configuration import load, load_config
 from hil_bench.bench.configuration.loop import (
     BENCH_KEYS,
     BUS_KEYS,
@@ -19,7 +17,6 @@ from hil_bench.bench.configuration.loop import (
     SOURCE_KEYS,
     node_keys,
 )
-from hil_bench.config.settings import Key
 from hil_bench.devices.kinds.chains import CHAIN_KEYS
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
@@ -36,7 +33,7 @@ SCALARS = (
 VALUES = SCALARS | st.lists(SCALARS, max_size=2) | st.dictionaries(TEXT, SCALARS, max_size=1)
 
 
-def table(*keys: Key) -> st.SearchStrategy[Any]:
+def table(*keys):
     names = st.sampled_from([key.name for key in keys]) | TEXT
     return st.dictionaries(names, VALUES, max_size=8)
 
@@ -88,7 +85,7 @@ DOCUMENTS = st.fixed_dictionaries(
 )
 
 
-def message_of(action: Callable[[], BenchConfig]) -> str:
+def message_of(action):
     """The message of the `ConfigError`, empty where there is a bench."""
     try:
         assert action().nodes
@@ -99,7 +96,7 @@ def message_of(action: Callable[[], BenchConfig]) -> str:
 
 @settings(suppress_health_check=[HealthCheck.too_slow])  # the machine may be busy
 @given(document=DOCUMENTS)
-def test_any_toml_is_a_bench_or_a_config_error(document: dict[str, Any]) -> None:
+def test_any_toml_is_a_bench_or_a_config_error(document):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(load, "read_document", lambda _path, _wanted: document)
         message = message_of(lambda: load_config("bench.toml"))
@@ -110,9 +107,7 @@ def test_any_toml_is_a_bench_or_a_config_error(document: dict[str, Any]) -> None
 
 
 @given(content=st.binary(max_size=40) | st.text(max_size=40).map(str.encode))
-def test_any_file_is_a_bench_or_a_config_error(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes
-) -> None:
+def test_any_file_is_a_bench_or_a_config_error(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("config") / "bench.toml"
     path.write_bytes(content)
     message = message_of(lambda: load_config(path))

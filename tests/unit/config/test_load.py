@@ -32,7 +32,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 Write = Callable[[str], Path]
 
 
-def test_without_a_file_there_is_one_axis_with_table_1_and_four_nodes() -> None:
+def test_without_a_file_there_is_one_axis_with_table_1_and_four_nodes():
     config = load_config()
 
     assert config.path is None
@@ -56,7 +56,7 @@ def test_without_a_file_there_is_one_axis_with_table_1_and_four_nodes() -> None:
     assert {setting.origin for setting in config.settings} == {Origin.DEFAULT}
 
 
-def test_the_default_nodes_are_one_of_each_device() -> None:
+def test_the_default_nodes_are_one_of_each_device():
     valve, pressure_a, pressure_b, position = load_config().nodes
 
     assert isinstance(valve, ValveConfig)
@@ -73,7 +73,7 @@ def test_the_default_nodes_are_one_of_each_device() -> None:
     assert position.eds == device_profiles.ENCODER_406
 
 
-def test_values_are_converted_to_si(write: Write) -> None:
+def test_values_are_converted_to_si(write):
     path = write("""
         bench.step_us = 20
         [plant.lift]
@@ -99,7 +99,7 @@ def test_values_are_converted_to_si(write: Write) -> None:
     assert axis.solver is Solver.FORWARD_EULER
 
 
-def test_a_bench_can_run_on_the_reduced_model(write: Write) -> None:
+def test_a_bench_can_run_on_the_reduced_model(write):
     config = load_config(
         write("""
         [plant.axis1]
@@ -117,7 +117,7 @@ def test_a_bench_can_run_on_the_reduced_model(write: Write) -> None:
     assert plant.state.P_A - plant.state.P_B == pytest.approx(970.0 / 4.85e-3)
 
 
-def test_end_stop_and_cavitation_can_be_turned_off(write: Write) -> None:
+def test_end_stop_and_cavitation_can_be_turned_off(write):
     path = write("""
         [plant.axis1]
         end_stop = false
@@ -128,7 +128,7 @@ def test_end_stop_and_cavitation_can_be_turned_off(write: Write) -> None:
     assert load_config(path).axes[0].options == PlantOptions.paper()
 
 
-def test_extensions_of_the_plant_are_converted_to_si(write: Write) -> None:
+def test_extensions_of_the_plant_are_converted_to_si(write):
     path = write("""
         [plant.axis1]
         orifice_full_opening_negative_mm = 0.8
@@ -174,7 +174,7 @@ def test_extensions_of_the_plant_are_converted_to_si(write: Write) -> None:
     assert series == LoadSeries((0.0, 2.5), (0.0, 400.0))
 
 
-def test_an_extension_that_is_off_is_absent_whatever_its_other_keys_say(write: Write) -> None:
+def test_an_extension_that_is_off_is_absent_whatever_its_other_keys_say(write):
     path = write("""
         [plant.axis1]
         entrained_air_exponent = 9
@@ -187,7 +187,7 @@ def test_an_extension_that_is_off_is_absent_whatever_its_other_keys_say(write: W
     assert load_config(path).axes[0].options == PlantOptions.bench()
 
 
-def test_the_full_opening_is_that_of_the_larger_side(write: Write) -> None:
+def test_the_full_opening_is_that_of_the_larger_side(write):
     text = """
         [plant.a]
         spool_overlap_negative_mm = 0.7
@@ -201,7 +201,7 @@ def test_the_full_opening_is_that_of_the_larger_side(write: Write) -> None:
     assert valve.full_opening == pytest.approx(1.7e-3)  # 1 mm + 0.7 mm
 
 
-def test_a_file_with_a_bus_alone_keeps_the_default_bench(write: Write) -> None:
+def test_a_file_with_a_bus_alone_keeps_the_default_bench(write):
     config = load_config(write('[bus]\ninterface = "socketcan"\nchannel = "vcan0"\n'))
 
     assert config.bus == BusConfig("socketcan", "vcan0", None, {})
@@ -209,13 +209,13 @@ def test_a_file_with_a_bus_alone_keeps_the_default_bench(write: Write) -> None:
     assert config.nodes == load_config().nodes
 
 
-def test_the_default_nodes_belong_to_the_only_axis_whatever_its_name(write: Write) -> None:
+def test_the_default_nodes_belong_to_the_only_axis_whatever_its_name(write):
     config = load_config(write("[plant.lift]\n"))
 
     assert {node.axis for node in config.nodes} == {"lift"}
 
 
-def test_a_relative_eds_path_is_relative_to_the_file(tmp_path: Path) -> None:
+def test_a_relative_eds_path_is_relative_to_the_file(tmp_path):
     eds = tmp_path / "eds" / "my_valve.eds"
     eds.parent.mkdir()
     eds.touch()
@@ -226,7 +226,7 @@ def test_a_relative_eds_path_is_relative_to_the_file(tmp_path: Path) -> None:
     assert valve.eds == eds
 
 
-def test_the_full_opening_follows_the_valve_of_its_axis_unless_given(write: Write) -> None:
+def test_the_full_opening_follows_the_valve_of_its_axis_unless_given(write):
     text = """
         [plant.a]
         orifice_full_opening_mm = 2
@@ -241,34 +241,34 @@ def test_the_full_opening_follows_the_valve_of_its_axis_unless_given(write: Writ
         node_id = 2
         full_opening_mm = 1.1
     """
-    openings = [node.full_opening for node in load_config(write(text)).nodes]  # type: ignore[attr-defined]
+    openings = [node.full_opening for node in load_config(write(text)).nodes]
 
     assert openings == pytest.approx([2.3e-3, 1.1e-3])
 
 
-def test_a_channel_may_be_a_number(write: Write) -> None:
+def test_a_channel_may_be_a_number(write):
     assert load_config(write("[bus]\nchannel = 1\n")).bus.channel == 1
 
 
-def test_further_keys_of_the_bus_become_options(write: Write) -> None:
+def test_further_keys_of_the_bus_become_options(write):
     text = '[bus]\ninterface = "socketcand"\nchannel = "can0"\nhost = "127.0.0.1"\nport = 29536\n'
 
     assert load_config(write(text)).bus.options == {"host": "127.0.0.1", "port": 29536}
 
 
-def test_records_are_frozen() -> None:
+def test_records_are_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        load_config().seed = 2  # type: ignore[misc]
+        load_config().seed = 2
 
 
-def test_a_node_without_node_id_may_have_a_serial_number(write: Write) -> None:
+def test_a_node_without_node_id_may_have_a_serial_number(write):
     text = '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 77\n'
     (valve,) = load_config(write(text)).nodes
 
     assert (valve.node_id, valve.serial_number) == (255, 77)
 
 
-def test_a_relative_storage_folder_is_relative_to_the_file_and_may_be_new(tmp_path: Path) -> None:
+def test_a_relative_storage_folder_is_relative_to_the_file_and_may_be_new(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text('[nodes.v]\nprofile = "valve_408"\nnode_id = 9\nstorage = "new"\n')
     (valve,) = load_config(path).nodes
@@ -277,7 +277,7 @@ def test_a_relative_storage_folder_is_relative_to_the_file_and_may_be_new(tmp_pa
     assert not valve.storage.exists()
 
 
-def test_nodes_without_node_id_do_not_clash(write: Write) -> None:
+def test_nodes_without_node_id_do_not_clash(write):
     node = '[nodes.n{0}]\nprofile = "{1}"\nnode_id = 255\nserial_number = {0}\n'
     text = node.format(1, "valve_408") + node.format(2, "encoder_406")
 

@@ -125,14 +125,14 @@ TOGETHER = [
 
 
 @pytest.mark.parametrize(("text", "message"), ONE_VALUE + TOGETHER)
-def test_a_mistake_is_told_in_one_line(write: Write, text: str, message: str) -> None:
+def test_a_mistake_is_told_in_one_line(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))
 
     assert str(caught.value) == f"bench.toml:{message}"
 
 
-def test_several_mistakes_are_told_together(write: Write) -> None:
+def test_several_mistakes_are_told_together(write):
     path = write("[bench]\ntick = 1\nseed = -1\n[plant.axis1]\nstroke_mm = true\n")
     with pytest.raises(ConfigError) as caught:
         load_config(path)
@@ -144,7 +144,7 @@ def test_several_mistakes_are_told_together(write: Write) -> None:
     ]
 
 
-def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
+def test_a_bus_with_all_node_ids_taken_says_so(write):
     sensor = '[nodes.n{0}]\nprofile = "encoder_406"\nnode_id = {0}\n'
     extra = '[nodes.extra]\nprofile = "encoder_406"\nnode_id = 127\n'
     path = write(VALVE + "".join(sensor.format(n) for n in range(2, 128)) + extra)
@@ -165,7 +165,7 @@ def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
         (b"# \xff\n", "bench.toml: is not UTF-8 text; save it as UTF-8"),
     ],
 )  # fmt: skip
-def test_a_file_that_is_no_toml_names_the_line(write: Write, content: bytes, message: str) -> None:
+def test_a_file_that_is_no_toml_names_the_line(write, content, message):
     path = write("")
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -174,12 +174,12 @@ def test_a_file_that_is_no_toml_names_the_line(write: Write, content: bytes, mes
     assert str(caught.value) == message
 
 
-def test_a_file_without_an_end_is_refused() -> None:
+def test_a_file_without_an_end_is_refused():
     with pytest.raises(ConfigError, match=r"^/dev/zero: is larger than 16 MiB; give a TOML file$"):
         load_config(Path("/dev/zero"))
 
 
-def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write: Write) -> None:
+def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write):
     path = write("")
     path.write_bytes(b"\xef\xbb\xbf[bench]\r\ntick_us = 2000\r\n")
     assert load_config(path).tick_ns == 2_000_000
@@ -195,26 +195,26 @@ def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write: Wr
         ("[coils.zero]\n", "a register map"),
     ],
 )
-def test_a_file_of_another_sort_is_one_line(write: Write, content: str, sort: str) -> None:
+def test_a_file_of_another_sort_is_one_line(write, content, sort):
     with pytest.raises(ConfigError) as caught:
         load_config(write(content))
     assert str(caught.value) == f"bench.toml: is {sort}; give a bench"
 
 
 @pytest.mark.parametrize("part", ["a", '"a b"', "'a'", "1"])
-def test_a_key_of_many_parts_is_refused(write: Write, part: str) -> None:
+def test_a_key_of_many_parts_is_refused(write, part):
     """Of 20,000 it would take 1.6 GiB to read them."""
     write(" . ".join([part] * 101) + " = 1\n")
     with pytest.raises(ConfigError, match=r"has a key of more than 100 parts; give shorter ones$"):
         load_config(Path("bench.toml"))
 
 
-def test_deeply_nested_toml_is_refused(write: Write) -> None:
+def test_deeply_nested_toml_is_refused(write):
     with pytest.raises(ConfigError, match=r"^bench.toml: is not valid TOML: "):
         load_config(write("a = " + "[" * 100_000))
 
 
-def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_says_why(tmp_path):
     with pytest.raises(ConfigError) as missing:
         load_config(tmp_path / "no.toml")
     with pytest.raises(ConfigError) as directory:
@@ -227,9 +227,7 @@ def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["x", "-1", "1.5", "٣", "1_0"])
-def test_a_bad_seed_in_the_environment_names_the_variable(
-    monkeypatch: pytest.MonkeyPatch, text: str
-) -> None:
+def test_a_bad_seed_in_the_environment_names_the_variable(monkeypatch, text):
     monkeypatch.setenv("HIL_BENCH_SEED", text)
     with pytest.raises(ConfigError) as caught:
         load_config()
@@ -239,7 +237,7 @@ def test_a_bad_seed_in_the_environment_names_the_variable(
     )
 
 
-def test_a_bad_value_on_the_command_line_names_the_option() -> None:
+def test_a_bad_value_on_the_command_line_names_the_option():
     with pytest.raises(ConfigError) as caught:
         load_config(seed=-1, interface="socketcn", bus_options={"channe": "can0"})
 

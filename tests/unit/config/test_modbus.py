@@ -23,29 +23,29 @@ from hil_bench.errors import ConfigError
 Write = Callable[[str], Path]
 
 
-def load(path: Path) -> ModbusConfig:
+def load(path):
     config = load_config(path).of(ModbusConfig)
     assert config is not None
     return config
 
 
-def problems(path: Path) -> list[str]:
+def problems(path):
     with pytest.raises(ConfigError) as caught:
         load_config(path)
     return [line.removeprefix("bench.toml:") for line in str(caught.value).splitlines()]
 
 
-def test_without_the_table_there_is_no_server() -> None:
+def test_without_the_table_there_is_no_server():
     assert load_config().of(ModbusConfig) is None
 
 
-def test_tables_that_nobody_would_read_are_refused() -> None:
+def test_tables_that_nobody_would_read_are_refused():
     with pytest.raises(TypeError, match=r"^load_config\(\) takes True or False for 'modbus', not"):
         load_config(modbus=[{"port": 5021}])
 
 
 @pytest.mark.parametrize("text", ["[modbus]\n", ""])
-def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
+def test_the_sensors_are_its_units_by_default(write, text):
     config = load_config(write(text), modbus=True).of(ModbusConfig)
     assert config is not None
     units = [(unit.unit_id, unit.name, unit.node, unit.commands) for unit in config.units]
@@ -59,7 +59,7 @@ def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
     )
 
 
-def test_the_files_of_tls_are_beside_the_configuration(write: Write) -> None:
+def test_the_files_of_tls_are_beside_the_configuration(write):
     path = write(
         """
         [modbus]
@@ -75,7 +75,7 @@ def test_the_files_of_tls_are_beside_the_configuration(write: Write) -> None:
     )
 
 
-def test_all_keys(write: Write) -> None:
+def test_all_keys(write):
     config = load(
         write(
             """
@@ -115,7 +115,7 @@ def test_all_keys(write: Write) -> None:
     assert orders == {WordOrder.LITTLE}
 
 
-def test_input_registers_are_holding_registers_too(write: Write) -> None:
+def test_input_registers_are_holding_registers_too(write):
     config = load(write("[modbus.units.pressure_a]\ninputs_also_at = 4\n"))
     registers = config.units[0].register_map
     inputs = registers.table(Table.INPUT_REGISTERS)
@@ -134,21 +134,21 @@ def test_input_registers_are_holding_registers_too(write: Write) -> None:
         (65530, "65530 leaves no room for all input registers; give at most 65528"),
     ],
 )
-def test_copies_that_do_not_fit_are_refused(write: Write, start: int, wrong: str) -> None:
+def test_copies_that_do_not_fit_are_refused(write, start, wrong):
     path = write(f"[modbus.units.pressure_a]\ninputs_also_at = {start}\n")
     assert problems(path) == [f"modbus.units.pressure_a.inputs_also_at: {wrong}"]
 
 
-def test_copies_may_end_at_the_last_address(write: Write) -> None:
+def test_copies_may_end_at_the_last_address(write):
     load(write("[modbus.units.pressure_a]\ninputs_also_at = 65528\n"))
 
 
-def test_the_only_unit_is_the_default_one(write: Write) -> None:
+def test_the_only_unit_is_the_default_one(write):
     assert load(write("[modbus.units.position]\n")).server.default_unit == 4
     assert load(write("[modbus]\n")).server.default_unit is None
 
 
-def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
+def test_the_settings_say_where_each_value_came_from(write):
     config = load_config(write("[modbus]\nport = 1502\n[modbus.units.position]\n"))
     settings = {(s.table, s.key.name): (s.value, s.origin) for s in config.settings}
     assert settings["modbus", "port"] == (1502, Origin.FILE)
@@ -239,12 +239,12 @@ def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(write: Write, text: str, line: str) -> None:
+def test_what_is_wrong_is_said_in_a_line(write, text, line):
     path = write(text)
     assert problems(path) == [line]
 
 
-def test_a_node_without_an_id_needs_a_unit_id(write: Write) -> None:
+def test_a_node_without_an_id_needs_a_unit_id(write):
     path = write(
         """
         [nodes.valve]
@@ -262,19 +262,19 @@ def test_a_node_without_an_id_needs_a_unit_id(write: Write) -> None:
     ]
 
 
-def test_a_map_for_another_profile_is_refused(write: Write) -> None:
+def test_a_map_for_another_profile_is_refused(write):
     other = REGISTERS / "encoder_406.toml"
     path = write(f"[modbus.units.pressure_a]\nregisters = '{other}'\n")
     wrong = f"modbus.units.pressure_a.registers: {other} is for encoder_406"
     assert problems(path) == [f"{wrong}; give a map for pressure_404"]
 
 
-def test_problems_of_a_map_name_the_map_too(write: Write) -> None:
+def test_problems_of_a_map_name_the_map_too(write):
     path = write('[modbus.units.pressure_a]\nregisters = "missing.toml"\n')
     (line,) = problems(path)
     assert line.startswith("modbus.units.pressure_a.registers: missing.toml: cannot be read")
 
 
-def test_a_valve_that_plcs_command_waits_a_second_for_them(write: Write) -> None:
+def test_a_valve_that_plcs_command_waits_a_second_for_them(write):
     # OpenPLC polls each 100 ms, and each of its cycles takes the time of its requests as well.
     assert load(write("[modbus.units.valve]\n")).units[0].watchdog == 1.0

@@ -9,8 +9,6 @@ import pytest
 from hil_bench.bench.assembly import build_node
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
 
@@ -21,11 +19,11 @@ NO_VALUE = "give a number, text, a truth value or a binding"
 SENSOR = '[nodes.p]\nprofile = "pressure_404"\nnode_id = 6\nsource = "P_A"\n'
 
 
-def build(path: Path, node: int = 0) -> Node:
+def build(path, node=0):
     return build_node(load_config(path).nodes[node])
 
 
-def number(dictionary: ObjectDictionary, index: int, subindex: int = 0) -> int:
+def number(dictionary, index, subindex=0):
     return dictionary.number(index, subindex)
 
 
@@ -42,9 +40,7 @@ def number(dictionary: ObjectDictionary, index: int, subindex: int = 0) -> int:
         ('"0x1400.01" = "$NODEID+0x300"', 0x1400, 1, 0x305),
     ],
 )
-def test_a_value_is_there_at_power_on(
-    write: Write, line: str, index: int, subindex: int, value: object
-) -> None:
+def test_a_value_is_there_at_power_on(write, line, index, subindex, value):
     dictionary = build(write(f"{VALVE}[nodes.valve.objects]\n{line}")).object_dictionary
 
     variable = dictionary.variable(index, subindex)
@@ -52,7 +48,7 @@ def test_a_value_is_there_at_power_on(
 
 
 @pytest.mark.parametrize("command", [129, 130])
-def test_an_nmt_reset_brings_it_back(write: Write, command: int) -> None:
+def test_an_nmt_reset_brings_it_back(write, command):
     node = build(write(f'{VALVE}objects = {{ "0x1400.05" = 100 }}'))
     node.start(0)
     node.serve(0, lambda _frame: None)
@@ -64,7 +60,7 @@ def test_an_nmt_reset_brings_it_back(write: Write, command: int) -> None:
     assert number(node.object_dictionary, 0x1400, 5) == 100
 
 
-def test_a_number_stays_and_a_text_with_node_id_follows_it(write: Write) -> None:
+def test_a_number_stays_and_a_text_with_node_id_follows_it(write):
     objects = '{ "0x1400.01" = "$NODEID+0x300", "0x1800.01" = 0x40000333 }'
     dictionary = build(write(f"{VALVE}objects = {objects}")).object_dictionary
 
@@ -74,7 +70,7 @@ def test_a_number_stays_and_a_text_with_node_id_follows_it(write: Write) -> None
     assert dictionary.variable(0x1800, 1).default == 0x40000333
 
 
-def test_a_node_without_node_id_follows_the_one_it_gets(write: Write) -> None:
+def test_a_node_without_node_id_follows_the_one_it_gets(write):
     valve = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 255\nserial_number = 1\n'
     node = build(write(valve + 'objects = { "0x1400.01" = "$NODEID+0x300" }'))
 
@@ -83,7 +79,7 @@ def test_a_node_without_node_id_follows_the_one_it_gets(write: Write) -> None:
     assert node.object_dictionary.variable(0x1400, 1).default == 0x309
 
 
-def test_real_numbers(write: Write) -> None:
+def test_real_numbers(write):
     text = VALVE + SENSOR + '[nodes.p.objects]\n"0x6127.01" = 1.5\n"0x6126.01" = 2'
     dictionary = build(write(text), 1).object_dictionary
 
@@ -91,7 +87,7 @@ def test_real_numbers(write: Write) -> None:
     assert dictionary.variable(0x6126, 1).default == 2.0
 
 
-def test_a_mapping_can_be_another_one(write: Write) -> None:
+def test_a_mapping_can_be_another_one(write):
     objects = '"0x1A00.00" = 1\n"0x1A00.01" = 0x61500108'
     config = load_config(write(f"{VALVE}{SENSOR}[nodes.p.objects]\n{objects}"))
 
@@ -122,9 +118,7 @@ def test_a_mapping_can_be_another_one(write: Write) -> None:
         ),
     ],
 )
-def test_what_is_wrong_in_the_file_is_told_with_its_place(
-    write: Write, objects: str, message: str
-) -> None:
+def test_what_is_wrong_in_the_file_is_told_with_its_place(write, objects, message):
     path = write(f"{VALVE}[nodes.valve.objects]\n{objects}")
 
     with pytest.raises(ConfigError) as caught:
@@ -133,7 +127,7 @@ def test_what_is_wrong_in_the_file_is_told_with_its_place(
     assert str(caught.value) == f"{path}:nodes.valve.objects: {message}"
 
 
-def test_objects_that_are_no_table(write: Write) -> None:
+def test_objects_that_are_no_table(write):
     with pytest.raises(
         ConfigError, match=r"objects: 5 is not a table; give objects and values, as"
     ):
@@ -150,9 +144,7 @@ def test_objects_that_are_no_table(write: Write) -> None:
         ('"0x1A00.01" = 0x60420010', "0x1A00.01: maps 0x6042.00 "),
     ],
 )
-def test_what_the_eds_does_not_allow_is_told_when_the_device_is_made(
-    write: Write, objects: str, message: str
-) -> None:
+def test_what_the_eds_does_not_allow_is_told_when_the_device_is_made(write, objects, message):
     with pytest.raises(ConfigError) as caught:
         build(write(f"{VALVE}[nodes.valve.objects]\n{objects}"))
 
@@ -160,7 +152,7 @@ def test_what_the_eds_does_not_allow_is_told_when_the_device_is_made(
     assert "\n" not in str(caught.value)
 
 
-def test_an_object_that_is_not_there(write: Write) -> None:
+def test_an_object_that_is_not_there(write):
     with pytest.raises(ConfigError) as caught:
         build(write(f'{VALVE}objects = {{ "0x2000" = 1 }}'))
 
@@ -168,9 +160,7 @@ def test_an_object_that_is_not_there(write: Write) -> None:
     assert str(caught.value).endswith('valve_408.eds; the nearest is 0x1F80.00, "NMT startup"')
 
 
-def test_check_prints_a_table_that_loads_again(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_a_table_that_loads_again(write, tmp_path, capsys):
     objects = '{ "0x1400.05" = 100, "0x1008" = "a \\"valve\\"" }'
     path = write(f"{VALVE}objects = {objects}")
 
@@ -181,9 +171,7 @@ def test_check_prints_a_table_that_loads_again(
     assert load_config(again).nodes[0].objects == {(0x1400, 5): 100, (0x1008, 0): 'a "valve"'}
 
 
-def test_devices_shows_the_pdos_that_are_in_force(
-    write: Write, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_devices_shows_the_pdos_that_are_in_force(write, capsys):
     path = write(f'{VALVE}objects = {{ "0x1800.05" = 3, "0x1400.01" = "$NODEID+0x300" }}')
 
     assert main(["devices", str(path), "--json"]) == 0
@@ -192,8 +180,6 @@ def test_devices_shows_the_pdos_that_are_in_force(
     assert (rpdo["can_id"], tpdo["event_time_ms"]) == (0x305, 3)
 
 
-def test_check_refuses_what_the_eds_does_not_allow(
-    write: Write, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_refuses_what_the_eds_does_not_allow(write, capsys):
     assert main(["check", str(write(f'{VALVE}objects = {{ "0x6042" = 3 }}'))]) == 2
     assert "nodes.valve.objects.0x6042.00: 3 is out of range" in capsys.readouterr().err

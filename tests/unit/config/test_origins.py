@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil_bench.bench.configuration import (
-    BenchConfig,
     BusConfig,
     Origin,
     OverrunPolicy,
@@ -19,11 +18,11 @@ from hil_bench.errors import ConfigError
 Write = Callable[[str], Path]
 
 
-def origin(config: BenchConfig, table: str, key: str) -> Origin:
+def origin(config, table, key):
     return next(s.origin for s in config.settings if (s.table, s.key.name) == (table, key))
 
 
-def test_another_interface_on_the_command_line_lets_the_files_options_lapse(write: Write) -> None:
+def test_another_interface_on_the_command_line_lets_the_files_options_lapse(write):
     path = write('[bus]\ninterface = "socketcand"\nhost = "127.0.0.1"\nbitrate = 250000\n')
     bus = load_config(
         path, interface="socketcan", channel="can0", bus_options={"receive_own_messages": True}
@@ -32,9 +31,7 @@ def test_another_interface_on_the_command_line_lets_the_files_options_lapse(writ
     assert bus == BusConfig("socketcan", "can0", 250000, {"receive_own_messages": True})
 
 
-def test_the_command_line_wins_over_environment_file_and_default(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_line_wins_over_environment_file_and_default(write, monkeypatch):
     path = write("[bench]\nseed = 2\n")
     found = [(load_config().seed, origin(load_config(), "bench", "seed"))]
     found.append((load_config(path).seed, origin(load_config(path), "bench", "seed")))
@@ -51,9 +48,7 @@ def test_the_command_line_wins_over_environment_file_and_default(
     ]
 
 
-def test_the_environment_names_the_file_where_nobody_else_does(
-    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_environment_names_the_file_where_nobody_else_does(write, tmp_path, monkeypatch):
     path = write("[bench]\nseed = 2\n")
     other = tmp_path / "other.toml"
     other.write_text("[bench]\nseed = 5\n")
@@ -64,7 +59,7 @@ def test_the_environment_names_the_file_where_nobody_else_does(
     assert load_config(str(other)).seed == 5
 
 
-def test_empty_variables_count_as_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_variables_count_as_absent(monkeypatch):
     monkeypatch.setenv("HIL_BENCH_CONFIG", "")
     monkeypatch.setenv("HIL_BENCH_SEED", "")
 
@@ -73,7 +68,7 @@ def test_empty_variables_count_as_absent(monkeypatch: pytest.MonkeyPatch) -> Non
     assert load_config().seed == 1
 
 
-def test_each_value_knows_its_origin(write: Write) -> None:
+def test_each_value_knows_its_origin(write):
     config = load_config(write("[plant.axis1]\nstroke_mm = 300\n"), channel="vcan0")
 
     assert origin(config, "plant.axis1", "stroke_mm") is Origin.FILE
@@ -82,7 +77,7 @@ def test_each_value_knows_its_origin(write: Write) -> None:
     assert origin(config, "bus", "interface") is Origin.DEFAULT
 
 
-def test_the_command_line_says_how_the_loop_runs(write: Write) -> None:
+def test_the_command_line_says_how_the_loop_runs(write):
     path = write('[bench]\nrealtime = "fifo"\noverrun = "skip"\n')
     config = load_config(path, loop={"realtime_cpu": 3, "overrun": "stop", "realtime": None})
 
@@ -92,6 +87,6 @@ def test_the_command_line_says_how_the_loop_runs(write: Write) -> None:
     assert load_config().realtime == RealtimeConfig()
 
 
-def test_a_wrong_option_is_named_as_an_option() -> None:
+def test_a_wrong_option_is_named_as_an_option():
     with pytest.raises(ConfigError, match=r"^--realtime-priority: 99 is out of range; give an int"):
         load_config(loop={"realtime_priority": 99})

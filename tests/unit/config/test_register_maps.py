@@ -29,7 +29,7 @@ revision = "1.0"
 """
 
 
-def test_a_map_with_every_key(write: Write) -> None:
+def test_a_map_with_every_key(write):
     path = write(
         DEVICE
         + """
@@ -82,7 +82,7 @@ def test_a_map_with_every_key(write: Write) -> None:
     )
 
 
-def test_the_word_order_of_bench_toml_wins_where_a_register_has_none(write: Write) -> None:
+def test_the_word_order_of_bench_toml_wins_where_a_register_has_none(write):
     path = write(DEVICE + '[input_registers.p]\naddress = 0\ntype = "float32"\nsource = "p"\n')
     (register,) = load_register_map(path, word_order=WordOrder.LITTLE).registers
     assert register.word_order is WordOrder.LITTLE
@@ -90,7 +90,7 @@ def test_the_word_order_of_bench_toml_wins_where_a_register_has_none(write: Writ
     assert register.word_order is WordOrder.BIG
 
 
-def register(*lines: str, table: str = "input_registers") -> str:
+def register(*lines, table="input_registers"):
     head = [f"[{table}.p]", "address = 0", 'type = "float32"', 'source = "p"']
     names = [line.split(" =")[0] for line in lines]
     return "\n".join([*(line for line in head if line.split(" =")[0] not in names), *lines, ""])
@@ -150,7 +150,7 @@ def register(*lines: str, table: str = "input_registers") -> str:
         ("[coils.c]\naddress = 0", 'coils.c.source: missing; give for example source = "pressure"'),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(write: Write, text: str, line: str) -> None:
+def test_what_is_wrong_is_said_in_a_line(write, text, line):
     path = write(DEVICE + text)
     with pytest.raises(ConfigError) as caught:
         load_register_map(path)
@@ -161,16 +161,14 @@ def test_what_is_wrong_is_said_in_a_line(write: Write, text: str, line: str) -> 
     ("name", "value"),
     [("vendor_name", '"ä"'), ("revision", "1"), ("product_code", f'"{"x" * 65}"')],
 )
-def test_an_identification_that_cannot_be_sent_is_refused(
-    write: Write, name: str, value: str
-) -> None:
+def test_an_identification_that_cannot_be_sent_is_refused(write, name, value):
     lines = [f"{name} = {value}" if line.startswith(name) else line for line in DEVICE.split("\n")]
     with pytest.raises(ConfigError, match="cannot be sent; give at most 64 ASCII characters"):
         load_register_map(write("\n".join(lines)))
 
 
 @pytest.mark.parametrize("path", sorted(REGISTERS.glob("*.toml")), ids=lambda path: path.stem)
-def test_the_profiles_own_maps_are_sound(path: Path) -> None:
+def test_the_profiles_own_maps_are_sound(path):
     register_map = load_register_map(path)
     assert register_map.profile == path.stem
     for table in Table:

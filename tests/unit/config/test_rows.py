@@ -2,7 +2,6 @@
 
 import ast
 import re
-from collections.abc import Iterator
 from dataclasses import fields
 from itertools import chain
 from pathlib import Path
@@ -32,7 +31,7 @@ NO_USUAL = {"position_mm", "load_slope_deg", "angle_deg", "viscous_friction_n_m_
 """Limited by the stroke and to a right angle, any angle, and two that vary freely."""
 
 
-def rows(table: Path) -> list[dict[str, str]]:
+def rows(table):
     head, *lines = table.read_text(encoding="utf-8").splitlines()
     return [dict(zip(head.split("\t"), line.split("\t"), strict=True)) for line in lines]
 
@@ -41,7 +40,7 @@ CYLINDER, ROTARY, *OTHERS = map(rows, TABLES)
 OWN = [row for row in CYLINDER if row["group"] != "shared"]
 
 
-def documented(text: str) -> Iterator[tuple[str, ...]]:
+def documented(text):
     """Yield key, unit, default and meaning of each row of the tables of a document."""
     for line in text.splitlines():
         cells = re.split(r" \| ", line.strip().removesuffix(" |"))
@@ -56,7 +55,7 @@ def documented(text: str) -> Iterator[tuple[str, ...]]:
             yield name, unit, default, meaning
 
 
-def default_of(row: dict[str, str]) -> str:
+def default_of(row):
     """Return how a document writes the default of a row."""
     given = {"text": '"{}"', "a word": '"{}"', "points": "[]"}.get(row["accepts"], "{}")
     if row.get("example"):
@@ -65,7 +64,7 @@ def default_of(row: dict[str, str]) -> str:
 
 
 @pytest.mark.parametrize("row", [*chain(*OTHERS)], ids=lambda row: row["key"])
-def test_a_row_of_keys_is_complete(row: dict[str, str]) -> None:
+def test_a_row_of_keys_is_complete(row):
     has_none = row["accepts"] == "points"
 
     assert row["group"]
@@ -74,7 +73,7 @@ def test_a_row_of_keys_is_complete(row: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("row", [*CYLINDER, *ROTARY], ids=lambda row: row["key"])
-def test_a_row_is_complete(row: dict[str, str]) -> None:
+def test_a_row_is_complete(row):
     test_a_row_of_keys_is_complete(row)
     is_number = row["accepts"] not in {"text", "a word", "points", "true or false"}
 
@@ -87,7 +86,7 @@ def test_a_row_is_complete(row: dict[str, str]) -> None:
         assert not limits or float(low or "-inf") < float(high or "inf")
 
 
-def test_a_table_has_each_key_once() -> None:
+def test_a_table_has_each_key_once():
     for table in (OWN, ROTARY):
         assert len({row["key"] for row in table}) == len(table)
 
@@ -114,7 +113,7 @@ FOLLOWS = {"conductance"}
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.__name__)
-def test_the_numbers_of_a_record_are_rows(record: type) -> None:
+def test_the_numbers_of_a_record_are_rows(record):
     numbers = {
         field.name
         for field in fields(record)
@@ -131,7 +130,7 @@ def test_the_numbers_of_a_record_are_rows(record: type) -> None:
         assert not key.field or said is None or unit == key.unit.si
 
 
-def test_no_module_declares_a_key_of_a_table() -> None:
+def test_no_module_declares_a_key_of_a_table():
     names = {row["key"] for row in (*CYLINDER, *ROTARY)} - {"oil", "model", "supply"}
     second = []
     for path in (*PLANTS.rglob("*.py"), *(ROOT / "hil_bench" / "bench").rglob("*.py")):
@@ -152,7 +151,7 @@ def test_no_module_declares_a_key_of_a_table() -> None:
     assert second == []
 
 
-def test_one_module_reads_files_of_toml() -> None:
+def test_one_module_reads_files_of_toml():
     others = {
         "cli/arguments.py",  # a single value of the command line
         "abilities/campaign/shrink.py",  # its own text, read again
@@ -169,7 +168,7 @@ def test_one_module_reads_files_of_toml() -> None:
     assert found == {"config/document.py"} | others
 
 
-def test_the_sheet_of_a_key_is_the_one_that_determines_it(write) -> None:
+def test_the_sheet_of_a_key_is_the_one_that_determines_it(write):
     # Every datum of the four sheets: what they determine are the rows of these sheets.
     config = load_config(
         write(
@@ -187,7 +186,7 @@ def test_the_sheet_of_a_key_is_the_one_that_determines_it(write) -> None:
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda path: path.name)
-def test_the_document_says_what_the_rows_say(table: Path) -> None:
+def test_the_document_says_what_the_rows_say(table):
     said = {*documented((ROOT / "docs" / TABLES[table]).read_text(encoding="utf-8"))}
 
     for row in rows(table):

@@ -3,7 +3,6 @@
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -13,13 +12,13 @@ from hil_bench.abilities.controllers.busy_wait import LONGEST_NS, SHARED_NS, SLE
 class Machine:
     """A processor: each offer of it takes a time, and behind some of them an answer is there."""
 
-    def __init__(self, answer: Callable[[], object]) -> None:
+    def __init__(self, answer):
         self.now = self.offers = 0
         self.takes = 1000  # an offer [ns]
         self.answers_behind = 0
         self._answer = answer
 
-    def offer(self) -> None:
+    def offer(self):
         self.offers += 1
         self.now += self.takes
         if self.offers == self.answers_behind:
@@ -27,14 +26,14 @@ class Machine:
 
 
 @pytest.fixture
-def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+def pair():
     ours, theirs = socket.socketpair()
     with ours, theirs:
         yield ours, theirs
 
 
 @pytest.fixture
-def machine(pair: tuple[socket.socket, socket.socket], monkeypatch: pytest.MonkeyPatch) -> Machine:
+def machine(pair, monkeypatch):
     made = Machine(lambda: pair[1].send(b"x"))
     monkeypatch.setattr(os, "sched_yield", made.offer)
     monkeypatch.setattr(time, "perf_counter_ns", lambda: made.now)
@@ -42,13 +41,11 @@ def machine(pair: tuple[socket.socket, socket.socket], monkeypatch: pytest.Monke
 
 
 @pytest.fixture
-def busy(pair: tuple[socket.socket, socket.socket]) -> BusyWait:
+def busy(pair):
     return BusyWait(pair[0].fileno())
 
 
-def test_what_comes_soon_is_waited_for_each_time(
-    pair: tuple[socket.socket, socket.socket], machine: Machine, busy: BusyWait
-) -> None:
+def test_what_comes_soon_is_waited_for_each_time(pair, machine, busy):
     for answers_behind in (5, 10, 15):
         machine.answers_behind = answers_behind
         busy.wait()
@@ -61,9 +58,7 @@ def test_what_comes_soon_is_waited_for_each_time(
     [(SHARED_NS + 1, 1), (1000, LONGEST_NS // 1000 + 1)],
     ids=["others take the processor", "nothing comes"],
 )
-def test_in_vain_it_sleeps_for_a_while(
-    machine: Machine, busy: BusyWait, takes: int, offers: int
-) -> None:
+def test_in_vain_it_sleeps_for_a_while(machine, busy, takes, offers):
     machine.takes = takes
     busy.wait()
     assert machine.offers == offers

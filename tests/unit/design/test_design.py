@@ -9,7 +9,6 @@ import pytest
 from hil_bench.abilities.commissioning.plan import Limits
 from hil_bench.abilities.identification.design import (
     Bounds,
-    StrokeRun,
     Twin,
     plan_strokes,
     shorten_course,
@@ -34,11 +33,11 @@ TWIN = Twin(
 
 
 @pytest.fixture(scope="module")
-def run() -> StrokeRun:
+def run():
     return plan_strokes(TWIN, Bounds.of(AXIS, LIMITS), 60.0)
 
 
-def test_strokes_go_both_ways_at_three_openings(run: StrokeRun) -> None:
+def test_strokes_go_both_ways_at_three_openings(run):
     levels = {round(float(value), 6) for value in np.unique(run.setpoints)}
 
     assert levels == {0.0, *(round(sign * one, 6) for one in run.openings for sign in (1, -1))}
@@ -47,7 +46,7 @@ def test_strokes_go_both_ways_at_three_openings(run: StrokeRun) -> None:
     assert len(run.names) == 3
 
 
-def test_the_motion_stays_within_the_limits(run: StrokeRun) -> None:
+def test_the_motion_stays_within_the_limits(run):
     x, v = run.states[:, 0], run.states[:, 1]
 
     assert -0.1 < x.min() < -0.02
@@ -55,14 +54,14 @@ def test_the_motion_stays_within_the_limits(run: StrokeRun) -> None:
     assert 0.1 < np.abs(v).max() < 0.25
 
 
-def test_limits_that_allow_nothing_are_named() -> None:
+def test_limits_that_allow_nothing_are_named():
     tight = replace(LIMITS, speed=1e-3)
 
     with pytest.raises(ConfigError, match="that of speed; give wider"):
         plan_strokes(TWIN, Bounds.of(AXIS, tight), 60.0)
 
 
-def test_a_time_that_is_too_short_is_named() -> None:
+def test_a_time_that_is_too_short_is_named():
     with pytest.raises(ConfigError, match="the shortest run takes"):
         plan_strokes(TWIN, Bounds.of(AXIS, LIMITS), 2.0)
 
@@ -76,18 +75,18 @@ def test_a_time_that_is_too_short_is_named() -> None:
         ((0.0, 0.0, 5e6, 1.3e7), "pressure"),
     ],
 )
-def test_a_tenth_of_the_limits_stays_free(state: tuple[float, ...], bound: str) -> None:
+def test_a_tenth_of_the_limits_stays_free(state, bound):
     assert Bounds.of(AXIS, LIMITS).leaves(np.array([state])) == bound
 
 
-def test_without_a_plan_the_stroke_limits() -> None:
+def test_without_a_plan_the_stroke_limits():
     bounds = Bounds.of(AXIS, None)
 
     assert bounds.position == pytest.approx((-0.16, 0.16))  # of 400 mm
     assert bounds.leaves(np.array([[0.0, 10.0, 5e6, 5e6]])) == ""
 
 
-def test_the_course_leads_through_every_setpoint() -> None:
+def test_the_course_leads_through_every_setpoint():
     steps = np.repeat([0.0, 0.4, -0.4], 40)
     setpoints = np.concatenate([steps, np.linspace(0.0, 0.5, 100), 0.3 * np.sin(np.arange(80.0))])
 

@@ -3,9 +3,8 @@
 import configparser
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 import can
 import pytest
@@ -20,7 +19,7 @@ Frames are written as candump writes them: "601#40.00.10.00.00.00.00.00", "R" fo
 """
 
 
-def parse(text: str) -> can.Message:
+def parse(text):
     """Returns the message that candump would print so; eight digits are a 29-bit identifier."""
     identifier, data = text.split("#")
     remote = data == "R"
@@ -32,14 +31,14 @@ def parse(text: str) -> can.Message:
     )
 
 
-def show(message: can.Message) -> str:
+def show(message):
     return f"{message.arbitration_id:03X}#{message.data.hex('.').upper()}"
 
 
 class TranscriptBus(can.BusABC):
     """Plays a transcript in virtual time: only waiting in `recv` lets it pass."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.channel_info = "transcript"
         self.time = 100.0
         self.sent: list[str] = []
@@ -47,14 +46,14 @@ class TranscriptBus(can.BusABC):
         self.waiting: deque[can.Message] = deque()
         super().__init__(channel="transcript")
 
-    def now(self) -> float:
+    def now(self):
         return self.time
 
-    def play(self, *frames: str) -> None:
+    def play(self, *frames):
         """Puts frames on the bus now."""
         self.waiting.extend(parse(frame) for frame in frames)
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - BusABC's
+    def send(self, msg, timeout=None):  # noqa: ARG002 - BusABC's
         frame = show(msg)
         self.sent.append(frame)
         if self.steps is None:
@@ -64,7 +63,7 @@ class TranscriptBus(can.BusABC):
         assert frame == expected
         self.play(*([answer] if isinstance(answer, str) else answer or []))
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
+    def recv(self, timeout=None):
         if self.waiting:
             return self.waiting.popleft()
         assert timeout is not None, "waits for ever"
@@ -73,23 +72,23 @@ class TranscriptBus(can.BusABC):
 
 
 @pytest.fixture
-def bus() -> Iterator[TranscriptBus]:
+def bus():
     bus = TranscriptBus()
     yield bus
     bus.shutdown()
 
 
 @pytest.fixture
-def network(bus: TranscriptBus) -> Network:
+def network(bus):
     return Network(bus, clock=bus.now)
 
 
 @pytest.fixture
-def expected_protocol(bus: TranscriptBus) -> Callable:
+def expected_protocol(bus):
     """Context in which exactly these pairs of frames must pass, in this order."""
 
     @contextmanager
-    def expect(steps: Sequence[Step]) -> Iterator[None]:
+    def expect(steps):
         bus.steps = deque(steps)
         yield
         left, bus.steps = bus.steps, None
@@ -99,10 +98,10 @@ def expected_protocol(bus: TranscriptBus) -> Callable:
 
 
 @pytest.fixture
-def upload() -> Callable[[int, str, str], Step]:
+def upload():
     """SDO upload: upload(1, "6311.01", "00.40") is the request and the device's answer."""
 
-    def pair(node_id: int, name: str, raw: str) -> Step:
+    def pair(node_id, name, raw):
         data = bytes.fromhex(raw.replace(".", ""))
         command = 0x43 | 4 - len(data) << 2
         answer = (
@@ -114,10 +113,10 @@ def upload() -> Callable[[int, str, str], Step]:
 
 
 @pytest.fixture
-def download() -> Callable[[int, str, str], Step]:
+def download():
     """SDO download: download(1, "1017.00", "64.00") is the request and the device's answer."""
 
-    def pair(node_id: int, name: str, raw: str) -> Step:
+    def pair(node_id, name, raw):
         data = bytes.fromhex(raw.replace(".", ""))
         command = 0x23 | 4 - len(data) << 2
         request = f"{command:02X}{multiplexer(name)}{data.ljust(4, bytes(1)).hex()}"
@@ -129,32 +128,32 @@ def download() -> Callable[[int, str, str], Step]:
     return pair
 
 
-def multiplexer(name: str) -> str:
+def multiplexer(name):
     index, subindex = name.split(".")
     return index[2:] + index[:2] + subindex
 
 
-def dotted(digits: str) -> str:
+def dotted(digits):
     return ".".join(re.findall("..", digits.upper()))
 
 
 @pytest.fixture
-def valve_eds() -> Path:
+def valve_eds():
     return VALVE_408
 
 
 @pytest.fixture
-def encoder_eds() -> Path:
+def encoder_eds():
     return ENCODER_406
 
 
 @pytest.fixture
-def edit_eds(tmp_path: Path) -> Callable[..., Path]:
+def edit_eds(tmp_path):
     """Another maker's EDS: edit_eds(ENCODER_406, {"1A00sub1": 0x60200120}) sets default values."""
 
-    def edit(eds: Path, defaults: dict[str, object], *, removed: Sequence[str] = ()) -> Path:
+    def edit(eds, defaults, *, removed=()):
         parser = configparser.RawConfigParser()
-        parser.optionxform = str  # type: ignore[assignment,method-assign]
+        parser.optionxform = str
         parser.read(eds)
         for section, value in defaults.items():
             parser[section]["DefaultValue"] = str(value)
@@ -170,16 +169,14 @@ def edit_eds(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def set_up_tpdo(
-    upload: Callable[[int, str, str], Step], download: Callable[[int, str, str], Step]
-) -> Callable[..., list[Step]]:
+def set_up_tpdo(upload, download):
     """What `setup` says to a device of ours whose TPDO1 has the mapping given.
 
     The device has an event-driven TPDO1 with a 10 ms timer, and gets type 1 without a timer.
     """
 
-    def steps(node_id: int, profile: int, mapping: Sequence[int]) -> list[Step]:
-        def number(value: int, size: int) -> str:
+    def steps(node_id, profile, mapping):
+        def number(value, size):
             return value.to_bytes(size, "little").hex()
 
         cob_id = 0x40000180 + node_id

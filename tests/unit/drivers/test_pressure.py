@@ -24,7 +24,7 @@ def ready(sensor, expected_protocol, set_up_tpdo, upload):
     return sensor
 
 
-def real(value: float) -> str:
+def real(value):
     return struct.pack("<f", value).hex()
 
 

@@ -1,7 +1,6 @@
 """A bench whose axis is the slider of `support/slider.c`: x' = 0.5 mm/s times the command."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from support.fmus import CAN_BUILD, write_fmu
@@ -27,23 +26,17 @@ node_id = 4
 """
 
 
-def bench_text(keys: dict[str, str | None], bench: str = "step_us = 1000") -> str:
+def bench_text(keys, bench="step_us = 1000"):
     lines = (f"{key} = {value}" for key, value in (PLANT | keys).items() if value is not None)
     return f'[bench]\n{bench}\n[plant.axis1]\nkind = "fmu"\n' + "\n".join(lines) + "\n" + NODES
 
 
 @pytest.fixture
-def load(tmp_path: Path) -> Load:
+def load(tmp_path):
     if not CAN_BUILD:
         pytest.skip("needs gcc and fmpy")
 
-    def read(
-        version: int = 2,
-        *,
-        bench: str = "step_us = 1000",
-        description: str = "",
-        **keys: str | None,
-    ) -> BenchConfig:
+    def read(version=2, *, bench="step_us = 1000", description="", **keys):
         if not (tmp_path / "slider.fmu").exists():
             write_fmu(tmp_path / "slider.fmu", version, description)
         (tmp_path / "bench.toml").write_text(bench_text(keys, bench))

@@ -36,17 +36,17 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def export(folder: Path, source: Path | None = None) -> Path:
+def export(folder, source=None):
     config = load_config(source)
     export_axis(config, config.axes[0], folder / "axis.fmu")
     return folder / "axis.fmu"
 
 
-def test_fmpy_finds_nothing_wrong(tmp_path: Path) -> None:
+def test_fmpy_finds_nothing_wrong(tmp_path):
     assert validate(export(tmp_path)) == []
 
 
-def test_the_axis_put_back_is_the_axis(tmp_path: Path) -> None:
+def test_the_axis_put_back_is_the_axis(tmp_path):
     """The same kernel makes the same steps; what differs is the rounding of the share."""
     export(tmp_path)
     (tmp_path / "bench.toml").write_text(BACK)
@@ -66,7 +66,7 @@ def test_the_axis_put_back_is_the_axis(tmp_path: Path) -> None:
     assert abs(seen[0]) > 0.002  # it has moved
 
 
-def test_a_motor_runs_in_fmpy(tmp_path: Path) -> None:
+def test_a_motor_runs_in_fmpy(tmp_path):
     import fmpy  # noqa: PLC0415 - an extra
 
     path = export(tmp_path, DRUM)
@@ -86,7 +86,7 @@ def test_a_motor_runs_in_fmpy(tmp_path: Path) -> None:
     assert run["angle"][-1] == pytest.approx(seen[0], rel=1e-9)
 
 
-def test_each_quantity_has_its_unit(tmp_path: Path) -> None:
+def test_each_quantity_has_its_unit(tmp_path):
     """Of SI, as FMI spells it: those of docs/plant.md."""
     import fmpy  # noqa: PLC0415 - an extra
 
@@ -97,7 +97,7 @@ def test_each_quantity_has_its_unit(tmp_path: Path) -> None:
     assert set(expected.values()) <= {each.name for each in found.unitDefinitions}
 
 
-def test_the_plants_own_step_is_the_shortest(tmp_path: Path) -> None:
+def test_the_plants_own_step_is_the_shortest(tmp_path):
     import fmpy  # noqa: PLC0415 - an extra
 
     run = fmpy.simulate_fmu(
@@ -106,7 +106,7 @@ def test_the_plants_own_step_is_the_shortest(tmp_path: Path) -> None:
     assert run["time"][-1] == pytest.approx(1e-3)
 
 
-def test_a_supply_of_one_axis_alone_has_its_input() -> None:
+def test_a_supply_of_one_axis_alone_has_its_input():
     config = load_config(CRANE)
     names = [each.name for each in find_inputs(config, list(config.axes))]
     assert names.count("supply_pressure") == 1
@@ -114,7 +114,7 @@ def test_a_supply_of_one_axis_alone_has_its_input() -> None:
     assert "supply_pressure" in [each.name for each in find_inputs(alone, [alone.axes[0]])]
 
 
-def test_axes_on_one_supply_are_one_fmu(tmp_path: Path) -> None:
+def test_axes_on_one_supply_are_one_fmu(tmp_path):
     """The crane with its load-sensing pump, against the bench's own group."""
     import fmpy  # noqa: PLC0415 - an extra
 
@@ -138,7 +138,7 @@ def test_axes_on_one_supply_are_one_fmu(tmp_path: Path) -> None:
     assert run["jib.speed"][-1] > 0.01
 
 
-def test_an_axis_alone_on_its_supply_keeps_its_names(tmp_path: Path) -> None:
+def test_an_axis_alone_on_its_supply_keeps_its_names(tmp_path):
     import fmpy  # noqa: PLC0415 - an extra
 
     path = export(tmp_path, CRANE.with_name("tail_lift.toml"))
@@ -147,7 +147,7 @@ def test_an_axis_alone_on_its_supply_keeps_its_names(tmp_path: Path) -> None:
     assert run["P_S"][-1] == pytest.approx(180.9e5, rel=1e-3)
 
 
-def test_two_instances_live_side_by_side(tmp_path: Path) -> None:
+def test_two_instances_live_side_by_side(tmp_path):
     """The first one goes on as if the second were not there."""
     export(tmp_path)
     (tmp_path / "bench.toml").write_text(BACK)
@@ -160,7 +160,7 @@ def test_two_instances_live_side_by_side(tmp_path: Path) -> None:
     assert one.output[0] > 1e-3
 
 
-def test_a_step_that_is_no_multiple_is_refused(tmp_path: Path) -> None:
+def test_a_step_that_is_no_multiple_is_refused(tmp_path):
     export(tmp_path)
     (tmp_path / "bench.toml").write_text(BACK.replace("step_us = 1000", "step_us = 125"))
     config = load_config(tmp_path / "bench.toml")
@@ -169,7 +169,7 @@ def test_a_step_that_is_no_multiple_is_refused(tmp_path: Path) -> None:
         plant.drive(0.0, 1)
 
 
-def test_only_axes_of_our_own_are_exported(tmp_path: Path) -> None:
+def test_only_axes_of_our_own_are_exported(tmp_path):
     export(tmp_path)
     (tmp_path / "bench.toml").write_text(BACK)
     config = load_config(tmp_path / "bench.toml")
@@ -186,7 +186,7 @@ def test_only_axes_of_our_own_are_exported(tmp_path: Path) -> None:
         (["axis.fmu"], ""),
     ],
 )  # fmt: skip
-def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
+def test_the_verb(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
     code = main(["export-fmu", *words])
     out, err = capsys.readouterr()
@@ -198,7 +198,7 @@ def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
         assert out == f"wrote axis.fmu: axis1, a hydraulic_cylinder, {size:.1f} MB\n"
 
 
-def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch) -> None:
+def test_without_the_extra_it_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
     config = load_config()
     with pytest.raises(ConfigError, match=r"needs PythonFMU and FMPy.*hil-bench\[fmu\]"):

@@ -2,7 +2,6 @@
 """What is wrong with an FMU, or with what is bound of it: one line each."""
 
 import zipfile
-from pathlib import Path
 
 import pytest
 from support.fmus import describe_2, describe_3, write_fmu
@@ -66,7 +65,7 @@ def test_the_communication_step_is_one_that_the_fmu_takes(
     assert str(caught.value).endswith(message)
 
 
-def test_an_fmu_for_another_platform(load, tmp_path: Path):
+def test_an_fmu_for_another_platform(load, tmp_path):
     write_fmu(tmp_path / "slider.fmu", platform="win64")
     with pytest.raises(ConfigError, match=r"is for another platform: win64; .* is right here"):
         load()
@@ -88,13 +87,13 @@ def test_a_description_that_is_none(load, text):
     assert "modelDescription.xml cannot be read: " in line or "FMI 2.0 or 3.0" in line
 
 
-def test_a_file_that_is_no_zip(load, tmp_path: Path):
+def test_a_file_that_is_no_zip(load, tmp_path):
     (tmp_path / "slider.fmu").write_bytes(b"no zip")
     with pytest.raises(ConfigError, match=r"is no FMU: it is not a zip file$"):
         load()
 
 
-def test_a_zip_that_is_no_fmu(load, tmp_path: Path):
+def test_a_zip_that_is_no_fmu(load, tmp_path):
     with zipfile.ZipFile(tmp_path / "slider.fmu", "w") as archive:
         archive.writestr("readme", "")
     with pytest.raises(ConfigError, match=r"is no FMU: it has no modelDescription\.xml$"):
@@ -102,7 +101,7 @@ def test_a_zip_that_is_no_fmu(load, tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["../x", "/x", "a/../../x", "C:x", "a\\..\\x"])
-def test_a_zip_that_writes_beside_its_folder(load, tmp_path: Path, name):
+def test_a_zip_that_writes_beside_its_folder(load, tmp_path, name):
     write_fmu(tmp_path / "slider.fmu")
     with zipfile.ZipFile(tmp_path / "slider.fmu", "a") as archive:
         archive.writestr(name, "")
@@ -110,7 +109,7 @@ def test_a_zip_that_writes_beside_its_folder(load, tmp_path: Path, name):
         load()
 
 
-def test_a_zip_with_a_link(load, tmp_path: Path):
+def test_a_zip_with_a_link(load, tmp_path):
     write_fmu(tmp_path / "slider.fmu")
     link = zipfile.ZipInfo("resources/link")
     link.external_attr = 0o120777 << 16
@@ -120,7 +119,7 @@ def test_a_zip_with_a_link(load, tmp_path: Path):
         load()
 
 
-def test_a_scenario_on_an_fmu_that_fails_ends_in_one_line(load, tmp_path: Path, capsys):
+def test_a_scenario_on_an_fmu_that_fails_ends_in_one_line(load, tmp_path, capsys):
     load(parameters="{ fails_at = 0.5 }")
     scenario = tmp_path / "t.scenario.toml"
     scenario.write_text(
@@ -137,7 +136,7 @@ def test_a_scenario_on_an_fmu_that_fails_ends_in_one_line(load, tmp_path: Path, 
     )
 
 
-def test_check_prints_what_is_bound(load, tmp_path: Path, capsys):
+def test_check_prints_what_is_bound(load, tmp_path, capsys):
     load()
     assert main(["check", str(tmp_path / "bench.toml")]) == 0
     assert 'outputs = { "position" = { "variable" = "x" }' in capsys.readouterr().out

@@ -9,7 +9,6 @@ from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.against import (
     Change,
-    Comparison,
     compare,
     describe,
     find_alike,
@@ -36,23 +35,23 @@ for _opening in (0.5, -0.5, 0.8, -0.8):
 STROKES = np.concatenate(PARTS)
 
 
-def record_of(machine: Machine) -> AxisRecord:
+def record_of(machine):
     return AxisRecord.of(machine.record(STROKES), "axis1", FULL_OPENING)
 
 
 @pytest.fixture(scope="module")
-def before() -> AxisRecord:
+def before():
     return record_of(SOUND)
 
 
-def compared(before: AxisRecord, machine: Machine) -> Comparison:
+def compared(before, machine):
     held = {"bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s"}
     wish = Options().wish._replace(fix=frozenset(held))
     return compare(before, record_of(machine), AXIS, SETTINGS, Options(wish))
 
 
 @pytest.mark.long
-def test_the_same_machine_has_not_changed(before: AxisRecord) -> None:
+def test_the_same_machine_has_not_changed(before):
     found = compared(before, replace(SOUND, state=None))
 
     assert not found.is_changed
@@ -61,7 +60,7 @@ def test_the_same_machine_has_not_changed(before: AxisRecord) -> None:
     assert all(0.0 <= one.explains <= 1.0 for one in found.tried)
 
 
-def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> None:
+def test_a_sensor_that_is_off_is_named_with_its_offset(before):
     found = compared(before, replace(SOUND, offset=1.5e5))
 
     assert found.is_changed
@@ -71,7 +70,7 @@ def test_a_sensor_that_is_off_is_named_with_its_offset(before: AxisRecord) -> No
 
 
 @pytest.mark.long
-def test_a_sensor_that_is_off_in_several_recordings_is_named(before: AxisRecord) -> None:
+def test_a_sensor_that_is_off_in_several_recordings_is_named(before):
     off = record_of(replace(SOUND, offset=1.5e5))
     held = {"bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s"}
     wish = Options().wish._replace(fix=frozenset(held))
@@ -84,7 +83,7 @@ def test_a_sensor_that_is_off_in_several_recordings_is_named(before: AxisRecord)
     assert change == pytest.approx(1.5, abs=0.15)  # bar
 
 
-def test_recordings_without_like_strokes_are_refused(before: AxisRecord) -> None:
+def test_recordings_without_like_strokes_are_refused(before):
     others = AxisRecord.of(SOUND.record(0.8 * STROKES), "axis1", FULL_OPENING)
     first, second = (make_coarse(one, AXIS, SETTINGS, 1, Clock()) for one in (before, others))
 
@@ -92,7 +91,7 @@ def test_recordings_without_like_strokes_are_refused(before: AxisRecord) -> None
     assert find_alike(first, first) == [[0], [1], [2], [3]]
 
 
-def test_a_step_inside_a_row_is_found_by_the_row_mean(before: AxisRecord) -> None:
+def test_a_step_inside_a_row_is_found_by_the_row_mean(before):
     record = replace(before, setpoints=before.setpoints.copy())
     bench = make_coarse(record, AXIS, SETTINGS, 1, Clock())
     stroke = bench.course.strokes[1]
@@ -104,13 +103,13 @@ def test_a_step_inside_a_row_is_found_by_the_row_mean(before: AxisRecord) -> Non
     assert find_changes(bench, stroke)[-1] == pytest.approx(39.0 - 0.75)
 
 
-def test_a_comparison_without_time_says_so(before: AxisRecord) -> None:
+def test_a_comparison_without_time_says_so(before):
     with pytest.raises(ConfigError, match="the time was over before the comparison"):
         compare(before, before, AXIS, SETTINGS, Options(seconds=1e-9))
 
 
 @pytest.mark.long
-def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> None:
+def test_leakage_to_the_tank_is_told_from_other_leakage(before):
     leaky = replace(PlantOptions.bench(), C_LA=2e-12)
 
     found = compared(before, replace(SOUND, options=leaky))
@@ -121,7 +120,7 @@ def test_leakage_to_the_tank_is_told_from_other_leakage(before: AxisRecord) -> N
 
 
 @pytest.mark.long
-def test_less_supply_is_named(before: AxisRecord) -> None:
+def test_less_supply_is_named(before):
     weak = replace(paper_parameters(), P_S=9.3e6)
 
     found = compared(before, replace(SOUND, parameters=weak))
@@ -130,7 +129,7 @@ def test_less_supply_is_named(before: AxisRecord) -> None:
     assert found.changes[0].after == pytest.approx(93.0, abs=0.5)
 
 
-def test_of_causes_that_explain_everything_the_likelier_is_named() -> None:
+def test_of_causes_that_explain_everything_the_likelier_is_named():
     worn, air = (
         Change(words, "", before=0.0, after=1.0, explains=1.0)
         for words in ("worn edges of the spool", "air trapped in the oil")
@@ -139,7 +138,7 @@ def test_of_causes_that_explain_everything_the_likelier_is_named() -> None:
     assert find_likely([(20.0, worn), (80.0, air)], 5.0) == (air,)
 
 
-def test_causes_that_are_about_as_likely_are_both_named_the_better_first() -> None:
+def test_causes_that_are_about_as_likely_are_both_named_the_better_first():
     worn, air = (
         Change(words, "", before=0.0, after=1.0, explains=1.0)
         for words in ("worn edges of the spool", "air trapped in the oil")
@@ -150,7 +149,7 @@ def test_causes_that_are_about_as_likely_are_both_named_the_better_first() -> No
     assert find_likely([], 5.0) == ()
 
 
-def test_nothing_is_named_where_like_strokes_differ_as_much_among_themselves() -> None:
+def test_nothing_is_named_where_like_strokes_differ_as_much_among_themselves():
     leakage = Change("leakage across the piston", "", before=0.0017, after=0.003, explains=1.0)
 
     assert find_likely([(80.0, leakage)], -1.0) == ()

@@ -1,6 +1,5 @@
 """The bench.toml of an identified machine: `check`, `run` and `test` take it as it is."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -59,7 +58,7 @@ that = "always from 0.7 s to 0.8 s abs(axis1.position - target_mm) < 3 mm"
 """
 
 
-def found_by(path: Path | None) -> str:
+def found_by(path):
     """Return the bench.toml of a machine whose every unknown has moved a little."""
     config = load_config(path)
     axis = cast("CylinderConfig", config.first_axis)
@@ -90,9 +89,7 @@ def found_by(path: Path | None) -> str:
 
 
 @pytest.mark.parametrize("given", [None, DATA_SHEET + NODES], ids=["built-in", "data sheet"])
-def test_a_written_bench_is_checked_run_and_tested(
-    tmp_path: Path, given: str | None, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_written_bench_is_checked_run_and_tested(tmp_path, given, capsys):
     before = None if given is None else tmp_path / "before.toml"
     if before is not None:
         before.write_text(given or "", encoding="utf-8")

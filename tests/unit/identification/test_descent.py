@@ -6,13 +6,13 @@ import pytest
 from hil_bench.abilities.identification.descent import descend
 
 
-def test_a_curved_valley_is_followed_to_its_end() -> None:
+def test_a_curved_valley_is_followed_to_its_end():
     """Rosenbrock's function in its form of least squares: the minimum is at (1, 1)."""
 
-    def residuals(x: np.ndarray) -> np.ndarray:
+    def residuals(x):
         return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
 
-    def slopes(x: np.ndarray) -> np.ndarray:
+    def slopes(x):
         return np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
 
     bounds = (np.full(2, -2.0), np.full(2, 2.0))
@@ -21,7 +21,7 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
     assert found == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
-def test_a_bound_holds_one_variable_and_not_the_others() -> None:
+def test_a_bound_holds_one_variable_and_not_the_others():
     """Least |A x - b| with x_1 >= 0: held there, x_2 is the mean that b leaves it."""
     matrix = np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
     target = np.array([1.0, 3.0, -1.0])
@@ -34,7 +34,7 @@ def test_a_bound_holds_one_variable_and_not_the_others() -> None:
     assert found == pytest.approx([0.0, 2.0], abs=1e-6)
 
 
-def test_it_leaves_a_bound_at_which_it_begins() -> None:
+def test_it_leaves_a_bound_at_which_it_begins():
     found = descend(
         lambda x: x - 3.0,
         lambda _: np.eye(1),

@@ -38,7 +38,7 @@ TICK = 4e-3
 REST = 100  # rows
 
 
-def strokes(*openings: float) -> np.ndarray:
+def strokes(*openings):
     """Return set-points [m] that go out and in at each share of the full opening."""
     parts = [np.zeros(REST)]
     for opening in openings:
@@ -48,7 +48,7 @@ def strokes(*openings: float) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def record_of(machine: Machine, setpoints: np.ndarray) -> AxisRecord:
+def record_of(machine, setpoints):
     return AxisRecord.of(machine.record(setpoints), "axis1", FULL_OPENING, "run.csv")
 
 
@@ -58,11 +58,11 @@ MACHINE = Machine(
 
 
 @pytest.fixture(scope="module")
-def record() -> AxisRecord:
+def record():
     return record_of(MACHINE, strokes(0.4, 0.6, 0.85))
 
 
-def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
+def test_a_record_is_cut_at_its_rests(record):
     course = make_course(record, 4e-3)
 
     assert [round(one.opening, 2) for one in course.strokes] == [0.4, 0.4, 0.6, 0.6, 0.85, 0.85]
@@ -71,7 +71,7 @@ def test_a_record_is_cut_at_its_rests(record: AxisRecord) -> None:
 
 
 @pytest.mark.parametrize("every", [1, 2, 3, 4, 8])
-def test_a_step_inside_a_row_stays_where_it_was(record: AxisRecord, every: int) -> None:
+def test_a_step_inside_a_row_stays_where_it_was(record, every):
     """Steps of the solver have the mean set-point of their own time, not that of the whole row."""
     record = replace(record, setpoints=np.roll(record.setpoints, 1))  # between two rows of 8 ms
     course = make_course(record, 4.0 * TICK)  # 8 ms at most: two rows of the record make one
@@ -85,7 +85,7 @@ def test_a_step_inside_a_row_stays_where_it_was(record: AxisRecord, every: int) 
     assert found == pytest.approx(dense.reshape(-1, 24 // every).mean(axis=1))
 
 
-def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record: AxisRecord) -> None:
+def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record):
     loaded = SETTINGS | {"load_mass_kg": SETTINGS["load_mass_kg"]._replace(value=460.0)}
     course = make_course(record, 4e-3)
     names = ["orifice_width_mm", "moving_mass_kg"]
@@ -99,7 +99,7 @@ def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record: AxisRecor
     assert heavy == ["orifice_width_mm", "load_mass_kg"]
 
 
-def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record: AxisRecord) -> None:
+def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record):
     """Not from one row, whose noise would be in the whole stroke: 28 ms are 7 rows and itself."""
     before = make_course(record, 4e-3).strokes[2]
     measured = record.measured.copy()
@@ -110,7 +110,7 @@ def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record: AxisRecord)
     assert after.start[2] - before.start[2] == pytest.approx(1e5, rel=0.01)
 
 
-def test_strokes_of_one_amplitude_are_left_out_together(record: AxisRecord) -> None:
+def test_strokes_of_one_amplitude_are_left_out_together(record):
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 
     folds, notes = choose_folds(bench)
@@ -119,8 +119,8 @@ def test_strokes_of_one_amplitude_are_left_out_together(record: AxisRecord) -> N
     assert notes == ()
 
 
-def test_the_model_that_predicts_best_is_taken() -> None:
-    def rung(*scores: float) -> Rung:
+def test_the_model_that_predicts_best_is_taken():
+    def rung(*scores):
         return Rung("", Fit((), np.array([]), 0.0, True), np.array(scores), ())
 
     far, near, unjudged = rung(9, 8, 9, 8), rung(1, 1.4, 0.9, 1.1), rung()
@@ -129,10 +129,10 @@ def test_the_model_that_predicts_best_is_taken() -> None:
     assert choose_rung([unjudged]) == 0
 
 
-def test_of_good_models_the_simplest_is_taken() -> None:
+def test_of_good_models_the_simplest_is_taken():
     unknown = Template(AXIS, SETTINGS, 1).unknown("moving_mass_kg")
 
-    def rung(unknowns: int, score: float) -> Rung:
+    def rung(unknowns, score):
         fit = Fit((unknown,) * unknowns, np.zeros(unknowns), 0.0, True)
         return Rung("", fit, np.full(4, score**2), ())
 
@@ -140,10 +140,10 @@ def test_of_good_models_the_simplest_is_taken() -> None:
     assert choose_rung([rung(8, 0.4), rung(2, 0.2), rung(30, 0.05)]) == 2
 
 
-def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken() -> None:
+def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken():
     unknown = Template(AXIS, SETTINGS, 1).unknown("moving_mass_kg")
 
-    def rung(unknowns: int, cost: float) -> Rung:
+    def rung(unknowns, cost):
         fit = Fit((unknown,) * unknowns, np.zeros(unknowns), cost, True)
         return Rung("", fit, np.array([]), ())
 
@@ -153,7 +153,7 @@ def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken() -> None:
     assert choose_rung([plateaus, rung(7, 24.0), rung(29, 2.0)]) == 2
 
 
-def test_a_bench_keeps_its_dead_volumes_where_an_area_moves() -> None:
+def test_a_bench_keeps_its_dead_volumes_where_an_area_moves():
     """Half the stroke of 10 cm² more is swept more; of what stays, no key is written."""
     template = Template(AXIS, SETTINGS, 1)
     dead, half = template.dead("dead_a"), AXIS.parameters.h * 1e2  # [cm]; h is half the stroke
@@ -166,7 +166,7 @@ def test_a_bench_keeps_its_dead_volumes_where_an_area_moves() -> None:
     assert dead == pytest.approx(AXIS.parameters.V_A0 * 1e6 - (area - 10.0) * half)
 
 
-def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> None:
+def test_no_time_at_all_leaves_the_machine_as_configured(record):
     found = identify(record, AXIS, SETTINGS, step=5e-4, options=Options(seconds=1e-9))
 
     assert not found.is_moved
@@ -192,17 +192,17 @@ def test_no_time_at_all_leaves_the_machine_as_configured(record: AxisRecord) -> 
         assert 1.0 < np.abs(command.lines[0].get_ydata()).max() <= 100.0  # [%]
 
 
-def test_a_clock_that_ends_leaves_the_best_so_far(record: AxisRecord) -> None:
+def test_a_clock_that_ends_leaves_the_best_so_far(record):
     """Once a search has moved: its best point stays, although later ones have no time."""
     runs = 0
 
-    def tick() -> None:
+    def tick():
         nonlocal runs
         runs += 1
 
     class Ending(Clock):
         @property
-        def is_over(self) -> bool:
+        def is_over(self):
             return runs > 60
 
     bench = Bench(
@@ -221,7 +221,7 @@ def test_a_clock_that_ends_leaves_the_best_so_far(record: AxisRecord) -> None:
     assert ladder.best.fit.values["orifice_width_mm"] == pytest.approx(23.0, rel=0.03)
 
 
-def test_the_first_answer_has_its_processor_time_on_a_busy_machine() -> None:
+def test_the_first_answer_has_its_processor_time_on_a_busy_machine():
     late = Clock(end=0.0, least=1e6)
 
     assert late.is_over
@@ -229,7 +229,7 @@ def test_the_first_answer_has_its_processor_time_on_a_busy_machine() -> None:
 
 
 @pytest.mark.long
-def test_a_machine_of_the_models_kind_is_found(record: AxisRecord) -> None:
+def test_a_machine_of_the_models_kind_is_found(record):
     held = frozenset(
         {
             "bulk_modulus_mpa",

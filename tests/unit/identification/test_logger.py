@@ -12,7 +12,6 @@ from hil_bench.abilities.identification.logger import (
 )
 from hil_bench.abilities.identification.record import FLOORS, AxisRecord, join_records
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import Recording
 
 TICK = 1e-3  # [s]
 H = 0.25  # [m]
@@ -21,7 +20,7 @@ Values = npt.NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording():
     """Of 6 s, a third of them at rest; the piston is struck from one speed to another."""
     setpoints = random_steps(0.3e-3, 1e-3, 40, 150)
     for block in range(0, 40, 3):
@@ -29,7 +28,7 @@ def recording() -> Recording:
     return Machine().record(setpoints)
 
 
-def test_a_sound_record_has_nothing(recording: Recording) -> None:
+def test_a_sound_record_has_nothing(recording):
     record = AxisRecord.of(recording, "axis1", FULL_OPENING)
 
     looked = look_through(record, H)
@@ -40,7 +39,7 @@ def test_a_sound_record_has_nothing(recording: Recording) -> None:
 
 
 @pytest.mark.parametrize(("first", "lost"), [(2100, 2), (2500, 12), (4020, 3)])
-def test_lost_rows_are_found_and_counted(recording: Recording, first: int, lost: int) -> None:
+def test_lost_rows_are_found_and_counted(recording, first, lost):
     """While the piston moves with a tenth of a metre a second and more."""
     position = recording["axis1.position"]
     speed = np.diff(position)[first - 1]
@@ -53,7 +52,7 @@ def test_lost_rows_are_found_and_counted(recording: Recording, first: int, lost:
     assert jump.way == pytest.approx(lost * speed, rel=0.2)
 
 
-def test_steps_of_a_coarse_encoder_are_no_lost_rows() -> None:
+def test_steps_of_a_coarse_encoder_are_no_lost_rows():
     """2.6 steps of the sensor a row are now two, now three, now four."""
     step, source = 59e-6, np.random.default_rng(3)
     way = 2.6 * step * np.arange(4000.0) + 15e-6 * source.standard_normal(4000)
@@ -64,7 +63,7 @@ def test_steps_of_a_coarse_encoder_are_no_lost_rows() -> None:
     assert [jump.row for jump in find_jumps(lost, 20e-6)] == [1999]
 
 
-def test_a_fit_does_not_reach_across_lost_rows(recording: Recording) -> None:
+def test_a_fit_does_not_reach_across_lost_rows(recording):
     cut = np.delete(recording, slice(2500, 2512))
     cut["time"] = TICK * np.arange(len(cut))  # an even column of time hides it
 
@@ -78,7 +77,7 @@ def test_a_fit_does_not_reach_across_lost_rows(recording: Recording) -> None:
     assert "s: the position jumps by up to" in note
 
 
-def test_a_record_that_is_full_of_lost_rows_is_refused(recording: Recording) -> None:
+def test_a_record_that_is_full_of_lost_rows_is_refused(recording):
     table = recording.copy()
     table["axis1.position"] += 1e-3 * (np.arange(len(table)) // 200)  # a jump each 0.2 s
 
@@ -87,7 +86,7 @@ def test_a_record_that_is_full_of_lost_rows_is_refused(recording: Recording) -> 
 
 
 @pytest.mark.parametrize("coarse", [0.0, 1e3])
-def test_a_clipped_channel_is_found_with_its_end(recording: Recording, coarse: float) -> None:
+def test_a_clipped_channel_is_found_with_its_end(recording, coarse):
     values = recording["axis1.P_A"]
     if coarse:
         values = coarse * np.rint(values / coarse)
@@ -100,13 +99,13 @@ def test_a_clipped_channel_is_found_with_its_end(recording: Recording, coarse: f
     assert 0.05 < marks.mean() < 0.12
 
 
-def test_a_column_without_noise_that_rests_at_its_highest_is_not_clipped() -> None:
+def test_a_column_without_noise_that_rests_at_its_highest_is_not_clipped():
     course = np.concatenate([np.linspace(0.0, 0.2, 3000), np.full(1000, 0.2)])
 
     assert find_clipped(course, FLOORS[0])[1] == []
 
 
-def test_a_sensor_that_is_clipped_at_both_ends_is_found() -> None:
+def test_a_sensor_that_is_clipped_at_both_ends_is_found():
     way = 0.08 * np.sin(np.linspace(0.0, 40.0, 8000))
     noisy = way + 2e-6 * np.random.default_rng(4).standard_normal(8000)
 
@@ -117,7 +116,7 @@ def test_a_sensor_that_is_clipped_at_both_ends_is_found() -> None:
     assert marks.mean() == pytest.approx(2 / 3, abs=0.03)
 
 
-def test_a_piston_in_its_stop_behind_an_encoder_is_no_clipped_sensor() -> None:
+def test_a_piston_in_its_stop_behind_an_encoder_is_no_clipped_sensor():
     way = np.clip(0.3 * np.sin(np.linspace(0.0, 9.0, 8000)), -0.1605, 0.1605)
     noisy = way + 4e-7 * np.random.default_rng(4).standard_normal(8000)
     counted = 5e-6 * np.rint(noisy / 5e-6)
@@ -126,7 +125,7 @@ def test_a_piston_in_its_stop_behind_an_encoder_is_no_clipped_sensor() -> None:
     assert find_clipped(counted, FLOORS[0], 0.160)[1] == []
 
 
-def test_clipped_rows_count_for_nothing(recording: Recording) -> None:
+def test_clipped_rows_count_for_nothing(recording):
     table = recording.copy()
     end = np.quantile(table["axis1.P_A"], 0.9)
     table["axis1.P_A"] = np.minimum(table["axis1.P_A"], end)

@@ -1,7 +1,5 @@
 """What identification reads of a recording, and what it refuses."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING
@@ -9,13 +7,13 @@ from support.machine_record import FULL_OPENING
 from hil_bench.abilities.analysis.study import make_table
 from hil_bench.abilities.identification.record import AxisRecord, estimate_noise, join_records
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.outside.recording.channels import Channel
 
 ROWS = 4000
 
 
 @pytest.fixture
-def recording() -> Recording:
+def recording():
     times = 1e-3 * np.arange(ROWS)
     wave = np.sin(2.0 * np.pi * times)
     return make_table(
@@ -29,7 +27,7 @@ def recording() -> Recording:
     )
 
 
-def test_setpoints_count_in_full_openings(recording: Recording) -> None:
+def test_setpoints_count_in_full_openings(recording):
     record = AxisRecord.of(recording, "lift", FULL_OPENING)
 
     assert record.interval == pytest.approx(1e-3)
@@ -41,7 +39,7 @@ def test_setpoints_count_in_full_openings(recording: Recording) -> None:
     assert [record.rows_in(1e-3 * rows) for rows in (0, 9, 10, 11, 500)] == [10, 10, 10, 11, 500]
 
 
-def test_noise_is_that_which_was_added_whatever_the_motion_does() -> None:
+def test_noise_is_that_which_was_added_whatever_the_motion_does():
     source = np.random.default_rng(3)
     motion = np.abs(np.linspace(-1.0, 1.0, 20_000))
 
@@ -50,7 +48,7 @@ def test_noise_is_that_which_was_added_whatever_the_motion_does() -> None:
     assert found == pytest.approx(2e-6, rel=0.05)
 
 
-def test_oil_that_rings_is_no_noise() -> None:
+def test_oil_that_rings_is_no_noise():
     # A step of the valve each 150 ms makes 2 bar of ringing at 150 Hz, which dies out within 40 ms,
     # as stiff oil does. The median of third differences finds 8 kPa there.
     source = np.random.default_rng(4)
@@ -63,7 +61,7 @@ def test_oil_that_rings_is_no_noise() -> None:
 
 
 @pytest.mark.parametrize("rows", [320, 3000, 30_000])
-def test_white_noise_is_found_in_short_records_too(rows: int) -> None:
+def test_white_noise_is_found_in_short_records_too(rows):
     source = np.random.default_rng(5)
     found = [estimate_noise(source.standard_normal(rows), floor=1e-9) for _ in range(50)]
 
@@ -72,14 +70,14 @@ def test_white_noise_is_found_in_short_records_too(rows: int) -> None:
     assert np.std(found) < 0.5 / np.sqrt(rows / 32)
 
 
-def test_noise_is_at_least_the_rounding_of_the_sensor() -> None:
+def test_noise_is_at_least_the_rounding_of_the_sensor():
     # uniform rounding errors of a step q have the standard deviation q / sqrt(12)
     values = np.repeat(1e-5 * np.arange(100.0), 50)
 
     assert estimate_noise(values, floor=1e-9) == pytest.approx(1e-5 / np.sqrt(12.0))
 
 
-def test_motion_that_never_stops_is_no_rounding() -> None:
+def test_motion_that_never_stops_is_no_rounding():
     # 40 um from row to row; the noise is 2 um.
     source = np.random.default_rng(6)
     motion = 4e-5 * np.arange(4000.0)
@@ -89,11 +87,11 @@ def test_motion_that_never_stops_is_no_rounding() -> None:
     assert found == pytest.approx(2e-6, rel=0.1)
 
 
-def test_noise_is_at_least_the_floor() -> None:
+def test_noise_is_at_least_the_floor():
     assert estimate_noise(np.zeros(100), floor=3e-7) == 3e-7
 
 
-def test_nothing_reaches_across_a_gap(recording: Recording) -> None:
+def test_nothing_reaches_across_a_gap(recording):
     recording["time"][1000:] += 0.02
     recording["time"][1100:] += 0.5e-3  # half a row is a gap, too
 
@@ -103,7 +101,7 @@ def test_nothing_reaches_across_a_gap(recording: Recording) -> None:
     assert record.stretches == (range(1000), range(1100, 4000))
 
 
-def test_motion_one_way_is_told_from_motion_both_ways(recording: Recording) -> None:
+def test_motion_one_way_is_told_from_motion_both_ways(recording):
     both = AxisRecord.of(recording, "lift", FULL_OPENING)
     noise = 2e-6 * np.random.default_rng(2).standard_normal(ROWS)
     recording["lift.position"] = np.linspace(-0.1, 0.1, ROWS) + noise
@@ -112,38 +110,38 @@ def test_motion_one_way_is_told_from_motion_both_ways(recording: Recording) -> N
     assert (both.moves_both_ways, one.moves_both_ways) == (True, False)
 
 
-def _lack(recording: Recording) -> Recording:
+def _lack(recording):
     names = [name for name in recording.dtype.names or () if ".P_" not in name]
     return recording[names]
 
 
-def _stop(recording: Recording) -> Recording:
+def _stop(recording):
     recording["lift.P_A"] = 5e6
     return recording
 
 
-def _turn_back(recording: Recording) -> Recording:
+def _turn_back(recording):
     recording["time"][100] = 0.05
     return recording
 
 
-def _break(recording: Recording) -> Recording:
+def _break(recording):
     recording["lift.P_A"][1500:1503] = np.nan
     return recording
 
 
-def _gaps(recording: Recording) -> Recording:
+def _gaps(recording):
     for row in range(100, ROWS, 100):
         recording["time"][row:] += 0.02
     return recording
 
 
-def _rest(recording: Recording) -> Recording:
+def _rest(recording):
     recording["lift.position"] *= 1e-3
     return recording
 
 
-def _slow(recording: Recording) -> Recording:
+def _slow(recording):
     recording["time"] *= 20.0
     return recording
 
@@ -163,9 +161,7 @@ def _slow(recording: Recording) -> Recording:
         (lambda recording: recording[::-1], "-3.999 s"),
     ],
 )
-def test_a_recording_that_cannot_serve_is_refused(
-    recording: Recording, change: Callable[[Recording], Recording], complaint: str
-) -> None:
+def test_a_recording_that_cannot_serve_is_refused(recording, change, complaint):
     with pytest.raises(ConfigError) as error:
         AxisRecord.of(change(recording), "lift", FULL_OPENING)
 
@@ -173,7 +169,7 @@ def test_a_recording_that_cannot_serve_is_refused(
     assert "\n" not in str(error.value)
 
 
-def test_three_seconds_of_all_recordings_together_are_enough(recording: Recording) -> None:
+def test_three_seconds_of_all_recordings_together_are_enough(recording):
     short, rest = (AxisRecord.of(recording[:rows], "lift", FULL_OPENING) for rows in (1200, 1801))
 
     assert len(join_records([short, rest])) == 3001
@@ -183,12 +179,12 @@ def test_three_seconds_of_all_recordings_together_are_enough(recording: Recordin
         join_records([short])
 
 
-def test_times_that_are_rounded_up_to_10_ms_are_taken(recording: Recording) -> None:
+def test_times_that_are_rounded_up_to_10_ms_are_taken(recording):
     tenth = recording[::10].copy()
     tenth["time"] = np.arange(len(tenth)) * 0.01 * (1.0 + 1e-9)
     assert AxisRecord.of(tenth, "lift", FULL_OPENING).interval > 0.01
 
 
-def test_a_wrong_axis_is_told_which_there_are(recording: Recording) -> None:
+def test_a_wrong_axis_is_told_which_there_are(recording):
     with pytest.raises(ConfigError, match=r"lacks swing\.position, .*; it has lift"):
         AxisRecord.of(recording, "swing", FULL_OPENING)

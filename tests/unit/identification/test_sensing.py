@@ -6,7 +6,7 @@ import pytest
 from hil_bench.abilities.identification.logger import sense
 
 
-def test_a_ramp_comes_late_by_the_delay_and_by_the_lag() -> None:
+def test_a_ramp_comes_late_by_the_delay_and_by_the_lag():
     ramp = np.concatenate([np.zeros(100), np.arange(101.0)])
 
     shown = sense(np.repeat(ramp[:, np.newaxis], 3, axis=1), 2.5, 4.0)
@@ -16,13 +16,13 @@ def test_a_ramp_comes_late_by_the_delay_and_by_the_lag() -> None:
     assert shown[-50:, 1:] == pytest.approx(np.repeat(ramp[-50:, np.newaxis], 2, axis=1) - 4.0)
 
 
-def test_sensors_without_delay_and_lag_show_the_motion() -> None:
+def test_sensors_without_delay_and_lag_show_the_motion():
     motion = np.random.default_rng(1).standard_normal((9, 3))
 
     assert np.array_equal(sense(motion, 0.0, 0.0), motion[1:])
 
 
-def test_a_step_behind_a_lag_fades_as_an_exponential_from_rest() -> None:
+def test_a_step_behind_a_lag_fades_as_an_exponential_from_rest():
     motion = np.full((401, 3), 2.0)
     motion[100:] = 3.0
 

@@ -7,18 +7,17 @@ from support.machine_record import FULL_OPENING, Machine, random_steps
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 SIGNALS = ("position", "P_A", "P_B", "spool_setpoint")
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording():
     return Machine().record(random_steps(0.5e-3, 1e-3, 34, 100))
 
 
-def turned(recording: Recording, *names: str) -> AxisRecord:
+def turned(recording, *names):
     copy = recording.copy()
     for name in names:
         copy[f"axis1.{name}"] *= -1.0
@@ -29,7 +28,7 @@ def turned(recording: Recording, *names: str) -> AxisRecord:
     "wrong",
     [(), ("position",), ("spool_setpoint",), ("P_A",), ("P_B", "position"), SIGNALS],
 )
-def test_unknown_polarities_are_found(recording: Recording, wrong: tuple[str, ...]) -> None:
+def test_unknown_polarities_are_found(recording, wrong):
     right = turned(recording)
 
     found = settle_signs(turned(recording, *wrong), set(SIGNALS))
@@ -39,7 +38,7 @@ def test_unknown_polarities_are_found(recording: Recording, wrong: tuple[str, ..
     assert len(found.notes) == 4
 
 
-def test_one_pressure_tells_which_way_the_piston_goes(recording: Recording) -> None:
+def test_one_pressure_tells_which_way_the_piston_goes(recording):
     names = [name for name in recording.dtype.names or () if name != "axis1.P_A"]
 
     found = settle_signs(turned(recording[names], "position"), {"position"})
@@ -54,16 +53,12 @@ def test_one_pressure_tells_which_way_the_piston_goes(recording: Recording) -> N
         ("position", "the piston accelerates against its pressures"),
     ],
 )
-def test_a_polarity_that_is_given_wrong_is_refused(
-    recording: Recording, wrong: str, complaint: str
-) -> None:
+def test_a_polarity_that_is_given_wrong_is_refused(recording, wrong, complaint):
     with pytest.raises(ConfigError, match=complaint):
         settle_signs(turned(recording, wrong), set())
 
 
-def test_a_command_that_has_nothing_to_do_with_the_motion_decides_nothing(
-    recording: Recording,
-) -> None:
+def test_a_command_that_has_nothing_to_do_with_the_motion_decides_nothing(recording):
     record = turned(recording)
     record.setpoints[:] = np.random.default_rng(2).uniform(-1e-3, 1e-3, len(record))
 
@@ -71,7 +66,7 @@ def test_a_command_that_has_nothing_to_do_with_the_motion_decides_nothing(
         settle_signs(record, {"spool_setpoint"})
 
 
-def test_a_motion_that_no_pressure_goes_with_decides_nothing(recording: Recording) -> None:
+def test_a_motion_that_no_pressure_goes_with_decides_nothing(recording):
     record = turned(recording)
     noise = np.random.default_rng(3).standard_normal(len(record))
     record.measured[:, 0] = np.linspace(0.0, 0.1, len(record)) + 2e-6 * noise
@@ -80,7 +75,7 @@ def test_a_motion_that_no_pressure_goes_with_decides_nothing(recording: Recordin
         settle_signs(record, {"position"})
 
 
-def test_pressures_that_are_exchanged_are_refused(recording: Recording) -> None:
+def test_pressures_that_are_exchanged_are_refused(recording):
     swapped = recording.copy()
     swapped["axis1.P_A"], swapped["axis1.P_B"] = recording["axis1.P_B"], recording["axis1.P_A"]
 

@@ -22,7 +22,7 @@ SETTINGS = {one.key.name: one for one in CONFIG.settings if one.table == "plant.
 
 
 @pytest.fixture(scope="module")
-def bench() -> Bench:
+def bench():
     parts = [np.zeros(60)]
     for opening in (0.4, 0.7):
         for sign in (1.0, -1.0):
@@ -33,7 +33,7 @@ def bench() -> Bench:
     return Bench(Template(CONFIG.first_axis, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 
 
-def test_speeds_are_those_of_steady_motion(bench: Bench) -> None:
+def test_speeds_are_those_of_steady_motion(bench):
     """The equations of the steady state do not know the run that made the record."""
     parameters = replace(paper_parameters(), w=0.023, E=1e9)
     plateaus = find_plateaus(bench)
@@ -46,7 +46,7 @@ def test_speeds_are_those_of_steady_motion(bench: Bench) -> None:
         assert one.pressures == pytest.approx([right.P_A, right.P_B], abs=0.3e5)
 
 
-def test_a_stroke_without_a_plateau_hides_no_other(bench: Bench) -> None:
+def test_a_stroke_without_a_plateau_hides_no_other(bench):
     first, *others = bench.course.strokes
     short = first._replace(rows=range(first.rows.start, first.rows.start + 6))
     course = replace(bench.course, strokes=(short, *others))
@@ -56,7 +56,7 @@ def test_a_stroke_without_a_plateau_hides_no_other(bench: Bench) -> None:
     assert [one.setpoint for one in found] == [one.setpoint for one in find_plateaus(bench)[1:]]
 
 
-def test_the_fit_of_plateaus_finds_the_valve(bench: Bench) -> None:
+def test_the_fit_of_plateaus_finds_the_valve(bench):
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
     unknowns = [begin_of(bench, name, {})[0] for name in names]
 
@@ -66,7 +66,7 @@ def test_the_fit_of_plateaus_finds_the_valve(bench: Bench) -> None:
     assert unknowns[0].value(width) == pytest.approx(23.0, rel=0.02)  # 20 before
 
 
-def test_a_middle_needs_a_set_point_that_stands() -> None:
+def test_a_middle_needs_a_set_point_that_stands():
     way = np.stack([np.linspace(0.0, 0.1, 100)] * 3, axis=1)
     steady, ramp = np.full(100, 0.5), np.linspace(0.0, 0.5, 100)
 

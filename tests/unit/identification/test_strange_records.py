@@ -1,7 +1,5 @@
 """`hil-bench identify` and records that cannot serve: one line each, about this record."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.strange_logger import joined
@@ -24,7 +22,7 @@ STEP = 2e-3
 
 
 @pytest.fixture(scope="module")
-def good() -> dict[str, np.ndarray]:
+def good():
     """Columns of a plain machine that goes out and in at three openings."""
     machine, runs = Machine(stroke=0.1), []
     state = rest_state(machine, -0.04)
@@ -45,10 +43,10 @@ def good() -> dict[str, np.ndarray]:
 
 
 @pytest.fixture
-def refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def refusal(tmp_path, capsys):
     """What the verb says of columns that it refuses, in its one line."""
 
-    def say(columns: dict[str, np.ndarray] | str) -> str:
+    def say(columns):
         path, bench, rig = (tmp_path / name for name in ("run.csv", "bench.toml", "rig.toml"))
         if isinstance(columns, str):
             path.write_text(columns, encoding="utf-8")

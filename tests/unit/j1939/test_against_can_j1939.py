@@ -1,6 +1,5 @@
 """`can-j1939` on the other side of the bus of the bench's J1939 devices, in virtual time."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import j1939
@@ -10,7 +9,6 @@ from support.can_j1939 import Clock, TheirEcu
 from support.j1939_bus import MILLISECOND, collect, make_ecu
 
 from hil_bench.abilities.j1939.protocol.diagnostics import Lamp
-from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.abilities.j1939.protocol.signals import Name
 from hil_bench.canopen_device.frame import Frame
 
@@ -22,7 +20,7 @@ MESSAGE = bytes(number % 251 for number in range(1785))
 class Pair:
     """One of our ECUs and one of theirs on a bus."""
 
-    def __init__(self, clock: Clock, ours: Ecu, **options: Any) -> None:
+    def __init__(self, clock, ours, **options):
         self.ours, self._clock = ours, clock
         self._to_us: list[Frame] = []
         self.received: list[tuple[int, int, bytes]] = []
@@ -33,7 +31,7 @@ class Pair:
         self.application.start()
         ours.start(0)
 
-    def run(self, milliseconds: int) -> None:
+    def run(self, milliseconds):
         for _ in range(milliseconds):
             self._clock.now += MILLISECOND
             now = self._clock.now
@@ -43,30 +41,30 @@ class Pair:
             self.ours.serve(now, self._send)
             self.theirs.work(self._clock.time())
 
-    def _send(self, frame: Frame) -> None:
+    def _send(self, frame):
         self.theirs.notify(frame.can_id, bytearray(frame.data), self._clock.time())
 
-    def _take(self, can_id: int, _is_extended: bool, data: Any) -> None:
+    def _take(self, can_id, _is_extended, data):
         self._to_us.append(Frame(can_id, bytes(data), is_extended=True))
 
-    def _hear(self, _priority: int, group: int, source: int, _time: float, data: Any) -> None:
+    def _hear(self, _priority, group, source, _time, data):
         self.received.append((group, source, bytes(data)))
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock(monkeypatch):
     return Clock(monkeypatch)
 
 
 @pytest.fixture
-def pair(clock: Clock) -> Iterator[Pair]:
+def pair(clock):
     pair = Pair(clock, make_ecu(OURS))
     pair.run(1300)
     yield pair
     pair.theirs.stop()
 
 
-def test_a_name_is_theirs_too() -> None:
+def test_a_name_is_theirs_too():
     fields = {
         "identity_number": 0x12345,
         "manufacturer_code": 0x123,
@@ -84,13 +82,13 @@ def test_a_name_is_theirs_too() -> None:
     assert int(ours) == j1939.Name(**fields).value
 
 
-def test_both_claim_their_addresses(pair: Pair) -> None:
+def test_both_claim_their_addresses(pair):
     assert pair.ours.address == OURS
     assert pair.application.state == controller_application.ControllerApplication.State.NORMAL
 
 
 @pytest.mark.parametrize("size", [9, 113, 1785])
-def test_a_message_goes_there_by_rts_and_cts(pair: Pair, size: int) -> None:
+def test_a_message_goes_there_by_rts_and_cts(pair, size):
     assert pair.ours.send(PROPRIETARY_A, MESSAGE[:size], THEIRS)
     pair.run(100)
 
@@ -99,7 +97,7 @@ def test_a_message_goes_there_by_rts_and_cts(pair: Pair, size: int) -> None:
 
 
 @pytest.mark.parametrize("size", [9, 113, 1785])
-def test_a_message_comes_by_rts_and_cts(pair: Pair, size: int) -> None:
+def test_a_message_comes_by_rts_and_cts(pair, size):
     taken = collect(pair.ours, [PROPRIETARY_A])
 
     assert pair.theirs.send_pgn(0, 0xEF, OURS, 6, THEIRS, list(MESSAGE[:size]))
@@ -108,7 +106,7 @@ def test_a_message_comes_by_rts_and_cts(pair: Pair, size: int) -> None:
     assert taken == [(PROPRIETARY_A, THEIRS, MESSAGE[:size])]
 
 
-def test_messages_to_all_go_both_ways(pair: Pair) -> None:
+def test_messages_to_all_go_both_ways(pair):
     taken = collect(pair.ours, [PROPRIETARY_B])
 
     pair.ours.send(PROPRIETARY_B, MESSAGE[:100])
@@ -119,7 +117,7 @@ def test_messages_to_all_go_both_ways(pair: Pair) -> None:
     assert taken == [(PROPRIETARY_B, THEIRS, MESSAGE[:50])]
 
 
-def test_their_request_is_answered(pair: Pair) -> None:
+def test_their_request_is_answered(pair):
     pair.ours.provide(PROPRIETARY_A, lambda: b"answer")
 
     pair.application.send_request(0, PROPRIETARY_A, OURS)
@@ -128,7 +126,7 @@ def test_their_request_is_answered(pair: Pair) -> None:
     assert (PROPRIETARY_A, OURS, b"answer") in pair.received
 
 
-def test_our_dm1_is_read_by_them(pair: Pair) -> None:
+def test_our_dm1_is_read_by_them(pair):
     heard: list[Any] = []
     dm1 = j1939.Dm1(pair.application)
     dm1.subscribe(lambda *_: heard.append((dm1.lamp_status, dm1.dtc_dic_list)))
@@ -150,7 +148,7 @@ def test_our_dm1_is_read_by_them(pair: Pair) -> None:
     }
 
 
-def test_their_contention_with_a_larger_name_is_lost(clock: Clock) -> None:
+def test_their_contention_with_a_larger_name_is_lost(clock):
     pair = Pair(clock, make_ecu(THEIRS, identity=1))
     pair.run(1300)
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from hil_bench.abilities.j1939.configuration.ecus import _COMMON_KEYS, ECU_KINDS
 from hil_bench.abilities.j1939.kinds.signal_table import SENT_KEYS, TAKEN_KEYS
 from hil_bench.bench.configuration import load_config
-from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 
 PAGE = (Path(__file__).parents[3] / "docs" / "j1939.md").read_text(encoding="utf-8")
@@ -27,8 +25,8 @@ VALVE = '[plant.axis1]\n[j1939.valve]\nkind = "auxiliary_valve"\naddress = 128\n
 
 
 @pytest.fixture
-def write(tmp_path: Path) -> Callable[[str], Path]:
-    def write(text: str) -> Path:
+def write(tmp_path):
+    def write(text):
         path = tmp_path / "bench.toml"
         path.write_text(text)
         return path
@@ -37,7 +35,7 @@ def write(tmp_path: Path) -> Callable[[str], Path]:
 
 
 @pytest.mark.parametrize("key", KEYS.values(), ids=KEYS)
-def test_the_page_has_each_key_with_its_unit_and_default(key: Key) -> None:
+def test_the_page_has_each_key_with_its_unit_and_default(key):
     unit, default = ROWS[key.name]
 
     assert unit == key.unit.symbol
@@ -104,7 +102,7 @@ def test_the_page_has_each_key_with_its_unit_and_default(key: Key) -> None:
         (VALVE + "[j1939.valve.signals]\n", 'kind = "auxiliary_valve" has its own signals'),
     ],
 )
-def test_what_is_wrong_is_one_line(write: Callable[[str], Path], text: str, message: str) -> None:
+def test_what_is_wrong_is_one_line(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))
 
@@ -113,16 +111,14 @@ def test_what_is_wrong_is_one_line(write: Callable[[str], Path], text: str, mess
     assert len(str(caught.value).splitlines()) == 1 + is_whole
 
 
-def test_such_devices_need_no_plant_and_no_node(write: Callable[[str], Path]) -> None:
+def test_such_devices_need_no_plant_and_no_node(write):
     config = load_config(write(LEVER + X))
 
     assert (config.axes, config.nodes) == ((), ())
     assert [ecu.name for ecu in config.ecus] == ["lever"]
 
 
-def test_two_devices_of_one_name_field_differ_by_their_own_names(
-    write: Callable[[str], Path],
-) -> None:
+def test_two_devices_of_one_name_field_differ_by_their_own_names(write):
     text = LEVER + X + "[j1939.b]\naddress = 20\n[j1939.b.signals]\n" + X
 
     first, second = load_config(write(text)).ecus

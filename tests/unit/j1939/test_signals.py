@@ -42,7 +42,7 @@ def test_a_value_has_resolution_and_offset():
     assert math.isnan(flow.value(b"\x00"))  # too short
 
 
-def group(*signals: SentSignal) -> str:
+def group(*signals):
     return SentGroup(0xFDD6, 0, 3, list(signals)).make().hex(" ")
 
 

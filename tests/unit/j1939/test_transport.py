@@ -13,7 +13,6 @@ from support.j1939_bus import MILLISECOND, J1939Bus, collect, make_ecu
 from hil_bench.abilities.j1939.protocol.reception import MOST_SESSIONS
 from hil_bench.abilities.j1939.protocol.signals import split
 from hil_bench.abilities.j1939.protocol.transmission import MOST_WAITING, AbortReason
-from hil_bench.canopen_device.frame import Frame
 
 COMPONENT = 0xFEEB
 MESSAGE = b"MAKE*MODEL*SERIAL*UNIT*"
@@ -30,7 +29,7 @@ CM_TO, CM_FROM = 0x1CEC6410, 0x1CEC1064  # the partner is 0x10, the ECU 0x64
 DT_TO, DT_FROM = 0x1CEB6410, 0x1CEB1064
 
 
-def abort(reason: int, group: str = "eb fe 00") -> tuple[int, str]:
+def abort(reason, group="eb fe 00"):
     return CM_FROM, f"ff {reason:02x} ff ff ff {group}"
 
 
@@ -303,7 +302,7 @@ def test_two_ecus_transport_a_message_although_a_packet_is_lost(size, lost):
     message = bytes(number % 251 for number in range(size))
     packets = []
 
-    def lossy(frame: Frame, now: int) -> None:
+    def lossy(frame, now):
         if split(frame.can_id).group == 0xEB00:
             packets.append(frame)
             if len(packets) - 1 == lost:

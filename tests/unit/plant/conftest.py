@@ -1,13 +1,11 @@
 """An independent reading of the paper: eqs. (1)-(13) as printed, integrated by Runge-Kutta."""
 
 import math
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import pytest
 
 from hil_bench.plants.hydraulic_cylinder.model import (
-    PlantParameters,
     PlantState,
     balanced_state,
     paper_parameters,
@@ -112,30 +110,30 @@ def runge_kutta(y, u, F_L, p, dt, steps):
     return y
 
 
-def printed(parameters: PlantParameters) -> Printed:
+def printed(parameters):
     return Printed(**{name: float(getattr(parameters, name)) for name in Printed._fields})
 
 
 @pytest.fixture
-def paper() -> PlantParameters:
+def paper():
     return paper_parameters()
 
 
 @pytest.fixture
-def paper_rates() -> Callable[..., tuple[float, ...]]:
+def paper_rates():
     """The right-hand side as printed: rates(state, u, F_L, parameters)."""
     return lambda state, u, F_L, parameters: rates(state[:6], u, F_L, printed(parameters))
 
 
 @pytest.fixture
-def reference() -> Callable[..., list[PlantState]]:
+def reference():
     """States at 0, 1, 2, ... ms under one set-point per ms, from rest.
 
     Runge-Kutta of order 4 at 1e-5 s; against 5e-7 s its velocity differs by less than 2e-6 of the
     peak, for bulk moduli from 1e8 to 1e9 Pa.
     """
 
-    def integrate(parameters: PlantParameters, setpoints: Sequence[float]) -> list[PlantState]:
+    def integrate(parameters, setpoints):
         states = [balanced_state(parameters)]
         for u in setpoints:
             y = tuple(float(value) for value in states[-1][:6])

@@ -22,8 +22,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantOutput,
-    PlantParameters,
     PlantState,
     Solver,
     paper_parameters,
@@ -57,22 +55,18 @@ class Volumes(NamedTuple):
     opened: float
 
 
-def opening(nu: float, p: PlantParameters) -> float:
+def opening(nu, p):
     """Eq. (2) as printed."""
     size = min(max(abs(nu) - p.beta, 0.0), p.alpha)
     return size if nu > 0.0 else -size
 
 
-def flows(
-    z: float, before: PlantState, p: PlantParameters
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def flows(z, before, p):
     orifice = (p.K, p.P_S, p.P_T, 300.0**2, 1.0)
     return linearise_flow(z, before.P_A, orifice), linearise_flow(-z, before.P_B, orifice)
 
 
-def euler_step(
-    before: PlantState, after: PlantState, p: PlantParameters, C_LA: float, C_LB: float
-) -> tuple[Volumes, Volumes]:
+def euler_step(before, after, p, C_LA, C_LB):
     """Everything from the old state."""
     V_A, V_B = p.V_A0 + p.A_A * before.x, p.V_B0 - p.A_B * before.x
     (Q_A, *_), (Q_B, *_) = flows(opening(before.nu, p), before, p)
@@ -90,9 +84,7 @@ def euler_step(
     )
 
 
-def midpoint_part(
-    before: PlantState, after: PlantState, dt: float, p: PlantParameters, C_LA: float, C_LB: float
-) -> tuple[Volumes, Volumes]:
+def midpoint_part(before, after, dt, p, C_LA, C_LB):
     """Leakage and volume from the middle of the part."""
     middle = before.x + 0.5 * dt * before.v
     V_A, V_B = p.V_A0 + p.A_A * middle, p.V_B0 - p.A_B * middle
@@ -114,14 +106,14 @@ def midpoint_part(
     )
 
 
-def euler_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple[Volumes, Volumes]]:
+def euler_steps(plant, plant_input):
     """Make a step of forward Euler."""
     p, options, before = plant.parameters, plant.options, plant.state
     plant.step(plant_input)
     return [euler_step(before, plant.state, p, options.C_LA, options.C_LB)]
 
 
-def midpoint_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple[Volumes, Volumes]]:
+def midpoint_steps(plant, plant_input):
     """Make a step of the linearly implicit midpoint rule, which may be made in parts."""
     p, options, before = plant.parameters, plant.options, plant.state
     row = make_row(pack_extended(p, options, DT))
@@ -160,15 +152,7 @@ STEPS = {Solver.FORWARD_EULER: euler_steps, Solver.LINEARLY_IMPLICIT_MIDPOINT: m
     C_L=st.floats(0.0, 1e-11),
     external=st.tuples(st.floats(0.0, 1e-11), st.floats(0.0, 1e-11)),
 )
-def test_oil_is_neither_made_nor_lost(
-    solver: Solver,
-    setpoints: list[float],
-    loads: list[float],
-    floor: float | None,
-    E: float,
-    C_L: float,
-    external: tuple[float, float],
-) -> None:
+def test_oil_is_neither_made_nor_lost(solver, setpoints, loads, floor, E, C_L, external):
     oil = dataclasses.replace(paper_parameters(), E=E, C_L=C_L, P_T=1e5)
     options = dataclasses.replace(
         OPTIONS, C_LA=external[0], C_LB=external[1], cavitation_floor=floor
@@ -186,12 +170,12 @@ def test_oil_is_neither_made_nor_lost(
 
 
 @pytest.mark.parametrize("air", [None, EntrainedAir(air_fraction=0.01)])
-def test_the_reported_flows_balance_to_second_order(air: EntrainedAir | None) -> None:
+def test_the_reported_flows_balance_to_second_order(air):
     # Q_A of the output is of the instant: its trapezoidal sum meets the balance as dt² does.
     paper = paper_parameters()
     options = dataclasses.replace(OPTIONS, air=air)
 
-    def lost(dt: float) -> float:
+    def lost(dt):
         plant = FullOrderPlant(paper, options=options, dt=dt)
         plant.step(PlantInput(1e-3), round(0.05 / dt))
         balance, x = 0.0, plant.state.x
@@ -205,7 +189,7 @@ def test_the_reported_flows_balance_to_second_order(air: EntrainedAir | None) ->
         displaced = paper.A_A * (plant.state.x - x)
         return abs(balance - displaced) / displaced
 
-    def soft(pressure: float, air: EntrainedAir) -> float:
+    def soft(pressure, air):
         """The mixture law, written out."""
         p = pressure + 101_325.0
         r = air.ratio * (101_325.0 / p) ** (1.0 / 1.4)
@@ -224,9 +208,7 @@ def test_the_reported_flows_balance_to_second_order(air: EntrainedAir | None) ->
     E=st.floats(1e8, 1.7e9),
     C_L=st.floats(0.0, 1e-11),
 )
-def test_energy_is_neither_made_nor_lost(
-    setpoints: list[float], F_L: float, E: float, C_L: float
-) -> None:
+def test_energy_is_neither_made_nor_lost(setpoints, F_L, E, C_L):
     # What the oil brings through the ports is motion, compression, friction, load, leakage and,
     # at the cavitation floor, the work that opens a cavity:
     # P_A Q_A + P_B Q_B = d/dt(m v² / 2) + P dP V / E + f v + F_L v + C_L (P_A - P_B)² - P dV_C/dt,
@@ -234,7 +216,7 @@ def test_energy_is_neither_made_nor_lost(
     oil = dataclasses.replace(paper_parameters(), E=E, C_L=C_L)
     options = dataclasses.replace(OPTIONS, cavitation_floor=FLOOR)
 
-    def imbalance(dt: float) -> tuple[float, float]:
+    def imbalance(dt):
         plant = FullOrderPlant(oil, options=options, dt=dt)
         cavities = 0.0
         missing = turned_over = 0.0
@@ -257,12 +239,10 @@ def test_energy_is_neither_made_nor_lost(
     assert missing <= 2e-5 * turned_over + 1e-9
 
 
-def energy_parts(
-    a: PlantOutput, b: PlantOutput, dt: float, F_L: float, p: PlantParameters
-) -> tuple[float, ...]:
+def energy_parts(a, b, dt, F_L, p):
     """Energy of one step [J]: through the ports, then where it went."""
 
-    def rate(y: PlantOutput) -> tuple[float, float]:
+    def rate(y):
         friction = math.tanh(400.0 * y.v) * (
             p.F_c + (p.F_s - p.F_c) * math.exp(-((abs(y.v) / p.chi) ** p.delta))
         )

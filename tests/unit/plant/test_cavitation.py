@@ -14,7 +14,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     PlantState,
     ReducedOrderPlant,
     Solver,
@@ -34,7 +33,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import unpack_
 from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
-    Motion,
     load_flow,
     pack_reduced,
     try_reduced,
@@ -59,9 +57,7 @@ EXTENSIONS = {
 }
 
 
-def pull_and_release(
-    plant: FullOrderPlant | ReducedOrderPlant, F_L: float, times: int = 1
-) -> PlantState:
+def pull_and_release(plant, F_L, times=1):
     """Pull for half a second and let go for two, and return the state while pulled the last."""
     pulled = plant.state
     for _ in range(times):
@@ -73,7 +69,7 @@ def pull_and_release(
 
 @pytest.mark.parametrize("F_L", [-6e4, 6e4])
 @pytest.mark.parametrize("solver", Solver)
-def test_a_pulled_cylinder_comes_back(paper: PlantParameters, solver: Solver, F_L: float) -> None:
+def test_a_pulled_cylinder_comes_back(paper, solver, F_L):
     # The valve is closed and nothing leaks: the oil is the same, so is the place of rest.
     # Forward Euler's own error on the way, of order one, would be 12 um at 50 us.
     dt = 2e-5 if solver is Solver.FORWARD_EULER else DT
@@ -90,7 +86,7 @@ def test_a_pulled_cylinder_comes_back(paper: PlantParameters, solver: Solver, F_
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_twenty_pulls_make_no_oil(paper: PlantParameters, extension: str) -> None:
+def test_twenty_pulls_make_no_oil(paper, extension):
     options = dataclasses.replace(BENCH, **EXTENSIONS[extension])
     plant = FullOrderPlant(paper, options=options, dt=DT)
     pull_and_release(plant, -6e4, times=20)
@@ -99,7 +95,7 @@ def test_twenty_pulls_make_no_oil(paper: PlantParameters, extension: str) -> Non
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_pulled_reduced_cylinder_comes_back(paper: PlantParameters, solver: Solver) -> None:
+def test_a_pulled_reduced_cylinder_comes_back(paper, solver):
     # P_L ends at P_S + 2 * 101325 Pa: 49.5 kN on the mean area, so 80 kN pull to the stop.
     for F_L in (-8e4, 8e4):
         plant = ReducedOrderPlant(paper, solver=solver, dt=DT)
@@ -111,14 +107,12 @@ def test_a_pulled_reduced_cylinder_comes_back(paper: PlantParameters, solver: So
         assert plant.state.x == pytest.approx(0.0, abs=1e-5)
 
 
-def motion_of(state: PlantState) -> Motion:
+def motion_of(state):
     """What the reduced model's kernels move on."""
     return state.x, state.v, state.P_A - state.P_B, state.V_CB - state.V_CA
 
 
-def reduced_parts(
-    p: PlantParameters, start: Motion, z: float, F_L: float
-) -> list[tuple[Motion, Motion, float]]:
+def reduced_parts(p, start, z, F_L):
     """State before and after, and duration, of each part of a step."""
     row = make_row(pack_reduced(p, PlantOptions.bench(), DT))
     loads = unpack_extended(row)[3]
@@ -131,7 +125,7 @@ def reduced_parts(
 
 
 @pytest.mark.parametrize("solver", [Solver.FORWARD_EULER, MIDPOINT])
-def test_the_reduced_model_makes_no_oil(paper: PlantParameters, solver: Solver) -> None:
+def test_the_reduced_model_makes_no_oil(paper, solver):
     # (16) summed up: V_t / (4 E) dP_L + V_CB - V_CA = Q_L - A x - leakage, as each solver has it.
     leaky = dataclasses.replace(paper, C_L=2e-12)
     orifice = (paper.K, 5e6, -5e6, 300.0**2, 1.0)
@@ -166,12 +160,12 @@ def test_the_reduced_model_makes_no_oil(paper: PlantParameters, solver: Solver) 
 
 @settings(max_examples=20)
 @given(pulls=st.lists(st.floats(-9e4, 9e4), min_size=1, max_size=4))
-def test_the_solver_for_references_keeps_the_oil(pulls: list[float]) -> None:
+def test_the_solver_for_references_keeps_the_oil(pulls):
     # Valve closed: (8) integrates to P_A + E ln(V_A - V_CA) = const, whatever the piston does.
     p = paper_parameters()
     plant = FullOrderPlant(p, solver=Solver.RUNGE_KUTTA, dt=2e-6)
 
-    def oil(state: PlantState) -> tuple[float, float]:
+    def oil(state):
         x, _, P_A, P_B, _, _, V_CA, V_CB = state
         x = min(max(x, -p.h), p.h)
         return (
@@ -190,7 +184,7 @@ def test_the_solver_for_references_keeps_the_oil(pulls: list[float]) -> None:
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_cavity_takes_what_the_piston_sweeps(paper: PlantParameters, solver: Solver) -> None:
+def test_a_cavity_takes_what_the_piston_sweeps(paper, solver):
     # From the floor on, at constant velocity: V_CA grows by A_A v; then a port fills it again.
     heavy = dataclasses.replace(paper, m=1e9)
     state = PlantState(0.0, 0.1, FLOOR, 5e6, 0.0, 0.0)
@@ -202,9 +196,7 @@ def test_a_cavity_takes_what_the_piston_sweeps(paper: PlantParameters, solver: S
 
 @pytest.mark.parametrize("options", [BENCH, dataclasses.replace(BENCH, C_LA=1e-18)])
 @pytest.mark.parametrize("solver", Solver)
-def test_a_cavity_is_filled_before_pressure_rises(
-    paper: PlantParameters, solver: Solver, options: PlantOptions
-) -> None:
+def test_a_cavity_is_filled_before_pressure_rises(paper, solver, options):
     # The piston is stuck; the port passes z K sqrt(P_S - floor) all the while.
     stuck = dataclasses.replace(paper, m=1e9)
     flow = 1e-3 * paper.K * math.sqrt(paper.P_S - FLOOR)
@@ -217,7 +209,7 @@ def test_a_cavity_is_filled_before_pressure_rises(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_plant_goes_on_from_its_cavities(paper: PlantParameters, solver: Solver) -> None:
+def test_a_plant_goes_on_from_its_cavities(paper, solver):
     whole = FullOrderPlant(paper, solver=solver, dt=DT)
     whole.step(PlantInput(0.0, -6e4), 2_000)
     assert whole.state.V_CA > 1e-5
@@ -228,7 +220,7 @@ def test_a_plant_goes_on_from_its_cavities(paper: PlantParameters, solver: Solve
     assert ends[0] == ends[1] == ends[2]
 
 
-def test_a_reduced_plant_goes_on_from_its_cavity(paper: PlantParameters) -> None:
+def test_a_reduced_plant_goes_on_from_its_cavity(paper):
     whole, restarted = ReducedOrderPlant(paper, dt=DT), ReducedOrderPlant(paper, dt=DT)
     whole.step(PlantInput(0.0, 8e4), 300)
     assert whole.state.V_CB > 1e-5
@@ -246,9 +238,7 @@ def test_a_reduced_plant_goes_on_from_its_cavity(paper: PlantParameters) -> None
         ({"V_CA": 1e-6}, "V_CA = 1e-06 m³: must be 0 at P_A = 4.84536e+06 Pa, for the floor is at"),
     ],
 )
-def test_refuses_a_cavity_that_cannot_be(
-    paper: PlantParameters, change: dict[str, float], message: str
-) -> None:
+def test_refuses_a_cavity_that_cannot_be(paper, change, message):
     plant = FullOrderPlant(paper)
     state = balanced_state(paper)._replace(**change)
     for refused in (lambda: FullOrderPlant(paper, state=state), lambda: plant.restart(state)):
@@ -257,7 +247,7 @@ def test_refuses_a_cavity_that_cannot_be(
         assert str(refusal.value).startswith(message)
 
 
-def test_refuses_a_cavity_without_a_floor(paper: PlantParameters) -> None:
+def test_refuses_a_cavity_without_a_floor(paper):
     state = balanced_state(paper)._replace(V_CA=1e-6)
     with pytest.raises(ParameterError, match=r"V_CA = 1e-06 m³: .*there is no cavitation floor"):
         FullOrderPlant(paper, options=PlantOptions.paper(), state=state)
@@ -275,14 +265,7 @@ flows = st.floats(-1e-2, -1e-3) | st.floats(-1e-3, 1e-3)
     inertia=st.floats(1e2, 1e7),
     swings=st.booleans(),
 )
-def test_a_chamber_is_at_the_floor_or_filled(
-    to_floor: tuple[float, float],
-    nets: tuple[float, float],
-    rows: tuple[float, float, float],
-    force: float,
-    inertia: float,
-    swings: bool,
-) -> None:
+def test_a_chamber_is_at_the_floor_or_filled(to_floor, nets, rows, force, inertia, swings):
     """The complementarity problem has one solution, which is checked, not compared."""
     own_a, own_b, c = rows
     lag = 0.0
@@ -292,7 +275,7 @@ def test_a_chamber_is_at_the_floor_or_filled(
     oil = couple((own_a + c, own_b + c, c, *nets, 0.5), lag, 0.0, CHAMBERS)
     a, _, c, _, _, half = oil
 
-    def free_rises(dv: float) -> tuple[float, float]:
+    def free_rises(dv):
         return pressure_rises(eliminate_pressures(oil, CHAMBERS), dv)
 
     free = eliminate_pressures(oil, CHAMBERS)
@@ -311,7 +294,7 @@ def test_a_chamber_is_at_the_floor_or_filled(
     assert balance == pytest.approx(open_A, abs=1e-14 * size)
 
 
-def test_an_explicit_step_fills_first() -> None:
+def test_an_explicit_step_fills_first():
     # 2 cm³/s into a cavity of 1 cm³ for 1 s at 1e8 Pa/(m³/s) leave 1 cm³: 100 Pa above the floor.
     assert compress(-50.0, 1e-6, 2e-6, 1.0, 1e8, -50.0) == pytest.approx((50.0, 0.0))
     assert compress(-50.0, 1e-6, 0.4e-6, 1.0, 1e8, -50.0) == pytest.approx((-50.0, 0.6e-6))

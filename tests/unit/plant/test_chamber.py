@@ -16,11 +16,11 @@ TABLE_I = (1e8, 0.0, 5e-3, 4.7e-3, 1.2e-3, 1.15e-3, 0.2)
         (-9.0, 0.2e-3, 2.09e-3),
     ],
 )
-def test_volumes(x: float, V_A: float, V_B: float) -> None:
+def test_volumes(x, V_A, V_B):
     assert chamber_volumes(x, TABLE_I) == pytest.approx((V_A, V_B), rel=1e-12)
 
 
-def test_net_flows() -> None:
+def test_net_flows():
     # Brackets of eqs. (8), (9): 3e-4 - 5e-3 * 0.02 - 1e-5 and -2e-4 + 4.7e-3 * 0.02 + 1e-5
     net = net_flows(3e-4, -2e-4, 0.02, 1e-5, TABLE_I)
     assert net == pytest.approx((1.9e-4, -9.6e-5), rel=1e-12)

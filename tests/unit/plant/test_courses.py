@@ -47,7 +47,7 @@ EXTENDED = {
 
 
 @pytest.mark.parametrize("name", EXTENDED)
-def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
+def test_a_run_has_the_bits_of_a_single_plant(name):
     options = EXTENDED[name]
     source = np.random.default_rng(2)
     starts = [balanced_state(PARAMETERS, x=x) for x in (0.0, 0.05, 0.1995)]  # the last hits a stop
@@ -79,7 +79,7 @@ def test_a_run_has_the_bits_of_a_single_plant(name: str) -> None:
         assert supply == plant.supply_pressure
 
 
-def test_cuts_are_taken_down_and_followed() -> None:
+def test_cuts_are_taken_down_and_followed():
     start = np.array([*balanced_state(PARAMETERS, x=0.1995), PARAMETERS.P_S, 0.0, 0.0, 0.0])
     setpoints, cuts = np.full(STEPS, 1.3e-3), open_cuts(STEPS)
     constants = make_row(pack_extended(PARAMETERS, EXTENDED["air"], STEP))
@@ -93,7 +93,7 @@ def test_cuts_are_taken_down_and_followed() -> None:
     assert not np.array_equal(found, whole)
 
 
-def test_what_has_states_of_its_own_is_named() -> None:
+def test_what_has_states_of_its_own_is_named():
     assert states_without_start(EXTENDED["air"]) == []
     series = replace(BENCH, loads=(LoadSeries((0.0, 1.0), (0.0, 1e3)),))
     assert states_without_start(series) == ["a load over time"]

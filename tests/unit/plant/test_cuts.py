@@ -21,7 +21,7 @@ REVERSALS = np.repeat([0.6e-3, -0.6e-3] * 4, STEPS // 8)
 Values = npt.NDArray[np.float64]
 
 
-def run(stiffness: float, cuts: npt.NDArray[np.int64]) -> Values:
+def run(stiffness, cuts):
     """Return position and pressures of a piston on oil of so many times Table I's modulus."""
     table_1 = paper_parameters()
     parameters = replace(table_1, E=stiffness * table_1.E)
@@ -38,13 +38,13 @@ def run(stiffness: float, cuts: npt.NDArray[np.int64]) -> Values:
         ([16, 32, 48, 52, 56, 60, 61, 62, 63], {32: 16, 56: 4, 60: 1, 63: 1}),
     ],
 )
-def test_cuts_say_how_long_each_part_is(cuts: list[int], sizes: dict[int, int]) -> None:
+def test_cuts_say_how_long_each_part_is(cuts, sizes):
     code = sum(1 << (end - 1) for end in cuts)
 
     assert {done: part_at(code, done) for done in sizes} == sizes
 
 
-def test_a_run_that_keeps_its_cuts_or_follows_them_has_the_same_bits() -> None:
+def test_a_run_that_keeps_its_cuts_or_follows_them_has_the_same_bits():
     alone, cuts = run(1.0, open_cuts(STEPS)), open_cuts(STEPS)
 
     kept = run(1.0, cuts)
@@ -58,7 +58,7 @@ def test_a_run_that_keeps_its_cuts_or_follows_them_has_the_same_bits() -> None:
     assert np.array_equal(cuts, taken)
 
 
-def test_a_run_beside_another_cuts_its_steps_there() -> None:
+def test_a_run_beside_another_cuts_its_steps_there():
     here, beside = open_cuts(STEPS), open_cuts(STEPS)
     run(1.0, here)
     run(1.01, beside)
@@ -70,12 +70,12 @@ def test_a_run_beside_another_cuts_its_steps_there() -> None:
     assert np.array_equal(followed, here)
 
 
-def test_differences_of_runs_with_the_same_cuts_are_smooth() -> None:
+def test_differences_of_runs_with_the_same_cuts_are_smooth():
     cuts = open_cuts(STEPS)
     run(1.0, cuts)
     shifts = 3e-4 * np.arange(-10, 11)
 
-    def roughness(make: Values) -> float:
+    def roughness(make):
         """Return the largest second difference of the velocity over the shifts."""
         velocity = make[:, :, 1]
         return float(np.abs(np.diff(velocity, 2, axis=0)).max())

@@ -20,7 +20,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     MassOnSlope,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     Solver,
     SpringLoad,
     SupplyUnit,
@@ -53,9 +52,7 @@ EVERYTHING = dataclasses.replace(
 
 
 @pytest.mark.parametrize("options", [PAPER, BENCH])
-def test_with_everything_off_the_bits_are_those_of_the_plain_kernel(
-    paper: PlantParameters, options: PlantOptions
-) -> None:
+def test_with_everything_off_the_bits_are_those_of_the_plain_kernel(paper, options):
     plain, extended = advance_implicit_midpoint, advance_extended_midpoint
     leaky = dataclasses.replace(paper, C_L=1e-12)
     start = balanced_state(leaky)
@@ -70,7 +67,7 @@ def test_with_everything_off_the_bits_are_those_of_the_plain_kernel(
     assert longer[10] == paper.P_S
 
 
-def test_a_series_goes_on_where_the_state_says(paper: PlantParameters) -> None:
+def test_a_series_goes_on_where_the_state_says(paper):
     ramp = LoadSeries((0.0, 1.0), (0.0, 1000.0))
     options = dataclasses.replace(EVERYTHING, loads=(ramp,))
     whole = FullOrderPlant(paper, options=options)
@@ -80,14 +77,14 @@ def test_a_series_goes_on_where_the_state_says(paper: PlantParameters) -> None:
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_midpoint_is_of_second_order_with_everything_on(paper: PlantParameters) -> None:
+def test_midpoint_is_of_second_order_with_everything_on(paper):
     # A motion without kinks: sliding, relief valve shut, load series smooth.
     supply = SupplyUnit(relief_pressure=2e7)
     options = dataclasses.replace(EVERYTHING, supply=supply)
     setup = FullOrderPlant(paper, options=options, dt=1e-5)
     setup.step(PlantInput(1e-3), 5_000)
 
-    def end(dt: float) -> tuple[float, ...]:
+    def end(dt):
         plant = FullOrderPlant(
             paper, options=options, dt=dt, state=setup.state, extension=setup.extension
         )
@@ -101,7 +98,7 @@ def test_midpoint_is_of_second_order_with_everything_on(paper: PlantParameters) 
             assert 3.0 < coarse / fine < 5.0
 
 
-def test_both_solvers_tell_the_same(paper: PlantParameters) -> None:
+def test_both_solvers_tell_the_same(paper):
     midpoint = FullOrderPlant(paper, options=EVERYTHING, dt=1e-5)
     euler = FullOrderPlant(paper, options=EVERYTHING, solver=EULER, dt=1e-5)
     for u in (1e-3, 0.0, -1e-3, 5e-4):
@@ -146,9 +143,7 @@ inputs = st.tuples(st.floats(-2e-3, 2e-3), st.floats(-1e5, 1e5))
     E=st.floats(1e7, 2e9),
     history=st.lists(inputs, min_size=1, max_size=15),
 )
-def test_midpoint_stays_finite_whatever_is_on(
-    options: PlantOptions, E: float, history: list[tuple[float, float]]
-) -> None:
+def test_midpoint_stays_finite_whatever_is_on(options, E, history):
     oil = dataclasses.replace(paper_parameters(), E=E)
     plant = FullOrderPlant(oil, options=options, state=balanced_state(oil))
     for u, F_L in history:
@@ -156,9 +151,7 @@ def test_midpoint_stays_finite_whatever_is_on(
         assert all(map(math.isfinite, (*plant.state, *output, *plant.extension[:-1])))
 
 
-def test_forward_euler_is_refused_where_an_extension_makes_it_unstable(
-    paper: PlantParameters,
-) -> None:
+def test_forward_euler_is_refused_where_an_extension_makes_it_unstable(paper):
     # Relief valve: 2 C_S / G with C_S = V_line / E: 2 * 1e-14 / 2e-9 = 1e-5 s
     tight = dataclasses.replace(PAPER, supply=SupplyUnit(line_volume=1e-6, accumulator_volume=0.0))
     with pytest.raises(ParameterError, match=r"; \S+ s or less"):
@@ -166,7 +159,7 @@ def test_forward_euler_is_refused_where_an_extension_makes_it_unstable(
     FullOrderPlant(paper, options=tight, solver=EULER, dt=0.99e-5)
 
 
-def test_a_load_mass_counts_for_that_limit(paper: PlantParameters) -> None:
+def test_a_load_mass_counts_for_that_limit(paper):
     # 2 (m + 5 kg) / (400 F_s + sigma) = 50 / 3.62e5 = 1.381e-4 s
     options = dataclasses.replace(PAPER, loads=(MassOnSlope(5.0),))
     FullOrderPlant(paper, options=options, solver=EULER, dt=1.38e-4)
@@ -174,25 +167,25 @@ def test_a_load_mass_counts_for_that_limit(paper: PlantParameters) -> None:
         FullOrderPlant(paper, options=options, solver=EULER, dt=1.39e-4)
 
 
-def test_refuses_bristles_without_coulomb_friction(paper: PlantParameters) -> None:
+def test_refuses_bristles_without_coulomb_friction(paper):
     smooth = dataclasses.replace(paper, F_c=0.0)
     options = dataclasses.replace(PAPER, bristles=LuGreFriction())
     with pytest.raises(ParameterError, match=r"^F_c = 0 N: must be greater than 0 for LuGre"):
         FullOrderPlant(smooth, options=options)
 
 
-def test_refuses_two_series() -> None:
+def test_refuses_two_series():
     series = LoadSeries((0.0,), (1.0,))
     with pytest.raises(ParameterError, match=r"^load_series = several: must be one"):
         PlantOptions(loads=(series, series))
 
 
-def test_refuses_a_senseless_extension_state(paper: PlantParameters) -> None:
+def test_refuses_a_senseless_extension_state(paper):
     with pytest.raises(ParameterError, match=r"^z_f = nan m: must be finite"):
         FullOrderPlant(paper, options=EVERYTHING, extension=ExtensionState(0.0, math.nan, 1e7))
 
 
-def test_without_extensions_there_is_their_start(paper: PlantParameters) -> None:
+def test_without_extensions_there_is_their_start(paper):
     plant = FullOrderPlant(paper)
     plant.step(PlantInput(1e-3), 100)
     assert plant.extension == ExtensionState(0.0, 0.0, paper.P_S)

@@ -11,7 +11,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     PlantState,
     Solver,
     SupplyUnit,
@@ -24,15 +23,13 @@ BENCH = PlantOptions.bench()
 AIR = EntrainedAir(air_fraction=0.01)
 
 
-def stuck(paper: PlantParameters, **change: float) -> PlantParameters:
+def stuck(paper, **change):
     """A piston that nothing moves."""
     return dataclasses.replace(paper, F_c=1e9, F_s=1e9, m=1e8, **change)
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_external_leakage_lets_a_chamber_down_to_the_tank(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_external_leakage_lets_a_chamber_down_to_the_tank(paper, solver):
     # P - P_T decays with C_LA E / V_A0 = 1/1.2 1/s for C_LA = 1e-11, and half of it in B.
     held = stuck(paper, P_T=1e5)
     options = dataclasses.replace(PAPER, C_LA=1e-11, C_LB=0.5e-11)
@@ -45,11 +42,11 @@ def test_external_leakage_lets_a_chamber_down_to_the_tank(
 
 
 @pytest.mark.parametrize("E", [1e8, 1.5e9])
-def test_closed_chambers_with_air_keep_their_content(paper: PlantParameters, E: float) -> None:
+def test_closed_chambers_with_air_keep_their_content(paper, E):
     # (8) without flow: d ln V = -dP / E(P), so ln V + integral of dP / E(P) stays.
     oil = dataclasses.replace(paper, E=E)
 
-    def drift(dt: float) -> float:
+    def drift(dt):
         start = PlantState(0.0, 0.6, 1e6, 1e6, 0.0, 0.0)
         options = dataclasses.replace(PAPER, air=AIR)
         plant = FullOrderPlant(oil, options=options, state=start, dt=dt)
@@ -74,7 +71,7 @@ def test_closed_chambers_with_air_keep_their_content(paper: PlantParameters, E: 
     assert 3.0 < coarse / fine < 5.0  # second order
 
 
-def test_air_makes_the_cylinder_softer(paper: PlantParameters) -> None:
+def test_air_makes_the_cylinder_softer(paper):
     # A frictionless piston on closed chambers at 5 bar: w² = (E_A A_A²/V_A + E_B A_B²/V_B) / m.
     oil = dataclasses.replace(paper, E=1.5e9, F_c=0.0, F_s=0.0, sigma=0.0)
     start = balanced_state(oil, mean_pressure=5e5)._replace(v=1e-4)
@@ -91,7 +88,7 @@ def test_air_makes_the_cylinder_softer(paper: PlantParameters) -> None:
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_with_air_a_pull_stays_above_vacuum(paper: PlantParameters, solver: Solver) -> None:
+def test_with_air_a_pull_stays_above_vacuum(paper, solver):
     options = dataclasses.replace(BENCH, air=EntrainedAir(air_fraction=0.05))
     plant = FullOrderPlant(paper, options=options, solver=solver)
     pressures = [plant.step(PlantInput(1e-3, -6e4), 10).P_A for _ in range(300)]
@@ -102,7 +99,7 @@ def test_with_air_a_pull_stays_above_vacuum(paper: PlantParameters, solver: Solv
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_pump_fills_the_accumulator(paper: PlantParameters, solver: Solver) -> None:
+def test_a_pump_fills_the_accumulator(paper, solver):
     # Isothermal, from precharge: oil Q t in the accumulator leaves V_0 - Q t to the gas, so
     # p = p_0 V_0 / (V_0 - Q t); a line of 1 cm³ hardly counts.
     unit = SupplyUnit(
@@ -121,7 +118,7 @@ def test_a_pump_fills_the_accumulator(paper: PlantParameters, solver: Solver) ->
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_an_idle_pump_runs_over_the_relief_valve(paper: PlantParameters, solver: Solver) -> None:
+def test_an_idle_pump_runs_over_the_relief_valve(paper, solver):
     # 1e-3 m³/s through 2e-9 m³/(s Pa): 5 bar above the 100 bar at which it opens.
     options = dataclasses.replace(BENCH, supply=SupplyUnit())
     plant = FullOrderPlant(paper, options=options, solver=solver)
@@ -130,7 +127,7 @@ def test_an_idle_pump_runs_over_the_relief_valve(paper: PlantParameters, solver:
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_the_pump_limits_the_speed(paper: PlantParameters, solver: Solver) -> None:
+def test_the_pump_limits_the_speed(paper, solver):
     # A third of the flow that this opening wants: v = Q_P / A_A = 0.0667 m/s out, Q_P / A_B in.
     unit = SupplyUnit(pump_flow=1e-3 / 3.0, accumulator_volume=0.0)
     options = dataclasses.replace(BENCH, supply=unit)
@@ -142,16 +139,16 @@ def test_the_pump_limits_the_speed(paper: PlantParameters, solver: Solver) -> No
         assert plant.extension.P_S < 0.3 * paper.P_S
 
 
-def test_the_pumps_oil_is_all_somewhere(paper: PlantParameters) -> None:
+def test_the_pumps_oil_is_all_somewhere(paper):
     # Pump, relief valve and cylinder against what line and accumulator hold, to second order.
     unit = SupplyUnit(gas_exponent=1.0)
     options = dataclasses.replace(BENCH, supply=unit)
 
-    def held(P_S: float) -> float:
+    def held(P_S):
         gas = unit.accumulator_volume * (unit.precharge_pressure + 101_325.0) / (P_S + 101_325.0)
         return unit.line_volume * P_S / paper.E + unit.accumulator_volume - gas
 
-    def lost(dt: float) -> float:
+    def lost(dt):
         plant = FullOrderPlant(paper, options=options, dt=dt)
         balance, drawn = -held(plant.extension.P_S), 0.0
         for step in range(round(0.4 / dt)):
@@ -171,7 +168,7 @@ def test_the_pumps_oil_is_all_somewhere(paper: PlantParameters) -> None:
 
 @pytest.mark.parametrize("E", [1e8, 2e9])
 @pytest.mark.parametrize("line", [1e-9, 1e-6, 1e-3])
-def test_a_stiff_supply_line_does_not_ring(paper: PlantParameters, E: float, line: float) -> None:
+def test_a_stiff_supply_line_does_not_ring(paper, E, line):
     unit = SupplyUnit(line_volume=line, accumulator_volume=0.0, relief_gradient=1e-7)
     oil = dataclasses.replace(paper, E=E)
     plant = FullOrderPlant(oil, options=dataclasses.replace(BENCH, supply=unit))

@@ -13,7 +13,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     MassOnSlope,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     Solver,
     SpringLoad,
     balanced_state,
@@ -25,15 +24,13 @@ PAPER = PlantOptions.paper()
 BENCH = PlantOptions.bench()
 
 
-def free_mass(paper: PlantParameters, m: float = 20.0) -> PlantParameters:
+def free_mass(paper, m=20.0):
     """A piston that neither oil nor friction touches: E of a thousandth of a pascal."""
     return dataclasses.replace(paper, E=1e-3, F_c=0.0, F_s=0.0, sigma=0.0, m=m)
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_steady_motion_on_bristles_has_the_printed_friction(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_steady_motion_on_bristles_has_the_printed_friction(paper, solver):
     options = dataclasses.replace(PAPER, bristles=LuGreFriction(), tanh_gain=math.inf)
     start = balanced_state(paper, x=-0.19)
     plant = FullOrderPlant(paper, options=options, solver=solver, state=start)
@@ -43,7 +40,7 @@ def test_steady_motion_on_bristles_has_the_printed_friction(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_bristles_hold_a_load_at_rest_without_creep(paper: PlantParameters, solver: Solver) -> None:
+def test_bristles_hold_a_load_at_rest_without_creep(paper, solver):
     # Without oil to help: 500 N bend the bristles by 0.05 mm, and there the piston stays. The
     # static curve with its tanh lets it creep at atanh(500/900) / 400 = 1.6 mm/s.
     dry = dataclasses.replace(paper, E=1e-3)
@@ -62,7 +59,7 @@ def test_bristles_hold_a_load_at_rest_without_creep(paper: PlantParameters, solv
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_break_away_is_at_the_static_friction(paper: PlantParameters, solver: Solver) -> None:
+def test_break_away_is_at_the_static_friction(paper, solver):
     # A slow ramp of 100 N/s: bristles give way between F_c and F_s, close to F_s.
     dry = dataclasses.replace(paper, E=1e-3)
     ramp = LoadSeries((0.0, 20.0), (0.0, -2000.0))
@@ -73,7 +70,7 @@ def test_break_away_is_at_the_static_friction(paper: PlantParameters, solver: So
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_constant_load_is_a_load(paper: PlantParameters, solver: Solver) -> None:
+def test_a_constant_load_is_a_load(paper, solver):
     options = dataclasses.replace(BENCH, loads=(ConstantLoad(3000.0),))
     by_option = FullOrderPlant(paper, options=options, solver=solver, state=balanced_state(paper))
     by_input = FullOrderPlant(paper, options=BENCH, solver=solver)
@@ -81,7 +78,7 @@ def test_a_constant_load_is_a_load(paper: PlantParameters, solver: Solver) -> No
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_starts_at_rest_under_its_loads(paper: PlantParameters, solver: Solver) -> None:
+def test_starts_at_rest_under_its_loads(paper, solver):
     loads = (ConstantLoad(2e3), SpringLoad(1e4, -0.1), MassOnSlope(100.0, 1.0))
     plant = FullOrderPlant(paper, options=dataclasses.replace(BENCH, loads=loads), solver=solver)
     before = plant.state
@@ -89,7 +86,7 @@ def test_starts_at_rest_under_its_loads(paper: PlantParameters, solver: Solver) 
     assert plant.state == pytest.approx(before, rel=1e-9, abs=1e-9)
 
 
-def test_a_mass_on_a_spring_swings_at_its_frequency(paper: PlantParameters) -> None:
+def test_a_mass_on_a_spring_swings_at_its_frequency(paper):
     # x = 0.03 + 0.02 cos(w t), w = sqrt(k / m) = 31.6 rad/s; the midpoint rule keeps the amplitude
     # and stretches the period by (w dt)² / 12 = 8e-7.
     options = dataclasses.replace(PAPER, loads=(SpringLoad(1.5e4, 0.04), SpringLoad(0.5e4, 0.0)))
@@ -101,7 +98,7 @@ def test_a_mass_on_a_spring_swings_at_its_frequency(paper: PlantParameters) -> N
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e13])
-def test_a_stiff_spring_creates_no_energy(paper: PlantParameters, stiffness: float) -> None:
+def test_a_stiff_spring_creates_no_energy(paper, stiffness):
     options = dataclasses.replace(PAPER, loads=(SpringLoad(stiffness),))
     start = balanced_state(paper)._replace(v=0.5)
     plant = FullOrderPlant(free_mass(paper), options=options, state=start)
@@ -111,7 +108,7 @@ def test_a_stiff_spring_creates_no_energy(paper: PlantParameters, stiffness: flo
 
 
 @pytest.mark.parametrize("solver", UNDAMPED)
-def test_a_mass_slides_down_its_slope(paper: PlantParameters, solver: Solver) -> None:
+def test_a_mass_slides_down_its_slope(paper, solver):
     # a = -g M sin(slope) / (m + M), with M = 60 kg beside m = 20 kg
     options = dataclasses.replace(PAPER, loads=(MassOnSlope(60.0, math.radians(30.0)),))
     start = balanced_state(paper)
@@ -121,7 +118,7 @@ def test_a_mass_slides_down_its_slope(paper: PlantParameters, solver: Solver) ->
 
 
 @pytest.mark.parametrize("solver", UNDAMPED)
-def test_a_series_gives_its_impulse(paper: PlantParameters, solver: Solver) -> None:
+def test_a_series_gives_its_impulse(paper, solver):
     # 100 N rising over 10 ms, held for 20 ms, then falling at once: 2.5 N s on 20 kg.
     series = LoadSeries((0.01, 0.02, 0.04, 0.04), (0.0, 100.0, 100.0, 0.0))
     options = dataclasses.replace(PAPER, loads=(series,))

@@ -4,7 +4,7 @@ from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import EntrainedAir, LuGreFriction, SupplyUnit
 
 
-def test_the_ratio_of_air_to_oil() -> None:
+def test_the_ratio_of_air_to_oil():
     # 1 part in 100 of the mixture is 1 part to 99 of oil.
     assert EntrainedAir(air_fraction=0.01).ratio == pytest.approx(1.0 / 99.0, rel=1e-15)
 
@@ -33,7 +33,7 @@ def test_the_ratio_of_air_to_oil() -> None:
         ),
     ],
 )
-def test_refuses_senseless_values(record, change: dict[str, float], message: str) -> None:
+def test_refuses_senseless_values(record, change, message):
     with pytest.raises(ParameterError) as refusal:
         record(**change)
     assert str(refusal.value).startswith(message)

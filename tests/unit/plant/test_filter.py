@@ -44,8 +44,8 @@ def moved(unit, *, opening=1.0e-3, load=0.0, solver=Solver.LINEARLY_IMPLICIT_MID
     bypass=st.one_of(st.just(math.inf), st.floats(1e4, 1e7)),
 )
 def test_the_line_is_charged_by_what_the_node_at_the_pump_lets_through(
-    P_S: float, flow: float, resistance: float, bypass: float
-) -> None:
+    P_S, flow, resistance, bypass
+):
     """Q = Q_P - G max(P_S + D(Q) - P_R, 0) with D(Q) = min(R Q, P_by)."""
     supply = supply_constants(UNIT, P.E)
     unit, drop = behind_filter(P_S, flow, supply, (resistance, bypass))
@@ -55,18 +55,18 @@ def test_the_line_is_charged_by_what_the_node_at_the_pump_lets_through(
     assert pytest.approx(flow - relieved, rel=1e-6, abs=1e-9) == Q
 
 
-def test_a_unit_without_a_filter_keeps_its_bits() -> None:
+def test_a_unit_without_a_filter_keeps_its_bits():
     supply = supply_constants(replace(UNIT, filter=None), P.E)
     element = filter_constants(replace(UNIT, filter=None))
     assert behind_filter(1.01e7, supply[1], supply, element) == (supply, 0.0)
 
 
-def test_at_rest_nothing_drops() -> None:
+def test_at_rest_nothing_drops():
     """No flow, no drop: P_R + Q_P / G = 105 bar, as without a filter."""
     assert moved(UNIT, opening=0.0).supply_pressure == pytest.approx(105e5, rel=1e-6)
 
 
-def test_in_motion_the_line_lacks_the_drop() -> None:
+def test_in_motion_the_line_lacks_the_drop():
     """P_S = P_R + (Q_P - Q) / G - R Q with the flow Q that the valve draws."""
     plant = moved(UNIT, opening=0.6e-3)
     Q = plant.output.Q_A
@@ -82,7 +82,7 @@ def test_in_motion_the_line_lacks_the_drop() -> None:
     assert plant.output.v == pytest.approx(motion.speed, rel=1e-3)
 
 
-def test_a_clogged_filter_without_a_bypass_starves_the_axis() -> None:
+def test_a_clogged_filter_without_a_bypass_starves_the_axis():
     """What passes is (P_R + (Q_P - Q) / G - P_S) / R: 20 times R of a clean one, 10 l/min."""
     unit = replace(UNIT, filter=Filter(resistance=R).clogged(0.95))
     plant = moved(unit, opening=1.3e-3)
@@ -92,7 +92,7 @@ def test_a_clogged_filter_without_a_bypass_starves_the_axis() -> None:
     assert Q < 0.99e-3 < moved(UNIT, opening=1.3e-3).output.Q_A * 1.01
 
 
-def test_a_bypass_holds_the_drop_of_a_clogged_one() -> None:
+def test_a_bypass_holds_the_drop_of_a_clogged_one():
     """P_S = P_R + (Q_P - Q) / G - P_by, however clogged."""
     element = Filter(resistance=R, bypass=6e5).clogged(1.0)
     plant = moved(replace(UNIT, filter=element), opening=0.6e-3)
@@ -125,13 +125,13 @@ def test_a_load_sensing_pump_leaves_the_edge_what_the_filter_leaves(bypass):
     assert motion.is_compensated
 
 
-def test_its_drop_goes_with_what_is_open() -> None:
+def test_its_drop_goes_with_what_is_open():
     element = Filter(resistance=R)
     assert element.clogged(0.75).drop(1e-3) == pytest.approx(4.0 * R * 1e-3)
 
 
 @pytest.mark.parametrize("wrong", [{"resistance": 0.0}, {"resistance": R, "bypass": -1e5}])
-def test_what_is_no_filter_is_refused(wrong) -> None:
+def test_what_is_no_filter_is_refused(wrong):
     with pytest.raises(ParameterError, match="the filter"):
         Filter(**wrong)
 

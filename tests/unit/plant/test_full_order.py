@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable
 
 import pytest
 
@@ -11,8 +10,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantOutput,
-    PlantParameters,
     PlantState,
     Solver,
     balanced_state,
@@ -27,7 +24,7 @@ BENCH = PlantOptions.bench()
 MANOEUVRE = [1e-3] * 300 + [0.0] * 200 + [-1e-3] * 300 + [0.0] * 200
 
 
-def run(plant: FullOrderPlant, setpoints: list[float], F_L: float = 0.0) -> list[PlantOutput]:
+def run(plant, setpoints, F_L=0.0):
     """The outputs after each set-point has been held for a millisecond."""
     steps = round(1e-3 / plant.dt)
     return [plant.step(PlantInput(u, F_L), steps) for u in setpoints]
@@ -35,9 +32,7 @@ def run(plant: FullOrderPlant, setpoints: list[float], F_L: float = 0.0) -> list
 
 @pytest.mark.parametrize("solver", Solver)
 @pytest.mark.parametrize("options", [PAPER, BENCH])
-def test_steady_velocity_is_not_symmetric(
-    paper: PlantParameters, solver: Solver, options: PlantOptions
-) -> None:
+def test_steady_velocity_is_not_symmetric(paper, solver, options):
     # model.md: about +0.204 and -0.198 m/s. In closed form the flows through both ports and the
     # balance of forces give v; checked here to the digits given.
     for u, velocity in ((1e-3, 0.204), (-1e-3, -0.198)):
@@ -46,9 +41,7 @@ def test_steady_velocity_is_not_symmetric(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_steady_motion_satisfies_the_printed_balances(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_steady_motion_satisfies_the_printed_balances(paper, solver):
     start = balanced_state(paper, x=-0.19)
     plant = FullOrderPlant(paper, options=PAPER, solver=solver, state=start)
     x, v, P_A, P_B, _, z, Q_A, Q_B = plant.step(PlantInput(1e-3), 17_000)
@@ -63,9 +56,7 @@ def test_steady_motion_satisfies_the_printed_balances(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_sinusoid_against_two_independent_simulators(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_sinusoid_against_two_independent_simulators(paper, solver):
     # u = 1e-3 sin(2 pi t) for 10 s, from the balanced rest: the range of x is 67.36 mm by Hopsan's
     # own solution of Table I and 67.45 mm by a high-order integration; peak velocity 0.20507 m/s.
     plant = FullOrderPlant(paper, options=PAPER, solver=solver, dt=1e-4)
@@ -78,9 +69,7 @@ def test_sinusoid_against_two_independent_simulators(
     assert max(output.v for output in outputs) == pytest.approx(0.20507, abs=1e-5)
 
 
-def test_forward_euler_is_the_printed_rates_times_dt(
-    paper: PlantParameters, paper_rates: Callable[..., tuple[float, ...]]
-) -> None:
+def test_forward_euler_is_the_printed_rates_times_dt(paper, paper_rates):
     state = PlantState(x=0.05, v=0.1, P_A=6e6, P_B=4e6, nu=-8e-4, nu_dot=0.3)
     leaky = dataclasses.replace(paper, C_L=1e-12)
     plant = FullOrderPlant(leaky, options=PAPER, solver=EULER, state=state, dt=1e-4)
@@ -101,9 +90,7 @@ def test_forward_euler_is_the_printed_rates_times_dt(
         (1.5e9, 0.005),
     ],
 )
-def test_midpoint_error_at_the_bench_step(
-    paper: PlantParameters, reference: Callable[..., list[PlantState]], E: float, limit: float
-) -> None:
+def test_midpoint_error_at_the_bench_step(paper, reference, E, limit):
     oil = dataclasses.replace(paper, E=E)
     exact = reference(oil, MANOEUVRE)[1:]
     plant = FullOrderPlant(oil, options=PAPER, dt=5e-5)
@@ -115,9 +102,7 @@ def test_midpoint_error_at_the_bench_step(
     assert max(abs(a.P_A - b.P_A) for a, b in pairs) < 2e-3 * paper.P_S
 
 
-def test_forward_euler_takes_damping_away(
-    paper: PlantParameters, reference: Callable[..., list[PlantState]]
-) -> None:
+def test_forward_euler_takes_damping_away(paper, reference):
     # 4.9 % of peak velocity at Table I and 1e-4 s: twenty times the midpoint's error.
     exact = reference(paper, MANOEUVRE)[1:]
     outputs = run(FullOrderPlant(paper, options=PAPER, solver=EULER, dt=1e-4), MANOEUVRE)
@@ -126,14 +111,12 @@ def test_forward_euler_takes_damping_away(
     assert 0.03 < error < 0.07
 
 
-def test_midpoint_is_of_second_order(
-    paper: PlantParameters, reference: Callable[..., list[PlantState]]
-) -> None:
+def test_midpoint_is_of_second_order(paper, reference):
     # A motion without kinks: the spool stays clear of the dead-zone, the piston of standstill.
     setpoints = [1e-3] * 40 + [8e-4] * 40
     exact = reference(paper, setpoints)
 
-    def error(dt: float) -> float:
+    def error(dt):
         plant = FullOrderPlant(paper, options=PAPER, dt=dt, state=exact[20])
         outputs = run(plant, setpoints[20:])
         return max(abs(a.v - b.v) for a, b in zip(outputs, exact[21:], strict=True))
@@ -143,7 +126,7 @@ def test_midpoint_is_of_second_order(
         assert 3.6 < coarse / fine < 4.4
 
 
-def test_sub_steps_are_steps(paper: PlantParameters) -> None:
+def test_sub_steps_are_steps(paper):
     at_once, one_by_one = FullOrderPlant(paper), FullOrderPlant(paper)
     at_once.step(PlantInput(1e-3, 500.0), 100)
     for _ in range(100):
@@ -152,7 +135,7 @@ def test_sub_steps_are_steps(paper: PlantParameters) -> None:
     assert at_once.output == one_by_one.output
 
 
-def test_output_is_of_the_present_state(paper: PlantParameters) -> None:
+def test_output_is_of_the_present_state(paper):
     plant = FullOrderPlant(paper)
     assert plant.output[:5] == plant.state[:5]
     returned = plant.step(PlantInput(1e-3), 20)

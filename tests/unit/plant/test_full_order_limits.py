@@ -13,8 +13,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
-    PlantOutput,
-    PlantParameters,
     PlantState,
     Solver,
     balanced_state,
@@ -27,13 +25,13 @@ PAPER = PlantOptions.paper()
 BENCH = PlantOptions.bench()
 
 
-def run(plant: FullOrderPlant, u: float, F_L: float = 0.0, count: int = 300) -> list[PlantOutput]:
+def run(plant, u, F_L=0.0, count=300):
     """The outputs after each of `count` milliseconds."""
     return [plant.step(PlantInput(u, F_L), round(1e-3 / plant.dt)) for _ in range(count)]
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_balanced_rest_stays_at_rest(paper: PlantParameters, solver: Solver) -> None:
+def test_balanced_rest_stays_at_rest(paper, solver):
     plant = FullOrderPlant(paper, solver=solver)
     before = plant.state
     plant.step(PlantInput(0.0), 10_000)
@@ -41,7 +39,7 @@ def test_balanced_rest_stays_at_rest(paper: PlantParameters, solver: Solver) -> 
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_spool_in_the_dead_zone_moves_nothing(paper: PlantParameters, solver: Solver) -> None:
+def test_spool_in_the_dead_zone_moves_nothing(paper, solver):
     # The spool overshoots by 4.6 % (xi = 0.7): 2.8e-4 * 1.046 < beta = 3e-4.
     plant = FullOrderPlant(paper, solver=solver)
     output = plant.step(PlantInput(2.8e-4), 1000)
@@ -51,9 +49,7 @@ def test_spool_in_the_dead_zone_moves_nothing(paper: PlantParameters, solver: So
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_an_asymmetric_valve_saturates_each_way_by_itself(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_an_asymmetric_valve_saturates_each_way_by_itself(paper, solver):
     options = dataclasses.replace(PAPER, alpha_negative=5e-4, beta_negative=1e-4)
     plant = FullOrderPlant(paper, options=options, solver=solver)
     seen = [plant.step(PlantInput(u), 500).z for u in (2e-3, -2e-4, -2e-3)]
@@ -61,9 +57,7 @@ def test_an_asymmetric_valve_saturates_each_way_by_itself(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_equal_pressures_do_not_balance_a_single_rod(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_equal_pressures_do_not_balance_a_single_rod(paper, solver):
     # 5 MPa (A_A - A_B) = 1500 N against 900 N of stiction: the rod moves out, and the oil's
     # stiffness of 4.0e6 N/m holds it where the force is back within the stiction.
     state = PlantState(0.0, 0.0, 5e6, 5e6, 0.0, 0.0)
@@ -71,12 +65,12 @@ def test_equal_pressures_do_not_balance_a_single_rod(
     assert 600.0 / 4.0e6 < plant.step(PlantInput(0.0), 100).x < 2400.0 / 4.0e6
 
 
-def test_closed_chambers_keep_their_oil(paper: PlantParameters) -> None:
+def test_closed_chambers_keep_their_oil(paper):
     # With the valve closed and E constant, (8) integrates to P_A + E ln V_A = const.
     state = PlantState(0.0, 0.6, 5e6, 5e6, 0.0, 0.0)
     plant = FullOrderPlant(paper, options=PAPER, state=state, dt=1e-5)
 
-    def oil(x: float, P_A: float, P_B: float) -> tuple[float, float]:
+    def oil(x, P_A, P_B):
         return (
             P_A / paper.E + math.log(paper.V_A0 + paper.A_A * x),
             P_B / paper.E + math.log(paper.V_B0 - paper.A_B * x),
@@ -91,7 +85,7 @@ def test_closed_chambers_keep_their_oil(paper: PlantParameters) -> None:
     assert farthest > 1e-3
 
 
-def test_leakage_evens_the_pressures_out(paper: PlantParameters) -> None:
+def test_leakage_evens_the_pressures_out(paper):
     # Piston held by huge friction, valve closed: P_A - P_B decays with
     # C_L E (1 / V_A0 + 1 / V_B0) = 1.703 1/s for C_L = 1e-11.
     stuck = dataclasses.replace(paper, C_L=1e-11, F_c=1e9, F_s=1e9)
@@ -103,7 +97,7 @@ def test_leakage_evens_the_pressures_out(paper: PlantParameters) -> None:
     assert output.P_A - output.P_B == pytest.approx(2e6 * math.exp(-rate), rel=1e-4)
 
 
-def test_fast_leakage_is_the_midpoint_rule(paper: PlantParameters) -> None:
+def test_fast_leakage_is_the_midpoint_rule(paper):
     # As above with C_L = 1e-8: a step of the midpoint rule takes the difference of pressures by
     # (1 - r / 2) / (1 + r / 2) with r = 1703 1/s * 1e-4 s, and keeps P_A V_A + P_B V_B.
     stuck = dataclasses.replace(paper, C_L=1e-8, F_c=1e12, F_s=1e12)
@@ -120,9 +114,7 @@ def test_fast_leakage_is_the_midpoint_rule(paper: PlantParameters) -> None:
     ("signed_root", "velocity"),
     [(True, -0.0886), (False, 0.0)],  # -0.089 m/s signed; clamped, the oil carries the load
 )
-def test_overload(
-    paper: PlantParameters, solver: Solver, signed_root: bool, velocity: float
-) -> None:
+def test_overload(paper, solver, signed_root, velocity):
     options = dataclasses.replace(PAPER, signed_root=signed_root)
     plant = FullOrderPlant(paper, options=options, solver=solver)
     output = plant.step(PlantInput(1e-3, 6e4), 10_000)
@@ -131,9 +123,7 @@ def test_overload(
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_pull_below_vacuum_without_a_floor_and_with_one(
-    paper: PlantParameters, solver: Solver
-) -> None:
+def test_pull_below_vacuum_without_a_floor_and_with_one(paper, solver):
     # -60 kN pulls P_A below absolute zero, with every radicand positive.
     plant = FullOrderPlant(paper, options=PAPER, solver=solver)
     printed = plant.step(PlantInput(1e-3, -6e4), 1000)
@@ -146,7 +136,7 @@ def test_pull_below_vacuum_without_a_floor_and_with_one(
     assert min(output.P_B for output in run(plant, -1e-3, 6e4)) == -101_325.0
 
 
-def test_a_chamber_at_the_floor_does_not_pull_deeper(paper: PlantParameters) -> None:
+def test_a_chamber_at_the_floor_does_not_pull_deeper(paper):
     # Real oil, closed valve, hard pull: free pressure would fall by megapascals within each step.
     # At the floor the piston's acceleration is that of the floor's pressure and no lower.
     oil = dataclasses.replace(paper, E=1.5e9, F_c=0.0, F_s=0.0, sigma=0.0)
@@ -164,7 +154,7 @@ def test_a_chamber_at_the_floor_does_not_pull_deeper(paper: PlantParameters) -> 
 
 @pytest.mark.parametrize("solver", Solver)
 @pytest.mark.parametrize("u", [1.3e-3, -1.3e-3])
-def test_end_stop_holds_the_piston(paper: PlantParameters, solver: Solver, u: float) -> None:
+def test_end_stop_holds_the_piston(paper, solver, u):
     plant = FullOrderPlant(paper, options=BENCH, solver=solver)
     outputs = run(plant, u, count=3000)
     # At rest the full supply pressure presses: P_S A / stiffness, 0.25 mm or less.
@@ -176,22 +166,20 @@ def test_end_stop_holds_the_piston(paper: PlantParameters, solver: Solver, u: fl
 
 
 @pytest.mark.parametrize("m", [5.0, 500.0])
-def test_impact_depth_at_full_speed(paper: PlantParameters, m: float) -> None:
+def test_impact_depth_at_full_speed(paper, m):
     plant = FullOrderPlant(dataclasses.replace(paper, m=m), dt=1e-4)
     deepest = max(plant.step(PlantInput(1.3e-3)).x for _ in range(8000))
     assert paper.h < deepest < paper.h + 0.5e-3
 
 
-def test_without_an_end_stop_the_piston_runs_on(paper: PlantParameters) -> None:
+def test_without_an_end_stop_the_piston_runs_on(paper):
     plant = FullOrderPlant(paper, options=PAPER, dt=1e-4)
     assert plant.step(PlantInput(1e-3), 20_000).x > 1.5 * paper.h
 
 
 @pytest.mark.parametrize("E", [1e8, 1.5e9])
 @pytest.mark.parametrize("laminar_transition", [0.0, 300.0])
-def test_pressure_comes_to_rest_at_the_supply(
-    paper: PlantParameters, E: float, laminar_transition: float
-) -> None:
+def test_pressure_comes_to_rest_at_the_supply(paper, E, laminar_transition):
     # Pressed against the stop, P_A meets P_S with the orifice wide open: its rate there is 1e4 to
     # 1e6 1/s, where a midpoint rule rings on for good.
     oil = dataclasses.replace(paper, E=E)
@@ -203,7 +191,7 @@ def test_pressure_comes_to_rest_at_the_supply(
 
 
 @pytest.mark.parametrize("m", [0.1, 5.0, 20.0, 500.0])
-def test_piston_comes_to_rest_without_chatter(paper: PlantParameters, m: float) -> None:
+def test_piston_comes_to_rest_without_chatter(paper, m):
     # Standstill friction relaxes at (400 F_s + sigma) / m: 3.6e6 1/s for 0.1 kg.
     plant = FullOrderPlant(dataclasses.replace(paper, m=m), options=PAPER, dt=1e-4)
     plant.step(PlantInput(1e-3), 2000)
@@ -241,9 +229,7 @@ option_sets = st.builds(
 
 @settings(max_examples=200, deadline=None)
 @given(parameters=oils, options=option_sets, history=st.lists(inputs, max_size=20))
-def test_midpoint_stays_finite_for_any_finite_input(
-    parameters: PlantParameters, options: PlantOptions, history: list[tuple[float, float]]
-) -> None:
+def test_midpoint_stays_finite_for_any_finite_input(parameters, options, history):
     dt = min(1e-4, largest_step(parameters, options, Solver.LINEARLY_IMPLICIT_MIDPOINT))
     plant = FullOrderPlant(parameters, options=options, dt=dt)
     for u, F_L in history:
@@ -254,9 +240,7 @@ def test_midpoint_stays_finite_for_any_finite_input(
 
 @settings(max_examples=200, deadline=None)
 @given(history=st.lists(inputs, max_size=20), options=st.sampled_from([PAPER, BENCH]))
-def test_forward_euler_stays_finite_or_says_so(
-    history: list[tuple[float, float]], options: PlantOptions
-) -> None:
+def test_forward_euler_stays_finite_or_says_so(history, options):
     plant = FullOrderPlant(paper_parameters(), options=options, solver=EULER)
     refusal = ""
     for u, F_L in history:
@@ -271,9 +255,7 @@ def test_forward_euler_stays_finite_or_says_so(
 
 @settings(max_examples=50, deadline=None)
 @given(history=st.lists(st.floats(-2e-3, 2e-3), max_size=20), load=st.floats(-4e4, 4e4))
-def test_bench_keeps_piston_and_pressures_where_they_can_be(
-    history: list[float], load: float
-) -> None:
+def test_bench_keeps_piston_and_pressures_where_they_can_be(history, load):
     parameters = paper_parameters()
     plant = FullOrderPlant(parameters)
     for u in history:

@@ -53,7 +53,7 @@ for solver in Solver:
 """
 
 
-def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
+def run_plants(steps, disable_jit, *missing):
     command = [sys.executable, "-c", RUN_AND_PRINT_BITS, str(steps), *missing]
     environment = {**os.environ, "NUMBA_DISABLE_JIT": disable_jit}
     finished = subprocess.run(  # noqa: S603 - the script above
@@ -64,7 +64,7 @@ def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
 
 @pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
-def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
+def test_compiled_and_interpreted_plant_agree_to_the_bit():
     """One second through free motion, both stops, cavitation and overload."""
     compiled = run_plants(400, "0")
     assert compiled.count("\n") == 24
@@ -75,12 +75,12 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
-def test_without_numba_the_plant_is_interpreted() -> None:
+def test_without_numba_the_plant_is_interpreted():
     assert run_plants(20, "0", "numba") == run_plants(20, "0")
 
 
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to load")
-def test_numba_that_does_not_run_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numba_that_does_not_run_is_named(monkeypatch):
     """As where NumPy is newer than Numba allows: Numba is found, and its import fails."""
     monkeypatch.setitem(sys.modules, "numba", None)
     late = kernel(lambda x: x)
@@ -91,9 +91,9 @@ def test_numba_that_does_not_run_is_named(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing is cached")
-def test_machine_code_is_cached_by_the_sources_of_all_plants() -> None:
+def test_machine_code_is_cached_by_the_sources_of_all_plants():
     """A kernel that calls into an edited file would be stale: Numba looks at its own file only."""
-    statistics = ready(advance_implicit_midpoint).stats  # type: ignore[attr-defined]  # Numba's
+    statistics = ready(advance_implicit_midpoint).stats
     plants = Path(hil_bench.plants.__file__).parent
     assert f"kernels-{digest_of_sources(plants)}" in statistics.cache_path
 
@@ -109,7 +109,7 @@ log(8.0)
 
 @pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing is compiled")
-def test_what_is_compiled_is_said_once_and_not_again_where_it_is_cached(tmp_path: Path) -> None:
+def test_what_is_compiled_is_said_once_and_not_again_where_it_is_cached(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     said = [
         subprocess.run(  # noqa: S603 - the script above
@@ -127,7 +127,7 @@ def test_what_is_compiled_is_said_once_and_not_again_where_it_is_cached(tmp_path
 
 
 @pytest.mark.parametrize("change", ["text", "time", "name", "new"])
-def test_any_change_of_the_sources_has_a_cache_of_its_own(tmp_path: Path, change: str) -> None:
+def test_any_change_of_the_sources_has_a_cache_of_its_own(tmp_path, change):
     inner = tmp_path / "model"
     inner.mkdir()
     source = inner / "orifice.py"

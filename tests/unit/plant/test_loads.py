@@ -28,7 +28,7 @@ from hil_bench.plants.hydraulic_cylinder.model.line import Line
         (-90.0, -980.665),
     ],
 )
-def test_weight_on_a_slope(slope_deg: float, weight: float) -> None:
+def test_weight_on_a_slope(slope_deg, weight):
     assert MassOnSlope(100.0, math.radians(slope_deg)).weight == pytest.approx(weight, rel=1e-12)
 
 
@@ -52,13 +52,13 @@ def test_weight_on_a_slope(slope_deg: float, weight: float) -> None:
         (lambda: LoadSeries((math.inf,), (0.0,)), "time of load_series = inf s: must be finite"),
     ],
 )
-def test_refuses_a_senseless_load(build, message: str) -> None:
+def test_refuses_a_senseless_load(build, message):
     with pytest.raises(ParameterError) as refusal:
         build()
     assert str(refusal.value).startswith(message)
 
 
-def test_force_of_each_load_at_a_place_and_a_time() -> None:
+def test_force_of_each_load_at_a_place_and_a_time():
     loads = (
         ConstantLoad(100.0),
         SpringLoad(1e3, 0.1),
@@ -75,7 +75,7 @@ LINED = {"line_a": HOSE, "line_b": replace(HOSE, length=0.2)}
 STEP = 5e-5
 
 
-def plant(kind: str, solver: Solver, *loads: ConstantLoad | LoadSeries) -> FullOrderPlant:
+def plant(kind, solver, *loads):
     options = replace(PlantOptions.bench(), loads=loads)
     if kind == "reduced":
         return ReducedOrderPlant(paper_parameters(), options=options, solver=solver, dt=STEP)
@@ -89,7 +89,7 @@ CASES += [(kind, solver) for kind in ("reduced", "extended") for solver in Solve
 
 
 @pytest.mark.parametrize(("kind", "solver"), CASES)
-def test_a_load_of_the_options_acts_as_one_from_outside(kind: str, solver: Solver) -> None:
+def test_a_load_of_the_options_acts_as_one_from_outside(kind, solver):
     inside, free = plant(kind, solver, ConstantLoad(4e3)), plant(kind, solver)
     outside = type(free)(
         paper_parameters(), options=free.options, solver=solver, state=inside.state, dt=STEP
@@ -99,7 +99,7 @@ def test_a_load_of_the_options_acts_as_one_from_outside(kind: str, solver: Solve
 
 
 @pytest.mark.parametrize(("kind", "solver"), CASES)
-def test_a_series_acts_from_its_time_on(kind: str, solver: Solver) -> None:
+def test_a_series_acts_from_its_time_on(kind, solver):
     """Nothing for 10.5 steps, then a force at once; a step before that it has no effect."""
     jump = 10.5 * STEP
     series = plant(kind, solver, LoadSeries((jump, jump), (0.0, 9e3)))

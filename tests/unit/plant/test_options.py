@@ -1,6 +1,5 @@
 import dataclasses
 import math
-from typing import Any
 
 import pytest
 
@@ -8,7 +7,7 @@ from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import ConstantLoad, EndStop, PlantOptions
 
 
-def test_paper_is_as_printed_with_the_tanh_of_section_iv() -> None:
+def test_paper_is_as_printed_with_the_tanh_of_section_iv():
     options = PlantOptions.paper()
     assert options.tanh_gain == 400.0
     assert options.end_stop is None
@@ -17,7 +16,7 @@ def test_paper_is_as_printed_with_the_tanh_of_section_iv() -> None:
     assert options.signed_root
 
 
-def test_bench_keeps_piston_and_pressures_where_they_can_be() -> None:
+def test_bench_keeps_piston_and_pressures_where_they_can_be():
     options = PlantOptions.bench()
     assert options.end_stop == EndStop()
     assert options.cavitation_floor == -101_325.0  # standard atmosphere, as gauge pressure
@@ -49,7 +48,7 @@ def test_bench_keeps_piston_and_pressures_where_they_can_be() -> None:
         ({"cavitation_floor": -math.inf}, "cavitation_floor = -inf Pa: must be finite"),
     ],
 )
-def test_refuses_senseless_options(change: dict[str, Any], message: str) -> None:
+def test_refuses_senseless_options(change, message):
     with pytest.raises(ParameterError) as refusal:
         dataclasses.replace(PlantOptions.bench(), **change)
     assert str(refusal.value).startswith(message)
@@ -62,7 +61,7 @@ def test_refuses_senseless_options(change: dict[str, Any], message: str) -> None
         ({"damping": -1.0}, "damping of the end stop = -1 N s/m: must be 0 or greater"),
     ],
 )
-def test_refuses_a_senseless_end_stop(change: dict[str, float], message: str) -> None:
+def test_refuses_a_senseless_end_stop(change, message):
     with pytest.raises(ParameterError) as refusal:
         EndStop(**change)
     assert str(refusal.value).startswith(message)

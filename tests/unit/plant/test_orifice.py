@@ -28,23 +28,23 @@ pressures = st.floats(-1e7, 3e7)
         (-1e-3, P_T - 4e6, P_S + 4e6, 1e-3 * K * 2000.0, -1e-3 * K * 2000.0),
     ],
 )
-def test_flows_as_printed(z: float, P_A: float, P_B: float, Q_A: float, Q_B: float) -> None:
+def test_flows_as_printed(z, P_A, P_B, Q_A, Q_B):
     assert port_flow(z, P_A, PRINTED) == pytest.approx(Q_A, rel=1e-12)
     assert port_flow(-z, P_B, PRINTED) == pytest.approx(Q_B, rel=1e-12)
 
 
-def test_clamped_root_stops_the_flow() -> None:
+def test_clamped_root_stops_the_flow():
     assert port_flow(1e-3, P_S + 1.0, CLAMPED) == 0.0
     assert port_flow(-1e-3, P_T - 1.0, CLAMPED) == 0.0
     assert port_flow(1e-3, P_S - 4e6, CLAMPED) == port_flow(1e-3, P_S - 4e6, PRINTED)
 
 
 @pytest.mark.parametrize("orifice", [PRINTED, CLAMPED, LAMINAR])
-def test_no_drop_no_flow(orifice: tuple[float, ...]) -> None:
+def test_no_drop_no_flow(orifice):
     assert port_flow(1e-3, P_S, orifice) == 0.0
 
 
-def test_laminar_transition() -> None:
+def test_laminar_transition():
     # dp / (dp² + p_tr²)^(1/4): linear with 1 / sqrt(p_tr) well below, the root well above.
     small = port_flow(1e-3, P_S - 0.3, LAMINAR)
     assert small == pytest.approx(1e-3 * K * 0.3 / math.sqrt(300.0), rel=1e-6)
@@ -53,7 +53,7 @@ def test_laminar_transition() -> None:
 
 
 @given(opening=openings, pressure=pressures, sign=st.sampled_from([-1.0, 1.0]))
-def test_tangent_and_secant(opening: float, pressure: float, sign: float) -> None:
+def test_tangent_and_secant(opening, pressure, sign):
     opening *= sign
     flow, secant, tangent = linearise_flow(opening, pressure, LAMINAR)
     step = 1e-2
@@ -68,7 +68,7 @@ def test_tangent_and_secant(opening: float, pressure: float, sign: float) -> Non
 
 
 @given(opening=openings, drop=st.floats(0.0, 1e7))
-def test_flow_turns_round_with_the_drop(opening: float, drop: float) -> None:
+def test_flow_turns_round_with_the_drop(opening, drop):
     forward = port_flow(opening, P_S - drop, LAMINAR)
     backward = port_flow(opening, P_S + drop, LAMINAR)
     assert forward == pytest.approx(-backward, rel=1e-6, abs=1e-18)

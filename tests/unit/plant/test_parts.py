@@ -13,7 +13,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     LuGreFriction,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     ReducedOrderPlant,
     Solver,
     balanced_state,
@@ -38,7 +37,7 @@ MOST = 84
 
 
 @pytest.mark.parametrize("kind", PLANTS)
-def test_rest_and_even_motion_take_one_evaluation_a_step(paper: PlantParameters, kind: str) -> None:
+def test_rest_and_even_motion_take_one_evaluation_a_step(paper, kind):
     plant = PLANTS[kind](paper)
     plant.step(PlantInput(0.0), 2000)
     assert plant.extra_evaluations == 0
@@ -49,9 +48,7 @@ def test_rest_and_even_motion_take_one_evaluation_a_step(paper: PlantParameters,
 
 
 @pytest.mark.parametrize("kind", PLANTS)
-def test_breaking_away_and_turning_round_is_made_in_parts(
-    paper: PlantParameters, kind: str
-) -> None:
+def test_breaking_away_and_turning_round_is_made_in_parts(paper, kind):
     plant = PLANTS[kind](paper)
     for number in range(4):
         before = plant.extra_evaluations
@@ -61,9 +58,7 @@ def test_breaking_away_and_turning_round_is_made_in_parts(
 
 @pytest.mark.parametrize("kind", PLANTS)
 @pytest.mark.parametrize("load", [1e5, 1e300])
-def test_no_input_takes_more_evaluations_than_the_bound(
-    paper: PlantParameters, kind: str, load: float
-) -> None:
+def test_no_input_takes_more_evaluations_than_the_bound(paper, kind, load):
     # Both limits of what a plant feels, u of 1 m and a load of 1e9 N, each step the other way.
     plant = PLANTS[kind](paper)
     extra = [0]
@@ -76,14 +71,14 @@ def test_no_input_takes_more_evaluations_than_the_bound(
     assert all(math.isfinite(value) for value in plant.state)
 
 
-def test_solvers_with_a_fixed_step_count_nothing(paper: PlantParameters) -> None:
+def test_solvers_with_a_fixed_step_count_nothing(paper):
     for solver, dt in ((Solver.FORWARD_EULER, 5e-5), (Solver.RUNGE_KUTTA, 2e-5)):
         plant = FullOrderPlant(paper, solver=solver, dt=dt)
         plant.step(PlantInput(1e-3, 6e4), 2000)
         assert plant.extra_evaluations == 0
 
 
-def test_a_step_in_which_a_cavity_opens_or_closes_is_one_of_the_smallest_parts() -> None:
+def test_a_step_in_which_a_cavity_opens_or_closes_is_one_of_the_smallest_parts():
     # The part with the change in it is off in proportion to its length: a whole step of 20 us by
     # 1e-5 m/s, its 64th by that much less. Steps of a 64th have no such part.
     p, dt = paper_parameters(), 2e-5
@@ -102,7 +97,7 @@ def test_a_step_in_which_a_cavity_opens_or_closes_is_one_of_the_smallest_parts()
     assert changes == {False, True}
 
 
-def reversals(paper: PlantParameters, load: float) -> tuple[float, list[float]]:
+def reversals(paper, load):
     """Largest position error over a second of creeping reversals [um], and errors of v [m/s].
 
     The reference is the Runge-Kutta method at 2 us, a thousandth of a micrometre from that at 1 us
@@ -126,7 +121,7 @@ def reversals(paper: PlantParameters, load: float) -> tuple[float, list[float]]:
 
 
 @pytest.mark.parametrize("load", [0.0, 3e4])
-def test_creeping_reversals_stay_below_a_micrometre(paper: PlantParameters, load: float) -> None:
+def test_creeping_reversals_stay_below_a_micrometre(paper, load):
     apart, errors = reversals(paper, load)
     assert apart < 1.0
     # The estimate is no bound; but where it accepts a step, the error has its size.
@@ -134,14 +129,12 @@ def test_creeping_reversals_stay_below_a_micrometre(paper: PlantParameters, load
 
 
 @given(refused=st.lists(st.booleans(), max_size=200), nu=st.tuples(*[st.floats(-1e-3, 1e-3)] * 2))
-def test_parts_fill_the_step_whatever_is_refused(
-    refused: list[bool], nu: tuple[float, float]
-) -> None:
+def test_parts_fill_the_step_whatever_is_refused(refused, nu):
     constants = unpack(make_row(pack(paper_parameters(), BENCH, 5e-5)))
     answers = iter(refused)
     attempts = []
 
-    def attempt(time: float, way, shortened) -> tuple[float, float]:
+    def attempt(time, way, shortened):
         attempts.append(way)
         # 1 / (E dt) grows as dt shrinks: both are of the part.
         assert shortened[0][0] * shortened[0][2] == pytest.approx(1e-8, rel=1e-12)

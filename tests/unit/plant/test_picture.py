@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.plants.page import Page
 
 SIZES = {"bore_mm": 63, "rod_mm": 36, "stroke_mm": 500, "rated_flow_l_min": 60}
 SHEET = {
@@ -18,19 +17,19 @@ SHEET = {
 }
 
 
-def page(**keys: object) -> Page:
+def page(**keys):
     axis = load_config(tables={"plant": {"axis1": SIZES | SHEET | keys}}).axes[0]
     return axis.kind.page(axis)
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text):
     return [float(each) for each in re.findall(r"-?\d+(?:\.\d+)?", text)]
 
 
 class Drawing:
     """The elements of a picture, and the way from the page into the cylinder's own frame."""
 
-    def __init__(self, svg: str) -> None:
+    def __init__(self, svg):
         root = ET.fromstring(svg)  # noqa: S314 - our own
         self.whole = root
         _, _, self.width, self.height = numbers(root.get("viewBox", ""))
@@ -38,12 +37,12 @@ class Drawing:
         self.x, self.y, self.turn, self.shift, _ = numbers(self.body.get("transform", ""))
         self.moving = next(each for each in self.body if each.tag == "g")
 
-    def rect(self, name: str, number: int = 0) -> list[float]:
+    def rect(self, name, number=0):
         """Return x, y, width and height of a rectangle."""
         found = [each for each in self.body.iter("rect") if each.get("class") == name][number]
         return [float(found.get(key, "")) for key in ("x", "y", "width", "height")]
 
-    def on_page(self, x: float, y: float) -> tuple[float, float]:
+    def on_page(self, x, y):
         """Return a point of the cylinder's frame on the page."""
         turn, x = math.radians(self.turn), x + self.shift
         cos, sin = math.cos(turn), math.sin(turn)
@@ -51,7 +50,7 @@ class Drawing:
 
 
 @pytest.mark.parametrize("slope", [0.0, 30.0, -50.0, -90.0, 90.0])
-def test_a_cylinder_is_to_scale_and_fits(slope: float) -> None:
+def test_a_cylinder_is_to_scale_and_fits(slope):
     """One scale [units/m] for stroke 500 mm, bore 63 mm and rod 36 mm, rounded to 0.1 units."""
     drawing = Drawing(page(load_mass_kg=100, load_slope_deg=slope).svg)
     *ends, begin, stroke = numbers(drawing.moving.get("data-x", ""))
@@ -85,7 +84,7 @@ def test_a_cylinder_is_to_scale_and_fits(slope: float) -> None:
 
 
 @pytest.mark.parametrize("slope", [0.0, 30.0, -50.0, 50.0])
-def test_the_ports_are_on_the_barrel_and_apart(slope: float) -> None:
+def test_the_ports_are_on_the_barrel_and_apart(slope):
     drawing = Drawing(page(load_mass_kg=100, load_slope_deg=slope).svg)
     x, y, width, _ = drawing.rect("barrel")
     ports = {
@@ -109,7 +108,7 @@ def test_the_ports_are_on_the_barrel_and_apart(slope: float) -> None:
         assert sides["A"] == -sides["B"]
 
 
-def test_arrows_show_weight_and_load() -> None:
+def test_arrows_show_weight_and_load():
     level = Drawing(page(load_mass_kg=100).svg)
     assert not level.moving.findall(".//path")
     steep = Drawing(page(load_mass_kg=100, load_slope_deg=30.0).svg)
@@ -129,7 +128,7 @@ def test_arrows_show_weight_and_load() -> None:
         assert up == -down
 
 
-def test_a_second_rod_is_drawn_behind_its_piston() -> None:
+def test_a_second_rod_is_drawn_behind_its_piston():
     single, double = Drawing(page().svg), Drawing(page(second_rod_mm=36).svg)
     assert len(single.moving.findall("rect")) == 3
     x, y, width, height = double.rect("steel")

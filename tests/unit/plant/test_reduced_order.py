@@ -20,7 +20,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     MeteringLands,
     PlantInput,
     PlantOptions,
-    PlantParameters,
     PlantState,
     ReducedOrderPlant,
     Solver,
@@ -38,7 +37,7 @@ BENCH = PlantOptions.bench()
 Q_L = 6  # field of the output: through port A
 
 
-def printed_rates(p: PlantParameters, u: float, F_L: float, y: np.ndarray) -> list[float]:
+def printed_rates(p, u, F_L, y):
     """Return eqs. (2), (13), (14), (16), (17) as printed: rates of x, v, P_L."""
     _, v, P_L = y
     z = math.copysign(min(max(abs(u) - p.beta, 0.0), p.alpha), u)
@@ -51,7 +50,7 @@ def printed_rates(p: PlantParameters, u: float, F_L: float, y: np.ndarray) -> li
 
 
 @pytest.mark.parametrize("u", [8e-4, -1.1e-3, 2e-3])
-def test_a_step_response_is_that_of_the_printed_equations(paper: PlantParameters, u: float) -> None:
+def test_a_step_response_is_that_of_the_printed_equations(paper, u):
     p = dataclasses.replace(paper, C_L=1e-11)
     plant = ReducedOrderPlant(p, options=PAPER, solver=Solver.RUNGE_KUTTA, dt=1e-5)
     seen = [plant.step(PlantInput(u, 2000.0), 1000) for _ in range(20)]  # every 10 ms
@@ -84,9 +83,7 @@ def test_a_step_response_is_that_of_the_printed_equations(paper: PlantParameters
         (Solver.RUNGE_KUTTA, 2e-4, 4),
     ],
 )
-def test_a_closed_valve_leaves_eqs_18_to_20(
-    paper: PlantParameters, solver: Solver, dt: float, order: int
-) -> None:
+def test_a_closed_valve_leaves_eqs_18_to_20(paper, solver, dt, order):
     """With viscous friction alone P_L and v swing at omega_c = 447.43 rad/s, zeta = 0.11175."""
     p = dataclasses.replace(paper, F_c=0.0, F_s=0.0)
     start = PlantState(0.0, 0.0, 5.5e6, 4.5e6, 0.0, 0.0)
@@ -105,10 +102,8 @@ def test_a_closed_valve_leaves_eqs_18_to_20(
 
 
 @pytest.mark.parametrize("u", [1e-3, -1e-3])
-def test_the_steady_velocity_is_where_flow_and_friction_meet(
-    paper: PlantParameters, u: float
-) -> None:
-    def excess(v: float) -> float:
+def test_the_steady_velocity_is_where_flow_and_friction_meet(paper, u):
+    def excess(v):
         """Q_L - mean area v, with the P_L that friction asks for."""
         f = printed_rates(paper, u, 0.0, np.array([0.0, v, 0.0]))[1] * -paper.m
         P_L = f / 4.85e-3
@@ -121,7 +116,7 @@ def test_the_steady_velocity_is_where_flow_and_friction_meet(
     assert 0.198 < abs(end.v) < 0.204
 
 
-def test_a_delay_shifts_everything_by_its_length(paper: PlantParameters) -> None:
+def test_a_delay_shifts_everything_by_its_length(paper):
     setpoints = [1e-3, 1e-3, -8e-4, 0.0, 5e-4, 5e-4, 5e-4, -2e-3, 0.0, 0.0]
     prompt = ReducedOrderPlant(paper, dt=1e-4)
     late = ReducedOrderPlant(paper, delay=1.2e-3, dt=1e-4)  # twelve steps
@@ -137,7 +132,7 @@ def test_a_delay_shifts_everything_by_its_length(paper: PlantParameters) -> None
     assert [o[:4] for o in shown] == [o[:4] for o in expected]
 
 
-def test_a_delay_does_not_depend_on_how_the_steps_are_grouped(paper: PlantParameters) -> None:
+def test_a_delay_does_not_depend_on_how_the_steps_are_grouped(paper):
     whole = ReducedOrderPlant(paper, delay=7e-4)
     single = ReducedOrderPlant(paper, delay=7e-4)
     for u in (1e-3, -1e-3, 4e-4, 4e-4, 0.0):
@@ -147,9 +142,7 @@ def test_a_delay_does_not_depend_on_how_the_steps_are_grouped(paper: PlantParame
     assert single.output == whole.output
 
 
-def test_the_equivalent_delay_has_the_spools_phase_at_low_frequencies(
-    paper: PlantParameters,
-) -> None:
+def test_the_equivalent_delay_has_the_spools_phase_at_low_frequencies(paper):
     # 2 * 0.7 / 1200 s; at 1 Hz the phase of eq. (1) is that of the delay but for the third order
     assert spool_delay(paper) == pytest.approx(1.16667e-3, rel=1e-5)
     s = 2j * math.pi
@@ -157,7 +150,7 @@ def test_the_equivalent_delay_has_the_spools_phase_at_low_frequencies(
     assert np.angle(np.exp(-s * spool_delay(paper))) == pytest.approx(np.angle(spool), rel=1e-5)
 
 
-def test_an_overload_stops_at_the_cavitation_floor(paper: PlantParameters) -> None:
+def test_an_overload_stops_at_the_cavitation_floor(paper):
     for solver in Solver:
         plant = ReducedOrderPlant(paper, options=BENCH, solver=solver, dt=2e-5)
         lowest = min(plant.step(PlantInput(0.0, 9e4), 5).P_B for _ in range(50))
@@ -170,7 +163,7 @@ def test_an_overload_stops_at_the_cavitation_floor(paper: PlantParameters) -> No
         assert (after - before) / 2e-5 == pytest.approx((held - 9e4) / 20.0 + drag, rel=1e-2)
 
 
-def test_the_end_stop_holds_the_piston(paper: PlantParameters) -> None:
+def test_the_end_stop_holds_the_piston(paper):
     plant = ReducedOrderPlant(paper, options=BENCH)
     end = plant.step(PlantInput(1.3e-3), 20000)
     # At rest it is P_S * mean area / stiffness deep: 48.5 kN / 2e8 N/m
@@ -178,7 +171,7 @@ def test_the_end_stop_holds_the_piston(paper: PlantParameters) -> None:
     assert abs(end.v) < 1e-6
 
 
-def test_loads_add_up_and_hold(paper: PlantParameters) -> None:
+def test_loads_add_up_and_hold(paper):
     loads = (ConstantLoad(3000.0), SpringLoad(2e5, -0.01), LoadSeries((0.1, 0.2), (0.0, 500.0)))
     free = dataclasses.replace(paper, F_c=0.0, F_s=0.0)
     for solver in Solver:
@@ -191,9 +184,7 @@ def test_loads_add_up_and_hold(paper: PlantParameters) -> None:
         assert (end.P_A - end.P_B) * 4.85e-3 == pytest.approx(force, rel=1e-6)
 
 
-def test_the_clamped_root_stops_the_flow_that_the_signed_one_turns_round(
-    paper: PlantParameters,
-) -> None:
+def test_the_clamped_root_stops_the_flow_that_the_signed_one_turns_round(paper):
     start = PlantState(0.0, 0.0, 1.2e7, -2e6, 0.0, 0.0)  # P_L = 14 MPa, above P_S
     for signed, expected in ((True, -1e-3 * 6.3059e-4 * math.sqrt(2e6)), (False, 0.0)):
         options = dataclasses.replace(PAPER, signed_root=signed)
@@ -201,7 +192,7 @@ def test_the_clamped_root_stops_the_flow_that_the_signed_one_turns_round(
         assert plant.step(PlantInput(1.3e-3), 0)[Q_L] == pytest.approx(expected, rel=1e-4)
 
 
-def test_it_stays_finite_under_any_input(paper: PlantParameters) -> None:
+def test_it_stays_finite_under_any_input(paper):
     source = np.random.default_rng(1)
     plant = ReducedOrderPlant(paper, delay=3e-4)
     for _ in range(500):
@@ -210,9 +201,7 @@ def test_it_stays_finite_under_any_input(paper: PlantParameters) -> None:
 
 
 @pytest.mark.parametrize("solver", [Solver.FORWARD_EULER, Solver.RUNGE_KUTTA])
-def test_a_swing_decays_below_the_largest_step_and_grows_above(
-    paper: PlantParameters, monkeypatch: pytest.MonkeyPatch, solver: Solver
-) -> None:
+def test_a_swing_decays_below_the_largest_step_and_grows_above(paper, monkeypatch, solver):
     sigma = 2000.0 if solver is Solver.FORWARD_EULER else 1.0
     oil = dataclasses.replace(paper, F_c=0.0, F_s=0.0, E=1e9, w=1e-9, sigma=sigma)
     limit = largest_reduced_step(oil, PAPER, solver)
@@ -225,7 +214,7 @@ def test_a_swing_decays_below_the_largest_step_and_grows_above(
         lambda *_: math.inf,
     )
 
-    def largest_velocity(dt: float) -> float:
+    def largest_velocity(dt):
         start = balanced_reduced_state(oil)._replace(v=1e-4)
         plant = ReducedOrderPlant(oil, options=PAPER, solver=solver, dt=dt, state=start)
         try:
@@ -237,7 +226,7 @@ def test_a_swing_decays_below_the_largest_step_and_grows_above(
     assert largest_velocity(1.05 * limit) > 1.5e-4
 
 
-def test_an_unstable_step_is_refused_with_one_that_works(paper: PlantParameters) -> None:
+def test_an_unstable_step_is_refused_with_one_that_works(paper):
     oil = dataclasses.replace(paper, E=1e9)
     with pytest.raises(ParameterError, match="unstable with these parameters") as refusal:
         ReducedOrderPlant(oil, options=PAPER, solver=Solver.FORWARD_EULER, dt=1e-3)
@@ -259,9 +248,7 @@ def test_an_unstable_step_is_refused_with_one_that_works(paper: PlantParameters)
         ({"supply": SupplyUnit()}, "supply_unit"),
     ],
 )
-def test_what_needs_the_full_model_is_refused(
-    paper: PlantParameters, option: dict[str, object], symbol: str
-) -> None:
+def test_what_needs_the_full_model_is_refused(paper, option, symbol):
     with pytest.raises(ParameterError, match=f"no place for {symbol}: the full-order model"):
         ReducedOrderPlant(paper, options=dataclasses.replace(BENCH, **option))
 
@@ -276,15 +263,13 @@ def test_what_needs_the_full_model_is_refused(
         ({"v": math.nan}, "v = nan m/s: must be finite"),
     ],
 )
-def test_a_state_that_the_model_cannot_have_is_refused(
-    paper: PlantParameters, change: dict[str, float], message: str
-) -> None:
+def test_a_state_that_the_model_cannot_have_is_refused(paper, change, message):
     state = PlantState(0.0, 0.0, 5e6, 5e6, 0.0, 0.0)._replace(**change)
     with pytest.raises(ParameterError, match=message):
         ReducedOrderPlant(paper, state=state)
 
 
-def test_tank_pressure_and_long_delays_are_refused(paper: PlantParameters) -> None:
+def test_tank_pressure_and_long_delays_are_refused(paper):
     with pytest.raises(ParameterError, match="P_T = 100000 Pa: must be 0"):
         ReducedOrderPlant(dataclasses.replace(paper, P_T=1e5))
     with pytest.raises(ParameterError, match="delay = 2 s: must be 1 s or less"):
@@ -293,7 +278,7 @@ def test_tank_pressure_and_long_delays_are_refused(paper: PlantParameters) -> No
         ReducedOrderPlant(paper, delay=-1e-3)
 
 
-def test_its_state_goes_on_where_another_plant_stopped(paper: PlantParameters) -> None:
+def test_its_state_goes_on_where_another_plant_stopped(paper):
     first = ReducedOrderPlant(paper)
     first.step(PlantInput(1e-3), 137)
     second = ReducedOrderPlant(paper, state=first.state)
@@ -303,7 +288,7 @@ def test_its_state_goes_on_where_another_plant_stopped(paper: PlantParameters) -
     )
 
 
-def test_it_is_near_the_full_model_where_its_assumptions_hold(paper: PlantParameters) -> None:
+def test_it_is_near_the_full_model_where_its_assumptions_hold(paper):
     """A double rod, equal volumes and a fast spool leave eqs. (14)-(17) of the full model."""
     twin = dataclasses.replace(
         paper, A_A=4.85e-3, A_B=4.85e-3, V_A0=1.175e-3, V_B0=1.175e-3, omega_0=1e5

@@ -13,7 +13,7 @@ from hil_bench.plants.hydraulic_cylinder.model.spool import (
 TABLE_I = (1e-3, 3e-4, 1e-3, 3e-4)  # alpha and beta, the same for both directions
 
 
-def step_response(t: float, omega: float, xi: float) -> float:
+def step_response(t, omega, xi):
     """Textbook step response of a second-order lag from rest."""
     root = cmath.sqrt(xi * xi - 1.0)
     fast, slow = -omega * (xi + root), -omega * (xi - root)
@@ -23,7 +23,7 @@ def step_response(t: float, omega: float, xi: float) -> float:
 
 @pytest.mark.parametrize("xi", [0.1, 0.7, 0.999, 1.001, 3.0])
 @pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3])
-def test_is_exact_at_every_step_size(xi: float, dt: float) -> None:
+def test_is_exact_at_every_step_size(xi, dt):
     transition = spool_transition(1200.0, xi, dt)
     nu, nu_dot = 0.0, 0.0
     for step in range(1, 51):
@@ -31,14 +31,14 @@ def test_is_exact_at_every_step_size(xi: float, dt: float) -> None:
         assert nu == pytest.approx(step_response(step * dt, 1200.0, xi), abs=1e-10)
 
 
-def test_critical_damping() -> None:
+def test_critical_damping():
     # Step response 1 - exp(-omega t) (1 + omega t) at omega t = 1.2.
     nu, nu_dot = move_spool(0.0, 0.0, 1.0, spool_transition(1200.0, 1.0, 1e-3))
     assert nu == pytest.approx(1.0 - math.exp(-1.2) * 2.2, rel=1e-12)
     assert nu_dot == pytest.approx(1200.0 * 1.2 * math.exp(-1.2), rel=1e-12)
 
 
-def test_the_speed_is_limited_and_small_steps_are_not() -> None:
+def test_the_speed_is_limited_and_small_steps_are_not():
     """A far set-point drives the spool at 50 mm/s; 2 um are within the reach of 2 xi v / omega."""
     free, limited = (spool_transition(1200.0, 0.7, 1e-4, speed) for speed in (None, 0.05))
     fast = slow = (0.0, 0.0)
@@ -50,7 +50,7 @@ def test_the_speed_is_limited_and_small_steps_are_not() -> None:
     assert move_spool(0.0, 0.0, 2e-6, limited) == move_spool(0.0, 0.0, 2e-6, free)
 
 
-def test_the_acceleration_is_that_of_the_step() -> None:
+def test_the_acceleration_is_that_of_the_step():
     """Runge-Kutta and Euler integrate what the exact step does in a short time."""
     spool = (1200.0**2, 2.0 * 0.7 * 1200.0, 2.0 * 0.7 * 0.05 / 1200.0)
     for nu, nu_dot, u in ((0.0, 0.0, 1e-3), (1e-3, 0.01, 0.0), (0.0, 0.02, 1e-5)):
@@ -58,7 +58,7 @@ def test_the_acceleration_is_that_of_the_step() -> None:
         assert drive_spool(nu, nu_dot, u, spool) == pytest.approx((after - nu_dot) / 1e-8, rel=1e-4)
 
 
-def test_stiff_overdamped_spool_stays_finite() -> None:
+def test_stiff_overdamped_spool_stays_finite():
     nu, nu_dot = move_spool(0.0, 0.0, 1.0, spool_transition(1e6, 50.0, 1.0))
     assert nu == pytest.approx(1.0)
     assert nu_dot == pytest.approx(0.0, abs=1e-9)
@@ -80,7 +80,7 @@ def test_stiff_overdamped_spool_stays_finite() -> None:
         (-5.0, -1e-3),
     ],
 )
-def test_dead_zone_and_saturation(nu: float, z: float) -> None:
+def test_dead_zone_and_saturation(nu, z):
     assert orifice_state(nu, TABLE_I) == pytest.approx(z, rel=1e-12, abs=1e-18)
 
 
@@ -97,5 +97,5 @@ def test_dead_zone_and_saturation(nu: float, z: float) -> None:
         (-2e-3, -6e-4),
     ],
 )
-def test_each_direction_may_have_its_own_dead_zone_and_saturation(nu: float, z: float) -> None:
+def test_each_direction_may_have_its_own_dead_zone_and_saturation(nu, z):
     assert orifice_state(nu, (1e-3, 3e-4, 6e-4, 5e-4)) == pytest.approx(z, rel=1e-12, abs=1e-18)

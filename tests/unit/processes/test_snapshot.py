@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
@@ -16,11 +15,11 @@ WIDTH = 64
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def test_there_is_no_row_before_the_first_is_written() -> None:
+def test_there_is_no_row_before_the_first_is_written():
     assert Snapshot(WIDTH).read() is None
 
 
-def test_a_reader_sees_the_newest_row() -> None:
+def test_a_reader_sees_the_newest_row():
     snapshot = Snapshot(2)
     snapshot.write((1.0, 2.0))
     snapshot.write((3.0, 4.0))
@@ -29,22 +28,22 @@ def test_a_reader_sees_the_newest_row() -> None:
     assert snapshot.read() == SnapshotRow(2, (3.0, 4.0))
 
 
-def test_a_row_half_written_is_not_shown() -> None:
+def test_a_row_half_written_is_not_shown():
     snapshot = Snapshot(2)
     snapshot.write((1.0, 2.0))
-    snapshot._memory[8:16] = b"\x00\x00\x00\x00\x00\x00\x08@"  # type: ignore[index]
+    snapshot._memory[8:16] = b"\x00\x00\x00\x00\x00\x00\x08@"
 
     assert snapshot.read() is None
     snapshot.write((5.0, 6.0))
     assert snapshot.read() == SnapshotRow(2, (5.0, 6.0))
 
 
-def test_a_row_of_the_wrong_length_is_refused() -> None:
+def test_a_row_of_the_wrong_length_is_refused():
     with pytest.raises(Exception, match="pack expected 3 items"):
         Snapshot(2).write((1.0,))
 
 
-def read_many(snapshot: Snapshot, found: Connection) -> None:
+def read_many(snapshot, found):
     """Reads until the row 0 tells the end; sends what was wrong and how many rows were seen."""
     last, torn, seen = 0, 0, 0
     found.send("ready")
@@ -61,7 +60,7 @@ def read_many(snapshot: Snapshot, found: Connection) -> None:
 
 
 @pytest.mark.long
-def test_a_reader_in_another_process_never_sees_a_torn_row() -> None:
+def test_a_reader_in_another_process_never_sees_a_torn_row():
     snapshot = Snapshot(WIDTH)
     here, there = SPAWN.Pipe()
     reader = SPAWN.Process(target=read_many, args=(snapshot, there))
@@ -79,12 +78,12 @@ def test_a_reader_in_another_process_never_sees_a_torn_row() -> None:
     assert reader.exitcode == 0
 
 
-def wait_for_ever(_snapshot: Snapshot, found: Connection) -> None:
+def wait_for_ever(_snapshot, found):
     found.send("ready")
     found.recv()
 
 
-def test_a_reader_that_is_killed_leaves_the_writer_at_work() -> None:
+def test_a_reader_that_is_killed_leaves_the_writer_at_work():
     snapshot = Snapshot(1)
     here, there = SPAWN.Pipe()
     reader = SPAWN.Process(target=wait_for_ever, args=(snapshot, there))
@@ -120,7 +119,7 @@ if __name__ == "__main__":
 """
 
 
-def test_nothing_is_left_behind_nor_said_when_a_reader_is_killed(tmp_path: Path) -> None:
+def test_nothing_is_left_behind_nor_said_when_a_reader_is_killed(tmp_path):
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     done = subprocess.run(  # noqa: S603 - the program just written

@@ -9,14 +9,14 @@ from hil_bench.outside.recording.channels import Channel, ChannelRecorder, recor
 CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
 
 
-def record(rows: int, capacity: int) -> list[tuple[float, ...]]:
+def record(rows, capacity):
     recorder = ChannelRecorder(CHANNELS, capacity)
     for row in range(rows):
         recorder.append((row * 1e-3, float(row), -float(row)))
-    return recorder.result().tolist()  # type: ignore[no-any-return]
+    return recorder.result().tolist()
 
 
-def expected(first: int, after: int) -> list[tuple[float, ...]]:
+def expected(first, after):
     return [(row * 1e-3, float(row), -float(row)) for row in range(first, after)]
 
 
@@ -24,11 +24,11 @@ def expected(first: int, after: int) -> list[tuple[float, ...]]:
     ("rows", "first"),
     [(0, 0), (1, 0), (3, 0), (4, 0), (5, 1), (7, 3), (8, 4), (11, 7)],
 )
-def test_the_ring_keeps_the_newest_rows_in_the_order_of_time(rows: int, first: int) -> None:
+def test_the_ring_keeps_the_newest_rows_in_the_order_of_time(rows, first):
     assert record(rows, capacity=4) == expected(first, rows)
 
 
-def test_a_result_has_time_first_and_a_unit_for_each_field() -> None:
+def test_a_result_has_time_first_and_a_unit_for_each_field():
     recorder = ChannelRecorder(CHANNELS, 10)
     recorder.append((0.5, 0.1, 5e6))
     result = recorder.result()
@@ -39,7 +39,7 @@ def test_a_result_has_time_first_and_a_unit_for_each_field() -> None:
     assert result["axis1.P_A"].tolist() == [5e6]
 
 
-def test_a_slice_of_a_result_keeps_its_units() -> None:
+def test_a_slice_of_a_result_keeps_its_units():
     recorder = ChannelRecorder(CHANNELS, 10)
     for row in range(10):
         recorder.append((float(row), 0.0, 0.0))
@@ -51,7 +51,7 @@ def test_a_slice_of_a_result_keeps_its_units() -> None:
     )
 
 
-def test_a_result_is_a_copy() -> None:
+def test_a_result_is_a_copy():
     recorder = ChannelRecorder(CHANNELS, 2)
     recorder.append((0.0, 1.0, 2.0))
     result = recorder.result()
@@ -61,7 +61,7 @@ def test_a_result_is_a_copy() -> None:
     assert result.tolist() == [(0.0, 1.0, 2.0)]
 
 
-def test_a_row_of_the_wrong_length_is_refused() -> None:
+def test_a_row_of_the_wrong_length_is_refused():
     with pytest.raises(struct.error, match="expected 3 items"):
         ChannelRecorder(CHANNELS, 2).append((0.0, 1.0))
 
@@ -82,16 +82,14 @@ def test_a_row_of_the_wrong_length_is_refused() -> None:
         ),
     ],
 )
-def test_a_recorder_that_makes_no_sense_is_refused(
-    channels: tuple[Channel, ...], capacity: int, message: str
-) -> None:
+def test_a_recorder_that_makes_no_sense_is_refused(channels, capacity, message):
     with pytest.raises(ConfigError) as caught:
         ChannelRecorder(channels, capacity)
 
     assert str(caught.value) == message
 
 
-def test_append_allocates_nothing_that_stays() -> None:
+def test_append_allocates_nothing_that_stays():
     recorder = ChannelRecorder(CHANNELS, 4)
     rows = recorder._rows
     for row in range(9):

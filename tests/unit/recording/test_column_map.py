@@ -1,7 +1,5 @@
 """Which column is which quantity."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -49,13 +47,13 @@ TABLE = {
 }
 
 
-def write(directory: Path, text: str) -> Path:
+def write(directory, text):
     path = directory / "rig.toml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def test_a_column_becomes_its_quantity_in_si(tmp_path: Path) -> None:
+def test_a_column_becomes_its_quantity_in_si(tmp_path):
     columns = read_column_map(write(tmp_path, RIG), [])
 
     found = map_columns(TABLE, columns.of("a.csv"), "lift")
@@ -68,7 +66,7 @@ def test_a_column_becomes_its_quantity_in_si(tmp_path: Path) -> None:
     assert "lift.P_B" not in (found.dtype.names or ())
 
 
-def test_a_sensor_may_sit_elsewhere_in_one_file(tmp_path: Path) -> None:
+def test_a_sensor_may_sit_elsewhere_in_one_file(tmp_path):
     columns = read_column_map(write(tmp_path, RIG), [])
 
     found = map_columns(TABLE, columns.of("b.csv"), "lift")
@@ -78,7 +76,7 @@ def test_a_sensor_may_sit_elsewhere_in_one_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("unit", "share"), [("%", 0.05), ("-", 5.0), ("V", 0.5), ("mA", 0.25)])
-def test_a_command_has_the_unit_of_its_amplifier(unit: str, share: float) -> None:
+def test_a_command_has_the_unit_of_its_amplifier(unit, share):
     options = [f"t=time:{'s'}", "s=position:mm", f"U=-spool_setpoint:{unit}"]
 
     found = map_columns(TABLE, read_column_map(None, options).of("a.csv"), "lift")
@@ -86,7 +84,7 @@ def test_a_command_has_the_unit_of_its_amplifier(unit: str, share: float) -> Non
     assert found["lift.spool_setpoint"][1] == pytest.approx(-share)
 
 
-def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
+def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path):
     text = RIG.replace('unit = "V"', 'unit = "V"\nfull_scale = 5')
 
     columns = read_column_map(write(tmp_path, text), [])
@@ -113,9 +111,7 @@ def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
         ("[time]", "[", "is not valid TOML"),
     ],
 )
-def test_a_map_with_a_mistake_is_refused(
-    tmp_path: Path, old: str, new: str, complaint: str
-) -> None:
+def test_a_map_with_a_mistake_is_refused(tmp_path, old, new, complaint):
     assert old in RIG
     with pytest.raises(ConfigError) as error:
         read_column_map(write(tmp_path, RIG.replace(old, new)), [])
@@ -125,19 +121,19 @@ def test_a_map_with_a_mistake_is_refused(
 
 
 @pytest.mark.parametrize("option", ["s", "s=speed:mm", "=position:mm", "s=position", "s=P_A:mm"])
-def test_an_option_with_a_mistake_is_refused(option: str) -> None:
+def test_an_option_with_a_mistake_is_refused(option):
     with pytest.raises(ConfigError, match=f"--map {option}: "):
         read_column_map(None, [option])
 
 
-def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_column_that_is_not_there_is_named(tmp_path):
     columns = read_column_map(write(tmp_path, RIG), ["x=position:mm"])
 
     with pytest.raises(ConfigError, match="position is to be column x; the file has t, s, U, p"):
         map_columns(TABLE, columns.of("a.csv"), "lift")
 
 
-def test_a_map_without_time_and_command_names_both_and_the_columns_to_choose_from() -> None:
+def test_a_map_without_time_and_command_names_both_and_the_columns_to_choose_from():
     columns = read_column_map(None, ["s=position:mm"])
 
     with pytest.raises(ConfigError) as error:
@@ -149,7 +145,7 @@ def test_a_map_without_time_and_command_names_both_and_the_columns_to_choose_fro
     )
 
 
-def test_what_sensors_measured_counts_before_what_only_the_plant_knows() -> None:
+def test_what_sensors_measured_counts_before_what_only_the_plant_knows():
     names = ("axis1.position", "axis1.P_A", "encoder.measured", "pressure.measured")
     channels = [Channel("time", "s"), *(Channel(name, "m") for name in names)]
     bench = np.array([(0.0, 1.0, 2.0, 1.5, 2.5)], dtype=recording_dtype(channels))
@@ -161,14 +157,14 @@ def test_what_sensors_measured_counts_before_what_only_the_plant_knows() -> None
     assert note == ("taken: position from encoder.measured; P_A from axis1.P_A, the plant's own")
 
 
-def test_a_recording_of_a_machine_is_taken_as_it_is() -> None:
+def test_a_recording_of_a_machine_is_taken_as_it_is():
     channels = [Channel("time", "s"), Channel("axis1.position", "m")]
     machine = np.array([(0.0, 1.0)], dtype=recording_dtype(channels))
     assert take_sensors(machine, "axis1", {"position": "encoder"}) == (machine, "")
 
 
 @pytest.mark.parametrize("unit", ["mm", "[m]", "bar", "°C"])
-def test_a_map_that_contradicts_the_unit_of_the_file_is_refused(unit: str) -> None:
+def test_a_map_that_contradicts_the_unit_of_the_file_is_refused(unit):
     columns = read_column_map(None, ["s=position:cm"])
 
     with pytest.raises(ConfigError, match="the map has position in cm"):
@@ -176,11 +172,11 @@ def test_a_map_that_contradicts_the_unit_of_the_file_is_refused(unit: str) -> No
 
 
 @pytest.mark.parametrize("unit", ["mm", "", "furlong", "1"])
-def test_a_unit_of_the_file_that_says_the_same_or_nothing_is_taken(unit: str) -> None:
+def test_a_unit_of_the_file_that_says_the_same_or_nothing_is_taken(unit):
     check_units({"s": unit}, read_column_map(None, ["s=position:mm"]).of("a.csv"))
 
 
-def test_the_unit_of_a_raw_column_is_not_that_of_its_quantity(tmp_path: Path) -> None:
+def test_the_unit_of_a_raw_column_is_not_that_of_its_quantity(tmp_path):
     columns = read_column_map(write(tmp_path, RIG), [])
 
     check_units({"s": "bar", "U": "V"}, columns.of("a.csv"))  # gain 2, offset -5 mm

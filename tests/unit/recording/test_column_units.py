@@ -6,7 +6,6 @@ of 25.4 mm, 1 US gallon is 231 cubic inches, 0 °C is 273.15 K and 32 °F.
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import example, given
@@ -54,20 +53,18 @@ UNITS = [
 ]
 
 
-def write(path: Path, unit: str, values: list[float], name: str = "x.y", time: str = "s") -> Path:
+def write(path, unit, values, name="x.y", time="s"):
     rows = "".join(f"{row / 1000!r},{value!r}\n" for row, value in enumerate(values))
     path.write_text(f"time,{name}\n{time},{unit}\n{rows}", encoding="utf-8")
     return path
 
 
-def test_a_column_in_1_is_a_plain_number(tmp_path: Path) -> None:
+def test_a_column_in_1_is_a_plain_number(tmp_path):
     assert judged(tmp_path, "1", [0.5, 0.75], "always x.y < 0.8", "x.y") == 0
 
 
 @pytest.mark.parametrize(("unit", "own", "factor", "offset"), UNITS)
-def test_a_column_is_read_in_the_units_of_the_bench(
-    tmp_path: Path, unit: str, own: str, factor: float, offset: float
-) -> None:
+def test_a_column_is_read_in_the_units_of_the_bench(tmp_path, unit, own, factor, offset):
     found = read_recording(write(tmp_path / "r.csv", unit, [0.0, 1.0, -40.0]))
 
     assert recording_channels(found)[1] == ("x.y", own)
@@ -81,12 +78,7 @@ def test_a_column_is_read_in_the_units_of_the_bench(
     limit=st.floats(-1e4, 1e4),
 )
 @example(row=("bar", "Pa", 1e5, 0.0), values=[5e-324, 0.0], limit=2.0)  # 5e-324 / 2e5 is 0
-def test_a_verdict_does_not_depend_on_the_unit_of_the_file(
-    tmp_path_factory: pytest.TempPathFactory,
-    row: tuple[str, str, float, float],
-    values: list[float],
-    limit: float,
-) -> None:
+def test_a_verdict_does_not_depend_on_the_unit_of_the_file(tmp_path_factory, row, values, limit):
     """A limit in SI on the same motion, logged in SI and in a unit, gives one verdict."""
     unit, own, factor, offset = row
     bound = limit * factor + offset
@@ -108,13 +100,13 @@ def test_a_verdict_does_not_depend_on_the_unit_of_the_file(
     assert outcomes == ["passed" if max(in_si) < bound else "failed"] * 2
 
 
-def judged(folder: Path, unit: str, values: list[float], that: str, name: str) -> int:
+def judged(folder, unit, values, that, name):
     write(folder / "r.csv", unit, values, name)
     (folder / "r.toml").write_text(f'[[expect]]\nid = "R1"\nthat = "{that}"\n', encoding="utf-8")
     return main(["judge", str(folder / "r.toml"), str(folder / "r.csv"), "--json"])
 
 
-def test_300_bar_are_more_than_250_bar(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_300_bar_are_more_than_250_bar(tmp_path, capsys):
     assert judged(tmp_path, "bar", [300.0] * 2, "always axis1.P_A < 250 bar", "axis1.P_A") == 1
     ((found,),) = json.loads(capsys.readouterr().out).values()
     assert found["judgement"]["margin"] == pytest.approx(-0.2)  # 50 bar of 250
@@ -133,14 +125,7 @@ def test_300_bar_are_more_than_250_bar(tmp_path: Path, capsys: pytest.CaptureFix
         ("K", "oil.T", "oil.T < 333", "give the number its unit"),
     ],
 )
-def test_what_has_no_certain_unit_is_not_judged(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    unit: str,
-    name: str,
-    that: str,
-    wrong: str,
-) -> None:
+def test_what_has_no_certain_unit_is_not_judged(tmp_path, capsys, unit, name, that, wrong):
     assert judged(tmp_path, unit, [1.0, 2.0], f"always {that}", name) == 2
     said = capsys.readouterr()
     assert wrong in said.err
@@ -158,22 +143,20 @@ def test_what_has_no_certain_unit_is_not_judged(
         ("bar", "axis1.P_A", [math.nan, 210.0], ""),
     ],
 )
-def test_values_of_the_wrong_size_are_doubted_in_one_line(
-    tmp_path: Path, unit: str, name: str, values: list[float], said: str
-) -> None:
+def test_values_of_the_wrong_size_are_doubted_in_one_line(tmp_path, unit, name, values, said):
     recording = read_recording(write(tmp_path / "r.csv", unit, values, name))
     doubts = list(find_doubts(recording, [name]))
     assert doubts == ([f'{name} is {said}; check that its unit is "{unit}"'] if said else [])
 
 
-def test_a_known_stroke_bounds_a_position(tmp_path: Path) -> None:
+def test_a_known_stroke_bounds_a_position(tmp_path):
     recording = read_recording(write(tmp_path / "r.csv", "mm", [0.0, 7e4], "axis1.position"))
     assert list(find_doubts(recording, ["axis1.position"])) == []
     (doubt,) = find_doubts(recording, ["axis1.position"], {"axis1.position": 0.1})
     assert "is 7e+04 mm at most, more than 100 mm" in doubt
 
 
-def test_the_time_has_a_unit_of_time(tmp_path: Path) -> None:
+def test_the_time_has_a_unit_of_time(tmp_path):
     found = read_recording(write(tmp_path / "r.csv", "m", [1.0, 2.0], time="ms"))
     assert found["time"] == pytest.approx([0.0, 1e-6], rel=1e-12)
     assert given_units(found) == {"time": "ms"}

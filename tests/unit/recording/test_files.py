@@ -1,5 +1,4 @@
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.recording.channels import (
     Channel,
     ChannelRecorder,
-    Recording,
     recording_channels,
     recording_dtype,
 )
@@ -20,19 +18,19 @@ from hil_bench.outside.recording.channels import (
 CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.spool_position", "-"))
 
 
-def recording(*rows: tuple[float, ...]) -> Recording:
+def recording(*rows):
     recorder = ChannelRecorder(CHANNELS, max(len(rows), 1))
     for row in rows:
         recorder.append(row)
     return recorder.result()
 
 
-def write(path: Path, content: Recording) -> None:
+def write(path, content):
     with RecordingFile(path) as file:
         file.write(content)
 
 
-def test_names_stand_in_the_first_row_and_units_in_the_second(tmp_path: Path) -> None:
+def test_names_stand_in_the_first_row_and_units_in_the_second(tmp_path):
     path = tmp_path / "run.csv"
     write(path, recording((0.0, 0.1, -1.0), (0.001, 1e-17, 0.5)))
 
@@ -45,9 +43,7 @@ def test_names_stand_in_the_first_row_and_units_in_the_second(tmp_path: Path) ->
 
 
 @given(values=st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), max_size=5))
-def test_what_was_written_reads_back_exactly(
-    tmp_path_factory: pytest.TempPathFactory, values: list[tuple[float, float, float]]
-) -> None:
+def test_what_was_written_reads_back_exactly(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("recording") / "run.csv"
     write(path, recording(*values))
     found = read_recording(path)
@@ -56,14 +52,14 @@ def test_what_was_written_reads_back_exactly(
     assert recording_channels(found) == (Channel("time", "s"), *CHANNELS)
 
 
-def test_not_a_number_reads_back(tmp_path: Path) -> None:
+def test_not_a_number_reads_back(tmp_path):
     path = tmp_path / "run.csv"
     write(path, recording((0.0, math.nan, math.inf)))
 
     assert np.isnan(read_recording(path)["axis1.position"]).all()
 
 
-def test_names_with_separators_and_quotes_read_back(tmp_path: Path) -> None:
+def test_names_with_separators_and_quotes_read_back(tmp_path):
     channels = (Channel("time", "s"), Channel('a,"b"', 'chain, "Gunter"'))
     path = tmp_path / "run.csv"
     write(path, np.zeros(1, dtype=recording_dtype(channels)))
@@ -71,7 +67,7 @@ def test_names_with_separators_and_quotes_read_back(tmp_path: Path) -> None:
     assert recording_channels(read_recording(path)) == channels
 
 
-def test_the_file_is_not_there_before_it_is_whole(tmp_path: Path) -> None:
+def test_the_file_is_not_there_before_it_is_whole(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time of the last good run")
     with RecordingFile(path) as file:
@@ -82,7 +78,7 @@ def test_the_file_is_not_there_before_it_is_whole(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
 
 
-def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path: Path) -> None:
+def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time of the last good run")
     with pytest.raises(RuntimeError), RecordingFile(path):
@@ -92,7 +88,7 @@ def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
 
 
-def test_a_full_disk_is_told_with_the_file(tmp_path: Path) -> None:
+def test_a_full_disk_is_told_with_the_file(tmp_path):
     path = tmp_path / "run.csv"
     (tmp_path / "run.csv.part").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left") as caught, RecordingFile(path) as file:
@@ -102,7 +98,7 @@ def test_a_full_disk_is_told_with_the_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
     with pytest.raises(ConfigError) as missing:
         RecordingFile(tmp_path / "no" / "run.csv")
     with pytest.raises(ConfigError) as directory:
@@ -128,7 +124,7 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> Non
         ("\n\n", "it has no row of numbers"),
     ],
 )
-def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason: str) -> None:
+def test_a_file_that_is_no_recording_says_why(tmp_path, text, reason):
     path = tmp_path / "run.csv"
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
@@ -146,7 +142,7 @@ def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason:
         "t [s]\taxis1.P_A [bar]\n0\t1\n0.01\tERR\n0.02\t2",  # its writer was killed
     ],
 )
-def test_a_table_of_another_tool_is_a_recording(tmp_path: Path, text: str) -> None:
+def test_a_table_of_another_tool_is_a_recording(tmp_path, text):
     path = tmp_path / "run.csv"
     path.write_text(text)
     found = read_recording(path)
@@ -164,9 +160,7 @@ def test_a_table_of_another_tool_is_a_recording(tmp_path: Path, text: str) -> No
         ("t [s],x [m],x [mm]\n0,1,2\n", "recording channel x: is there twice"),
     ],
 )
-def test_a_table_of_another_tool_that_is_none_says_why(
-    tmp_path: Path, text: str, wrong: str
-) -> None:
+def test_a_table_of_another_tool_that_is_none_says_why(tmp_path, text, wrong):
     path = tmp_path / "run.csv"
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
@@ -175,14 +169,14 @@ def test_a_table_of_another_tool_that_is_none_says_why(
     assert str(caught.value).startswith(f"{path}: {wrong}")
 
 
-def test_a_binary_file_is_no_recording(tmp_path: Path) -> None:
+def test_a_binary_file_is_no_recording(tmp_path):
     path = tmp_path / "run.csv"
     path.write_bytes(b"\xff\x00\xff")
     with pytest.raises(ConfigError, match="is no recording: "):
         read_recording(path)
 
 
-def test_a_missing_recording_says_so(tmp_path: Path) -> None:
+def test_a_missing_recording_says_so(tmp_path):
     with pytest.raises(ConfigError) as caught:
         read_recording(tmp_path / "no.csv")
 

@@ -2,7 +2,6 @@
 
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hil_bench.abilities.recording.reading import read_columns
 from hil_bench.errors import ConfigError
 
 
-def write(directory: Path, text: str) -> Path:
+def write(directory, text):
     path = directory / "rig.csv"
     path.write_bytes(text.encode())
     return path
@@ -28,16 +27,14 @@ def write(directory: Path, text: str) -> Path:
         "t\ts [mm]\n0\t1.5\n0.1\t2.5\n0.2",  # its writer was killed
     ],
 )
-def test_the_columns_of_a_csv_file_are_found(tmp_path: Path, text: str) -> None:
+def test_the_columns_of_a_csv_file_are_found(tmp_path, text):
     columns, _ = read_columns(write(tmp_path, text))
 
     assert columns["t"].tolist() == [0.0, 0.1]
     assert columns["s [mm]"].tolist() == [1.5, 2.5]
 
 
-def test_a_table_of_numbers_is_read_by_rows_of_c(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_of_numbers_is_read_by_rows_of_c(tmp_path, monkeypatch):
     """10^6 rows take 8 s field by field in Python, and 2 s by NumPy's reader."""
     monkeypatch.setattr(reading, "_read_slowly", None)
     text = "# logger\n\nt;s [mm]\n0;1,5\n\n0,1;2,5\n"
@@ -57,13 +54,11 @@ def test_a_table_of_numbers_is_read_by_rows_of_c(
         ("t,s\n0,1.5\n", {}),
     ],
 )
-def test_the_units_of_a_csv_file_are_behind_the_names_or_below(
-    tmp_path: Path, text: str, units: dict[str, str]
-) -> None:
+def test_the_units_of_a_csv_file_are_behind_the_names_or_below(tmp_path, text, units):
     assert read_columns(write(tmp_path, text))[1] == units
 
 
-def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:
+def test_what_is_no_number_counts_as_none(tmp_path):
     columns, _ = read_columns(write(tmp_path, "t,s\n0,1\n0.1,\n0.2,err\n"))
 
     assert np.isnan(columns["s"][1:]).all()
@@ -80,14 +75,14 @@ def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:
         ("a,b\n1,2\n3\n5,6\n", "row 3 has 1 values, the first has 2"),
     ],
 )
-def test_what_is_no_table_is_refused_in_a_line(tmp_path: Path, text: str, complaint: str) -> None:
+def test_what_is_no_table_is_refused_in_a_line(tmp_path, text, complaint):
     with pytest.raises(ConfigError, match=complaint) as error:
         read_columns(write(tmp_path, text))
 
     assert "\n" not in str(error.value)
 
 
-def test_the_vectors_of_a_mat_file_are_columns(tmp_path: Path) -> None:
+def test_the_vectors_of_a_mat_file_are_columns(tmp_path):
     path = tmp_path / "rig.mat"
     savemat(path, {"t": np.arange(5.0), "s": np.arange(5)[:, np.newaxis], "note": "x", "k": 3.0})
 
@@ -98,7 +93,7 @@ def test_the_vectors_of_a_mat_file_are_columns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x89HDF" * 40])
-def test_a_broken_mat_file_is_refused_in_a_line(tmp_path: Path, content: bytes) -> None:
+def test_a_broken_mat_file_is_refused_in_a_line(tmp_path, content):
     path = tmp_path / "rig.mat"
     path.write_bytes(content)
 
@@ -108,7 +103,7 @@ def test_a_broken_mat_file_is_refused_in_a_line(tmp_path: Path, content: bytes) 
     assert "\n" not in str(error.value)
 
 
-def test_a_mat_file_does_not_fill_the_memory(tmp_path: Path) -> None:
+def test_a_mat_file_does_not_fill_the_memory(tmp_path):
     """A vector that claims 4 GiB less a few bytes: element 14, a matrix of doubles."""
     path = tmp_path / "rig.mat"
     savemat(path, {"t": np.arange(5.0)})
@@ -122,7 +117,7 @@ def test_a_mat_file_does_not_fill_the_memory(tmp_path: Path) -> None:
         read_columns(path)
 
 
-def test_a_mat_file_that_ends_its_reader_is_refused_in_a_line(tmp_path: Path) -> None:
+def test_a_mat_file_that_ends_its_reader_is_refused_in_a_line(tmp_path):
     """The type of the first vector's data, bytes 176 to 179, is 0: scipy 1.16 reads beyond it."""
     path = tmp_path / "rig.mat"
     savemat(path, {"t": np.arange(5.0), "s": np.arange(5.0)})

@@ -3,7 +3,6 @@ import struct
 import subprocess
 import zlib
 from datetime import UTC, datetime
-from pathlib import Path
 
 import can
 import pytest
@@ -18,11 +17,11 @@ from hil_bench.outside.recording.channels import LoggedFrame
 MILLISECOND = 1_000_000  # [ns]
 
 
-def logged(can_id: int, data: bytes, milliseconds: int, *, is_received: bool = True) -> LoggedFrame:
+def logged(can_id, data, milliseconds, *, is_received=True):
     return LoggedFrame(Frame(can_id, data), milliseconds * MILLISECOND, is_received)
 
 
-def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
+def test_candump_log_is_written_as_candump_writes_it(tmp_path):
     path = tmp_path / "bus.log"
     with open_frame_file(path) as file:
         file.write_frames(
@@ -43,13 +42,13 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     ]
 
 
-def test_a_candump_log_says_a_direction_where_python_can_wrote_it(tmp_path: Path) -> None:
+def test_a_candump_log_says_a_direction_where_python_can_wrote_it(tmp_path):
     path = tmp_path / "bus.log"
     path.write_text("(1.0) can0 181#0F00 T\n(2.0) can0 201#07 R\n\n(3.0) can0 080#\n")
     assert [frame.is_received for frame in read_frames(path)] == [False, True, None]
 
 
-def every_kind(path: Path) -> None:
+def every_kind(path):
     with open_frame_file(path) as file:
         file.write_frames(
             [
@@ -64,7 +63,7 @@ def every_kind(path: Path) -> None:
         )
 
 
-def test_wireshark_reads_a_candump_log(tmp_path: Path) -> None:
+def test_wireshark_reads_a_candump_log(tmp_path):
     require_tshark()
     path = tmp_path / "bus.log"
     every_kind(path)
@@ -84,7 +83,7 @@ def test_wireshark_reads_a_candump_log(tmp_path: Path) -> None:
     ]
 
 
-def test_can_utils_read_a_candump_log(tmp_path: Path) -> None:
+def test_can_utils_read_a_candump_log(tmp_path):
     require_tool("log2asc")
     path = tmp_path / "bus.log"
     every_kind(path)
@@ -109,7 +108,7 @@ def test_can_utils_read_a_candump_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".log"])
-def test_a_full_disk_is_told_with_the_file(tmp_path: Path, suffix: str) -> None:
+def test_a_full_disk_is_told_with_the_file(tmp_path, suffix):
     path = tmp_path / f"bus{suffix}"
     path.symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left") as caught, open_frame_file(path) as file:
@@ -119,7 +118,7 @@ def test_a_full_disk_is_told_with_the_file(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", BUS_LOGS)
-def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: str) -> None:
+def test_each_format_reads_back_on_the_same_time_base(tmp_path, suffix):
     path = tmp_path / f"bus{suffix}"
     # The first frame comes late: times count from the start, not from it.
     frames = [
@@ -141,7 +140,7 @@ def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: st
     assert found == [(0x181, b"\x00", sent), (0x182, b"\x01", True), (0x183, b"\x02", sent)]
 
 
-def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path):
     for name, suffix in (("bus.pcap", ".pcap"), ("bus", ""), ("bus.log.gz", ".gz")):
         with pytest.raises(ConfigError) as caught:
             open_frame_file(tmp_path / name)
@@ -153,7 +152,7 @@ def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path)
 
 
 @pytest.mark.parametrize("suffix", BUS_LOGS)
-def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
+def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path, suffix):
     with pytest.raises(ConfigError) as caught:
         open_frame_file(tmp_path / "no" / f"bus{suffix}")
 
@@ -167,14 +166,14 @@ def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path, suffix
     ("name", "content"),
     [("x.log", b"no log at all\n"), ("x.blf", b"no log at all"), ("x.mf4", b"nor this")],
 )
-def test_a_file_that_is_no_log_says_so(tmp_path: Path, name: str, content: bytes) -> None:
+def test_a_file_that_is_no_log_says_so(tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=rf"^{path}: "):
         list(read_frames(path))
 
 
-def test_a_missing_log_says_so(tmp_path: Path) -> None:
+def test_a_missing_log_says_so(tmp_path):
     with pytest.raises(ConfigError) as caught:
         list(read_frames(tmp_path / "no.log"))
     assert str(caught.value) == (
@@ -183,14 +182,14 @@ def test_a_missing_log_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("suffix", "place"), [(".log", "can1 181#2A\n"), (".asc", " 2  181 ")])
-def test_a_frame_of_another_bus_has_its_channel(tmp_path: Path, suffix: str, place: str) -> None:
+def test_a_frame_of_another_bus_has_its_channel(tmp_path, suffix, place):
     path = tmp_path / f"bus{suffix}"
     with open_frame_file(path) as file:
         file.write_frames([LoggedFrame(Frame(0x181, b"\x2a", bus=1), MILLISECOND, True)])
     assert place in path.read_text()
 
 
-def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
+def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path):
     # Found by fuzzing: an object header of 16 bytes and size 0 in the one container; python-can's
     # reader goes to "the next object", which is the same one, without end.
     path = tmp_path / "bus.blf"
@@ -204,7 +203,7 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
         list(read_frames(path))
 
 
-def test_a_blf_container_does_not_fill_the_memory(tmp_path: Path) -> None:
+def test_a_blf_container_does_not_fill_the_memory(tmp_path):
     path = tmp_path / "bus.blf"
     open_frame_file(path).close()
     packed = zlib.compress(bytes(65 << 20), 1)
@@ -215,7 +214,7 @@ def test_a_blf_container_does_not_fill_the_memory(tmp_path: Path) -> None:
         list(read_frames(path))
 
 
-def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path: Path) -> None:
+def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path):
     dates = []
     for started in (None, datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)):
         with open_frame_file(tmp_path / "bus.asc", started) as file:
@@ -231,7 +230,7 @@ def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path: Path) 
     assert dates[1] == [f"date {local}.0 2026", f"Begin Triggerblock {local}.0 2026"]
 
 
-def test_lines_that_are_no_frame_are_left_out_and_counted(tmp_path: Path) -> None:
+def test_lines_that_are_no_frame_are_left_out_and_counted(tmp_path):
     path = tmp_path / "bus.log"
     lines = ["(1.0) can0 123#11", "(1.1) can0", "(1.2) can0 123#1", "(1.3) can0 00000124#22 R"]
     path.write_text("".join(f"{line}\n" for line in lines))
@@ -247,7 +246,7 @@ DROPPED = "DROPCOUNT: dropped {} CAN frame{} on 'can0' socket (total drops {})"
 """As candump of can-utils writes it into a log with -d."""
 
 
-def test_frames_that_candump_has_lost_are_counted(tmp_path: Path) -> None:
+def test_frames_that_candump_has_lost_are_counted(tmp_path):
     path = tmp_path / "bus.log"
     lines = ["(1.0) can0 123#11", DROPPED.format(2, "s", 2), "(1.1) can0 123#12"]
     path.write_text("".join(f"{line}\n" for line in (*lines, DROPPED.format(1, "", 3))))
@@ -266,9 +265,7 @@ def test_frames_that_candump_has_lost_are_counted(tmp_path: Path) -> None:
         ("[1] of 123", "is one of candump -L"),
     ],
 )
-def test_a_file_without_a_line_of_candump_is_refused(
-    tmp_path: Path, line: str, ending: str
-) -> None:
+def test_a_file_without_a_line_of_candump_is_refused(tmp_path, line, ending):
     path = tmp_path / "bus.log"
     path.write_text(f"{line}\n" * 3)
     with pytest.raises(ConfigError, match="not one line is one of candump -L") as caught:

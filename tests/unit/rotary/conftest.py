@@ -1,9 +1,7 @@
 """A motor of round numbers, built from a file as users build theirs."""
 
-from pathlib import Path
-
 import pytest
-from support.motors import LOSSLESS, STEP, Motor, write_bench
+from support.motors import LOSSLESS, STEP, write_bench
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.rotary.configuration import RotaryConfig
@@ -11,8 +9,8 @@ from hil_bench.plants.rotary.kind import HydraulicMotor
 
 
 @pytest.fixture
-def motor(tmp_path: Path) -> Motor:
-    def build(**keys: object) -> tuple[RotaryConfig, HydraulicMotor]:
+def motor(tmp_path):
+    def build(**keys):
         config = load_config(write_bench(tmp_path, LOSSLESS | keys))
         (axis,) = config.axes
         assert isinstance(axis, RotaryConfig)

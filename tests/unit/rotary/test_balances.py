@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from support.motors import STEP, Motor
+from support.motors import STEP
 
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 
@@ -27,7 +27,7 @@ def integral(values):
 
 
 @pytest.mark.parametrize("leak", [0.0, 0.02])
-def test_the_oil_of_a_side_is_turned_squeezed_or_leaked(motor: Motor, leak: float) -> None:
+def test_the_oil_of_a_side_is_turned_squeezed_or_leaked(motor, leak):
     _, plant = motor(internal_leakage_l_min_bar=leak, external_leakage_a_l_min_bar=leak / 2)
     rows = run(plant, [0.3, 0.8, 0.8, -0.5, -0.5, 0.1])
     C = leak * LITRE_PER_MINUTE_BAR
@@ -43,7 +43,7 @@ def test_the_oil_of_a_side_is_turned_squeezed_or_leaked(motor: Motor, leak: floa
         assert leaked > 1e-3 * displaced
 
 
-def test_the_energy_of_the_ports_is_found_again(motor: Motor) -> None:
+def test_the_energy_of_the_ports_is_found_again(motor):
     config, plant = motor(
         coulomb_friction_n_m=4,
         static_friction_n_m=8,

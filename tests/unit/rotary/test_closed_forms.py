@@ -6,7 +6,7 @@ D = 1e-5 m³/rad, E = 1e9 Pa, V = 2e-4 m³ a side, J = 0.05 kg m², 60 l/min at 
 import math
 
 import pytest
-from support.motors import STEP, Motor
+from support.motors import STEP
 
 D, E, V, J = 1e-5, 1e9, 2e-4, 0.05
 RATED_FLOW, RATED_DROP, SUPPLY = 1e-3, 35e5, 210e5
@@ -17,7 +17,7 @@ ANGLE, SPEED, P_A, P_B, SPOOL, TORQUE, Q_A, Q_B = range(8)
 @pytest.mark.parametrize(
     ("load", "direction"), [(0.0, 1), (0.0, -1), (90.0, 1), (90.0, -1), (-60.0, 1)]
 )
-def test_top_speed_is_flow_by_displacement(motor: Motor, load: float, direction: int) -> None:
+def test_top_speed_is_flow_by_displacement(motor, load, direction):
     _, plant = motor(load_torque_n_m=load)
     seen = plant.drive(direction * OPEN, 60_000)
     # Both edges share P_S - M / D in equal parts.
@@ -29,7 +29,7 @@ def test_top_speed_is_flow_by_displacement(motor: Motor, load: float, direction:
     assert seen[TORQUE] == pytest.approx(load, abs=1e-4)
 
 
-def test_stalls_at_the_supply_pressure_by_displacement(motor: Motor) -> None:
+def test_stalls_at_the_supply_pressure_by_displacement(motor):
     # 210 bar · 1e-5 m³/rad = 210 N m
     _, pulling = motor(load_torque_n_m=209.0, viscous_friction_n_m_s=5.0)
     _, pulled = motor(load_torque_n_m=211.0, viscous_friction_n_m_s=5.0)
@@ -37,7 +37,7 @@ def test_stalls_at_the_supply_pressure_by_displacement(motor: Motor) -> None:
     assert pulled.drive(OPEN, 40_000)[SPEED] < -0.1
 
 
-def test_swings_on_the_oil_at_the_hydraulic_eigenfrequency(motor: Motor) -> None:
+def test_swings_on_the_oil_at_the_hydraulic_eigenfrequency(motor):
     # omega = D sqrt(2 E / (V J)) = 1e-5 sqrt(2e9 / 1e-5) = 141.4 rad/s, 22.5 Hz
     omega = D * math.sqrt(2.0 * E / (V * J))
     assert omega == pytest.approx(141.42, rel=1e-4)
@@ -57,14 +57,14 @@ def test_swings_on_the_oil_at_the_hydraulic_eigenfrequency(motor: Motor) -> None
     assert max(abs(plant.drive(0.0, 1)[SPEED]) for _ in range(1000)) > 0.99  # nothing damps it
 
 
-def test_swings_by_both_volumes(motor: Motor) -> None:
+def test_swings_by_both_volumes(motor):
     config, _ = motor(volume_b_cm3=50)
     facts = {fact.name: fact for fact in config.kind.summarise(config, 1000, 50)}
     # D sqrt(E (1 / V_A + 1 / V_B) / J) = 1e-5 sqrt(1e9 · 25e3 / 0.05) = 223.6 rad/s
     assert facts["eigenfrequency"].value == pytest.approx(223.607 / (2.0 * math.pi), rel=1e-5)
 
 
-def test_coasts_by_its_time_constant(motor: Motor) -> None:
+def test_coasts_by_its_time_constant(motor):
     """Without oil to hold it, the speed falls as exp(-t b / J): both lines cavitate to the tank."""
     _, plant = motor(load_viscous_n_m_s=0.5, supply_pressure_bar=1, cavitation_floor_bar=0)
     plant.go_to({"speed": 100.0, "P_A": 0.0, "P_B": 0.0})
@@ -73,7 +73,7 @@ def test_coasts_by_its_time_constant(motor: Motor) -> None:
     assert first == pytest.approx(100.0 * math.exp(-STEP * 0.5 / J), abs=2e-3)
 
 
-def test_efficiencies_hold_at_the_rated_point(motor: Motor) -> None:
+def test_efficiencies_hold_at_the_rated_point(motor):
     rated = {
         "coulomb_friction_n_m": None,
         "rated_speed_rpm": 600,
@@ -98,7 +98,7 @@ def test_efficiencies_hold_at_the_rated_point(motor: Motor) -> None:
     assert facts["  at the start"].value == pytest.approx(210.0 - 2.0 * lost, rel=1e-9)
 
 
-def test_holds_a_load_behind_the_closed_valve(motor: Motor) -> None:
+def test_holds_a_load_behind_the_closed_valve(motor):
     _, plant = motor(load_torque_n_m=300.0)  # more than the 210 N m that the supply could give
     start = plant.output
     assert start[P_A] - start[P_B] == pytest.approx(300e5)
@@ -108,7 +108,7 @@ def test_holds_a_load_behind_the_closed_valve(motor: Motor) -> None:
     assert seen[ANGLE] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_takes_a_torque_over_time(motor: Motor) -> None:
+def test_takes_a_torque_over_time(motor):
     """The shaft gives way by M V / (2 E D²) = 20 · 2e-4 / (2e9 · 1e-10) = 0.02 rad, as a spring."""
     _, plant = motor(load_series_s_n_m="[[0.1, 0.0], [5.0, 20.0]]", viscous_friction_n_m_s=2)
     assert plant.drive(0.0, 140_000)[ANGLE] == pytest.approx(-0.02, rel=1e-3)

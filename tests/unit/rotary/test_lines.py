@@ -1,10 +1,9 @@
 """A motor behind lines with waves, against what the wave equation says of it."""
 
 import math
-from pathlib import Path
 
 import pytest
-from support.motors import LOSSLESS, STEP, Motor, write_bench
+from support.motors import LOSSLESS, STEP, write_bench
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
@@ -22,13 +21,13 @@ SPEED, AT_A, AT_B = 1, 8, 9
 AREA = 0.25 * math.pi * 0.012**2
 
 
-def line(length: float) -> tuple[float, float]:
+def line(length):
     """Wave time in whole steps [s], and the impedance that keeps the compliance [Pa s/m³]."""
     time = round(length / math.sqrt(E / 850.0) / STEP) * STEP
     return time, time * E / (AREA * length)
 
 
-def test_swings_on_oil_and_lines(motor: Motor) -> None:
+def test_swings_on_oil_and_lines(motor):
     """J w² = D² (1 / (V / E + tan(w T) / (w Z))) of both ports, by halving."""
     low, high = 1.0, D * math.sqrt(2.0 * E / (V * J))
     for _ in range(60):
@@ -54,7 +53,7 @@ def test_swings_on_oil_and_lines(motor: Motor) -> None:
     )
 
 
-def test_a_valve_that_shuts_sends_a_surge(motor: Motor) -> None:
+def test_a_valve_that_shuts_sends_a_surge(motor):
     """dp = Z q within the time there and back (Joukowsky), less what the spool takes to shut."""
     _, plant = motor(**LINES, spool_natural_frequency_rad_s=20_000, frequency_90deg_hz=None)
     for _ in range(400):
@@ -65,7 +64,7 @@ def test_a_valve_that_shuts_sends_a_surge(motor: Motor) -> None:
     assert highest - before == pytest.approx(impedance * flow, rel=0.02)
 
 
-def test_the_pressures_at_the_valve_are_recorded(tmp_path: Path) -> None:
+def test_the_pressures_at_the_valve_are_recorded(tmp_path):
     only_b = {**LOSSLESS, **LINES, "line_a_length_m": None, "line_a_inner_mm": None}
     (axis,) = load_config(write_bench(tmp_path, only_b)).axes
     names = [each.name for each in axis.kind.outputs if each.is_recorded]
@@ -73,6 +72,6 @@ def test_the_pressures_at_the_valve_are_recorded(tmp_path: Path) -> None:
     assert "P_A_valve" not in names
 
 
-def test_waves_without_a_line_are_refused(tmp_path: Path) -> None:
+def test_waves_without_a_line_are_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"line_model: waves need a line; give line_a_length_m"):
         load_config(write_bench(tmp_path, {**LOSSLESS, "line_model": '"waves"'}))

@@ -1,8 +1,6 @@
 # ruff: noqa: E501 - one message a line
 """What a file says wrongly of a motor: one line each, with what would be right."""
 
-from pathlib import Path
-
 import pytest
 from support.motors import LOSSLESS, VALVE, write_bench
 
@@ -31,9 +29,7 @@ ENCODER = '[nodes.e]\nprofile = "{}"\nnode_id = 4\n'
         ({"kind": '"hydraulic_cylinder"', "bore_mm": 63}, "", "unknown key"),
     ],
 )  # fmt: skip
-def test_one_line_says_what_is_wrong(
-    tmp_path: Path, keys: dict[str, object], rest: str, message: str
-) -> None:
+def test_one_line_says_what_is_wrong(tmp_path, keys, rest, message):
     path = write_bench(tmp_path, LOSSLESS | keys, VALVE + rest)
     with pytest.raises(ConfigError) as caught:
         load_config(path)
@@ -41,14 +37,14 @@ def test_one_line_says_what_is_wrong(
     assert message in lines[0]
 
 
-def test_a_rotary_encoder_needs_a_shaft(tmp_path: Path) -> None:
+def test_a_rotary_encoder_needs_a_shaft(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(VALVE + ENCODER.format("rotary_encoder_406"))
     with pytest.raises(ConfigError, match="is a hydraulic_cylinder and has no angle"):
         load_config(path)
 
 
-def test_what_is_not_said_is_doubted(tmp_path: Path) -> None:
+def test_what_is_not_said_is_doubted(tmp_path):
     keys = {
         "kind": '"rotary"',
         "displacement_cm3_rev": 28,
@@ -63,7 +59,7 @@ def test_what_is_not_said_is_doubted(tmp_path: Path) -> None:
     ]
 
 
-def test_a_motor_of_litres_is_doubted(tmp_path: Path) -> None:
+def test_a_motor_of_litres_is_doubted(tmp_path):
     keys = {"displacement_cm3_rev": 62_000, "inertia_kg_m2": 1000}
     path = write_bench(tmp_path, LOSSLESS | keys)
     (doubt,) = find_doubts(load_config(path))

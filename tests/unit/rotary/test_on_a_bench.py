@@ -1,11 +1,10 @@
 """A motor on a bench: recorded, measured by a driver, loaded and broken from outside."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.motors import LOSSLESS, VALVE, Motor, write_bench
+from support.motors import LOSSLESS, VALVE, write_bench
 
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
@@ -21,7 +20,7 @@ node_id = 4
 ANGLE, SPEED, P_A, P_B = range(4)
 
 
-def test_a_driver_follows_the_angle_over_all_turns(tmp_path: Path) -> None:
+def test_a_driver_follows_the_angle_over_all_turns(tmp_path):
     """Wide open, the lossless motor turns at 1e-3 sqrt(105 / 35) / 1e-5 = 173.2 rad/s."""
     path = write_bench(tmp_path, LOSSLESS | {"angle_deg": -90}, NODES)
     config = load_config(path)
@@ -50,7 +49,7 @@ def test_a_driver_follows_the_angle_over_all_turns(tmp_path: Path) -> None:
         assert shaft.reading.unit == "rad"
 
 
-def test_goes_on_from_a_recorded_state(motor: Motor) -> None:
+def test_goes_on_from_a_recorded_state(motor):
     axis, plant = motor(viscous_friction_n_m_s=1.0)
     plant.drive(0.4e-3, 3000)
     names = [q.name for q in axis.kind.quantities if q.output is not None]
@@ -61,7 +60,7 @@ def test_goes_on_from_a_recorded_state(motor: Motor) -> None:
     assert np.allclose(one, other, rtol=1e-3)  # the spool's speed is not recorded
 
 
-def test_a_load_from_outside_and_a_lost_one(motor: Motor) -> None:
+def test_a_load_from_outside_and_a_lost_one(motor):
     _, plant = motor(load_torque_n_m=50.0)
     plant.influence("load", 100.0)
     # 50 + 100 N m of 210: sqrt((210 - 150) / 70) of the rated flow
@@ -73,7 +72,7 @@ def test_a_load_from_outside_and_a_lost_one(motor: Motor) -> None:
     assert plant.drive(1e-3, 60_000)[SPEED] == pytest.approx(100.0, rel=1e-5)
 
 
-def test_a_leak_takes_its_flow(motor: Motor) -> None:
+def test_a_leak_takes_its_flow(motor):
     """All that the valve lets through at 100 N m, less 0.1 l/min a bar past the rotor."""
     _, plant = motor(load_torque_n_m=100.0)
     sound = plant.drive(1e-3, 60_000)[SPEED]
@@ -83,7 +82,7 @@ def test_a_leak_takes_its_flow(motor: Motor) -> None:
     assert (sound - worn[SPEED]) * 1e-5 == pytest.approx(leak, rel=1e-4)
 
 
-def test_a_worn_friction_that_is_a_force_is_none_of_a_motor(motor: Motor) -> None:
+def test_a_worn_friction_that_is_a_force_is_none_of_a_motor(motor):
     axis, _ = motor()
     assert {each.name for each in axis.defects} == {
         "internal_leakage",

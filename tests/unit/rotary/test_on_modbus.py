@@ -1,7 +1,6 @@
 """A motor's bench on Modbus: the registers of its encoder, and a driver that reads them."""
 
 import math
-from pathlib import Path
 
 import pytest
 from support.modbus_side import CONTROL, ENABLE, ModbusSide
@@ -29,15 +28,15 @@ commands = true
 
 
 @pytest.fixture
-def make_side(tmp_path: Path):
-    def make(angle_deg: float) -> ModbusSide:
+def make_side(tmp_path):
+    def make(angle_deg):
         keys = LOSSLESS | {"angle_deg": angle_deg}
         return ModbusSide(load_config(write_bench(tmp_path, keys, NODES)))
 
     return make
 
 
-def shown(side: ModbusSide, *names: str) -> list[float]:
+def shown(side, *names):
     return [side.read(ENCODER, INPUTS, name) for name in names]
 
 
@@ -104,7 +103,7 @@ def test_a_speed_that_a_modbus_client_commands(make_side, direction):
     ]
 
 
-def test_a_driver_follows_the_angle_past_the_end_of_the_range(tmp_path: Path) -> None:
+def test_a_driver_follows_the_angle_past_the_end_of_the_range(tmp_path):
     path = write_bench(tmp_path, LOSSLESS | {"angle_deg": -90}, NODES)
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.005)

@@ -3,14 +3,12 @@
 import math
 import random
 
-import can
 import pytest
 from support.built_in_nodes import NODES
 from support.machine_life import BY_EVENT, SYNCHRONOUS, commanded_blindly, motion, whole_life
 
-from hil_bench.abilities.shadow.axis_twin import Window
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits, widening
-from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.configuration import load_config
 
 BUILT_IN = load_config()
 HORIZON = 0.2
@@ -25,13 +23,13 @@ SHEET_VALVE = NODES.replace("node_id = 1\n", "node_id = 1\nfull_opening_mm = 1.3
 def write_config(load_bench):
     """Return what loads a machine from the keys of its axis."""
 
-    def load(keys: str, more: str = "") -> BenchConfig:
+    def load(keys, more=""):
         return load_bench(f"[plant.axis1]\n{keys}\n{SHEET_VALVE}{more}")
 
     return load
 
 
-def follow(frames: list[can.Message], config: BenchConfig = BUILT_IN) -> Shadow:
+def follow(frames, config=BUILT_IN):
     shadow = Shadow(config, horizon=HORIZON)
     for message in frames:
         shadow.take(message)
@@ -39,7 +37,7 @@ def follow(frames: list[can.Message], config: BenchConfig = BUILT_IN) -> Shadow:
     return shadow
 
 
-def exceeded(windows: list[Window], config: BenchConfig = BUILT_IN) -> set[str]:
+def exceeded(windows, config=BUILT_IN):
     """Return the quantities that were too much in one of the windows."""
     limits = fit_limits(config)["axis1"]
     return {
@@ -50,7 +48,7 @@ def exceeded(windows: list[Window], config: BenchConfig = BUILT_IN) -> set[str]:
     }
 
 
-def test_the_noise_of_a_sensor_widens_the_limit_of_its_quantity_alone() -> None:
+def test_the_noise_of_a_sensor_widens_the_limit_of_its_quantity_alone():
     # Three standard deviations of 2 bar beside the model's own residual: they are independent.
     nodes = {"valve": {"profile": "valve_408", "node_id": 1}}
     nodes["pressure"] = {"profile": "pressure_404", "node_id": 2, "source": "P_B"}
@@ -61,7 +59,7 @@ def test_the_noise_of_a_sensor_widens_the_limit_of_its_quantity_alone() -> None:
     assert noisy == quiet
 
 
-def check_that_it_is_followed(pdos, begin: float) -> None:
+def check_that_it_is_followed(pdos, begin):
     frames = whole_life(pdos).part(begin, LISTENED)
     shadow = follow(frames)
     missing = shadow.axes["axis1"].missing(shadow.now)

@@ -18,7 +18,7 @@ def nodes():
     return bench.nodes
 
 
-def frame(text: str) -> can.Message:
+def frame(text):
     """Return a frame from text as cansend takes it."""
     identifier, data = text.split("#")
     return can.Message(

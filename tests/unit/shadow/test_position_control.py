@@ -1,12 +1,11 @@
 """A valve that controls the position of its axis itself (CiA 408, control mode 9), and its twin."""
 
-import can
 import pytest
 from support.built_in_nodes import NODES
 
 from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.twin import Shadow
-from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import ControlMode, Network, ProportionalValve
 
@@ -28,7 +27,7 @@ WITH_INTEGRAL = f'{MODE_9}\n"0x2600.02" = 300'
 def load(tmp_path):
     """Return what loads the machine with objects of its valve."""
 
-    def load(objects: str = "") -> BenchConfig:
+    def load(objects=""):
         path = tmp_path / "machine.toml"
         valve = f"node_id = 1\n{CONTROLLED}{objects}\n"
         path.write_text(MACHINE + NODES.replace("node_id = 1\n", valve), encoding="utf-8")
@@ -37,7 +36,7 @@ def load(tmp_path):
     return load
 
 
-def life(config: BenchConfig, *, sticks: bool = False) -> list[can.Message]:
+def life(config, *, sticks=False):
     """Return the frames of a machine whose controller gives axis positions alone."""
     with VirtualBench(config) as machine, Network(machine.bus, clock=machine.now) as network:
         for node in config.nodes:
@@ -59,7 +58,7 @@ def life(config: BenchConfig, *, sticks: bool = False) -> list[can.Message]:
         return [message_of(logged) for logged in machine.frames]
 
 
-def follow(frames: list[can.Message], config: BenchConfig, begin: float = 0.0) -> Shadow:
+def follow(frames, config, begin=0.0):
     shadow = Shadow(config, horizon=0.2)
     for message in frames:
         if message.timestamp >= begin:
@@ -68,11 +67,11 @@ def follow(frames: list[can.Message], config: BenchConfig, begin: float = 0.0) -
     return shadow
 
 
-def worst(shadow: Shadow, quantity: str) -> float:
+def worst(shadow, quantity):
     return max(window.residuals[quantity].rms for window in shadow.windows)
 
 
-def setpoints(frames: list[can.Message]) -> list[float]:
+def setpoints(frames):
     """Return when a master wrote 0x6600.01, from the SDO downloads of four bytes."""
     return [
         each.timestamp

@@ -9,7 +9,7 @@ PDO = 0x184
 SYNC_PERIOD = 0.01
 
 
-def frame(identifier: int) -> can.Message:
+def frame(identifier):
     return can.Message(arbitration_id=identifier, is_extended_id=False)
 
 

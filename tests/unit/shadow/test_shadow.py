@@ -4,9 +4,8 @@ import can
 import pytest
 
 from hil_bench.abilities.recording.frames import message_of
-from hil_bench.abilities.shadow.axis_twin import Window
 from hil_bench.abilities.shadow.twin import Shadow
-from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import (
@@ -22,9 +21,7 @@ from hil_drivers import Network, PositionSensor, ProportionalValve
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke
 
 
-def machine_frames(
-    config: BenchConfig, *, fault: str = "", is_synchronous: bool = False
-) -> list[can.Message]:
+def machine_frames(config, *, fault="", is_synchronous=False):
     """Return the frames of a machine whose valve a controller moves to and fro."""
     with VirtualBench(config) as machine, Network(machine.bus, clock=machine.now) as network:
         machine.pump = network.pump
@@ -47,7 +44,7 @@ def machine_frames(
         return [message_of(logged) for logged in machine.frames]
 
 
-def follow(frames: list[can.Message], config: BenchConfig) -> list[Window]:
+def follow(frames, config):
     shadow = Shadow(config, horizon=0.25)
     for message in frames:
         shadow.take(message)
@@ -55,12 +52,12 @@ def follow(frames: list[can.Message], config: BenchConfig) -> list[Window]:
     return list(shadow.windows)
 
 
-def worst(windows: list[Window], quantity: str) -> float:
+def worst(windows, quantity):
     return max(window.residuals[quantity].rms for window in windows)
 
 
 @pytest.mark.long
-def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
+def test_the_twin_of_a_sound_machine_stays_beside_it():
     config = load_config()
     windows = follow(machine_frames(config), config)
 
@@ -76,7 +73,7 @@ def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
     assert worst(windows, "P_B") < 1e5
 
 
-def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(load_bench) -> None:
+def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(load_bench):
     windows = follow(machine_frames(load_bench("[bench]\ntick_us = 700\n")), load_config())
 
     # In the first window the piston runs at 0.1 m/s, which is 0.1 mm in a tick of the twin; in the
@@ -85,7 +82,7 @@ def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(load_b
     assert worst(windows, "position") < 0.2e-3
 
 
-def test_a_synchronous_value_is_of_the_time_of_its_sync() -> None:
+def test_a_synchronous_value_is_of_the_time_of_its_sync():
     config = load_config()
     frames = machine_frames(config, is_synchronous=True)
     for message in frames:
@@ -98,14 +95,14 @@ def test_a_synchronous_value_is_of_the_time_of_its_sync() -> None:
     assert worst(windows, "position") < 0.05e-3
 
 
-def test_faults_of_the_virtual_machine_are_not_the_twins(load_bench) -> None:
+def test_faults_of_the_virtual_machine_are_not_the_twins(load_bench):
     faulty = load_bench('[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.9\n')
     windows = follow(machine_frames(faulty), faulty)
 
     assert worst(windows, "spool_position") > 0.3
 
 
-def test_a_sticking_spool_shows_in_the_spool_and_in_the_motion() -> None:
+def test_a_sticking_spool_shows_in_the_spool_and_in_the_motion():
     config = load_config()
     windows = follow(machine_frames(config, fault="stick"), config)
 
@@ -117,7 +114,7 @@ def test_a_sticking_spool_shows_in_the_spool_and_in_the_motion() -> None:
     assert worst(late, "position") > 5e-3
 
 
-def test_a_leak_shows_in_the_motion_under_load(load_bench) -> None:
+def test_a_leak_shows_in_the_motion_under_load(load_bench):
     loaded = "[plant.axis1]\nload_n = 20000\n"
     sound = load_bench(loaded)
     leaking = load_bench(loaded + "internal_leakage_l_min_bar = 0.05\n")
@@ -130,7 +127,7 @@ def test_a_leak_shows_in_the_motion_under_load(load_bench) -> None:
     assert 0.7e-3 < worst(windows, "position") < 2e-3
 
 
-def test_frames_of_others_and_silence_do_no_harm() -> None:
+def test_frames_of_others_and_silence_do_no_harm():
     config = load_config()
     frames = machine_frames(config)
     garbage = [
@@ -152,13 +149,13 @@ def test_frames_of_others_and_silence_do_no_harm() -> None:
     assert worst(list(shadow.windows), "position") < 0.5e-3
 
 
-def test_without_sensors_there_is_nothing_to_compare() -> None:
+def test_without_sensors_there_is_nothing_to_compare():
     config = load_config()
     frames = [m for m in machine_frames(config) if m.arbitration_id != 0x182]
     assert follow(frames, config) == []
 
 
-def test_samples_are_what_was_measured_beside_the_twin() -> None:
+def test_samples_are_what_was_measured_beside_the_twin():
     config = load_config()
     shadow = Shadow(config, horizon=0.25)
     for message in machine_frames(config):
@@ -172,7 +169,7 @@ def test_samples_are_what_was_measured_beside_the_twin() -> None:
 
 
 @pytest.mark.parametrize("solver", Solver)
-def test_a_restarted_plant_is_a_new_one_in_that_state(solver: Solver) -> None:
+def test_a_restarted_plant_is_a_new_one_in_that_state(solver):
     parameters = paper_parameters()
     state = PlantState(0.05, 0.1, 6e6, 4e6, 4e-4, 0.0)
     for model in (FullOrderPlant, ReducedOrderPlant):
@@ -186,7 +183,7 @@ def test_a_restarted_plant_is_a_new_one_in_that_state(solver: Solver) -> None:
             plant.restart(state._replace(x=0.3))
 
 
-def _fields(message: can.Message) -> dict[str, object]:
+def _fields(message):
     return {
         "arbitration_id": message.arbitration_id,
         "is_extended_id": message.is_extended_id,

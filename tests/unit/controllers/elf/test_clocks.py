@@ -51,16 +51,14 @@ from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
         ("L4", {0x0C: 1 | 40 << 8, 0x08: 3}, 80_000_000, (80_000_000, 80_000_000)),
     ],
 )
-def test_the_clock_tree(
-    family: str, writes: dict[int, int], core: int, timers: tuple[int, int]
-) -> None:
+def test_the_clock_tree(family, writes, core, timers):
     clocks = Clocks(getattr(trees, family), 8_000_000)
     for offset, value in writes.items():
         clocks.store(offset, value)
     assert (clocks.core(), (clocks.timer(1), clocks.timer(2))) == (core, timers)
 
 
-def test_the_prescalers_divide_as_their_codes_say() -> None:
+def test_the_prescalers_divide_as_their_codes_say():
     """HPRE and PPRE of the manuals; the timers have twice the clock of a bus that is divided."""
     by_8 = {8: 2, 9: 4, 10: 8, 11: 16, 12: 64, 13: 128, 14: 256, 15: 512}
     by_4 = {4: 2, 5: 4, 6: 8, 7: 16}
@@ -84,7 +82,7 @@ def test_the_prescalers_divide_as_their_codes_say() -> None:
                 assert clocks.timer(bus) == whole // divider * (1 + (divider > 1))
 
 
-def test_msi_has_the_ranges_of_the_manual() -> None:
+def test_msi_has_the_ranges_of_the_manual():
     clocks = Clocks(trees.L4, 8_000_000)
     kilohertz = []
     for number in range(12):
@@ -112,9 +110,7 @@ def test_msi_has_the_ranges_of_the_manual() -> None:
         *((name, at, ((0, 1),)) for name in ("G4", "L4") for at in (0x90, 0x94, 0x98)),
     ],
 )
-def test_each_oscillator_has_its_ready_bit(
-    family: str, register: int, pairs: tuple[tuple[int, int], ...]
-) -> None:
+def test_each_oscillator_has_its_ready_bit(family, register, pairs):
     clocks = Clocks(getattr(trees, family), 8_000_000)
     every = sum(1 << bit for pair in pairs for bit in pair)
     for enable, ready in pairs:
@@ -133,9 +129,7 @@ def test_each_oscillator_has_its_ready_bit(
         ("L4", {0x00: 0x63, 0x08: 0, 0x0C: 0x1000}, 0x94, 23, 32_000),
     ],
 )
-def test_a_reset_leaves_its_values_and_its_cause(
-    family: str, reset: dict[int, int], causes: int, forget: int, hertz: int
-) -> None:
+def test_a_reset_leaves_its_values_and_its_cause(family, reset, causes, forget, hertz):
     """Reset values, flags of CSR (SFTRSTF 28, IWDGRSTF 29, the pin's 26), RMVF, and LSI."""
     clocks = Clocks(getattr(trees, family), 8_000_000)
     assert {offset: clocks.load(offset) for offset in reset} == reset
@@ -149,7 +143,7 @@ def test_a_reset_leaves_its_values_and_its_cause(
         assert clocks.load(causes) == 1 << forget
 
 
-def test_ready_bits_follow_their_enables() -> None:
+def test_ready_bits_follow_their_enables():
     clocks = Clocks(trees.F4, 8_000_000)
     clocks.store(0x00, clocks.load(0x00) | 1 << 16 | 1 << 24)
     assert clocks.load(0x00) >> 16 & 0x303 == 0x303

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from pathlib import Path
 
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_example, build_for_chip
@@ -40,7 +39,7 @@ needs_compiler = pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
         ("", "chip: missing"),
     ],
 )
-def test_a_wrong_table_is_said_in_a_line(tmp_path: Path, table: str, line: str) -> None:
+def test_a_wrong_table_is_said_in_a_line(tmp_path, table, line):
     file = tmp_path / "bench.toml"
     file.write_text(f'[controllers.axis]\nkind = "elf"\nprogram = "axis.elf"\n{table}\n')
     with pytest.raises(ConfigError) as raised:
@@ -49,20 +48,20 @@ def test_a_wrong_table_is_said_in_a_line(tmp_path: Path, table: str, line: str) 
     assert str(raised.value).startswith(f"{file}:controllers.axis")
 
 
-def test_a_missing_simulator_is_named_with_its_extra() -> None:
+def test_a_missing_simulator_is_named_with_its_extra():
     with pytest.raises(ConfigError, match=r"pip install 'hil-bench\[elf\]'"):
         require_extra("no_such_package", "this", "elf")
     assert elf_kind.KIND.name == "elf"
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built(tmp_path_factory):
     """The example for both chips, and for the host as a library."""
     folder = tmp_path_factory.mktemp("built")
     return build_example(folder, *(f"{name}.elf" for name in CHIPS), "libposition_control.so")
 
 
-def drive(folder: Path, name: str, seconds: float) -> tuple[list[Frame], list[float]]:
+def drive(folder, name, seconds):
     """Return what the example has sent, on its chip or the host, and where the piston was."""
     file = folder / f"{name}.toml"
     table = f'kind = "elf"\nprogram = "{name}.elf"\nchip = "{CHIPS.get(name)}"\n'
@@ -82,7 +81,7 @@ def drive(folder: Path, name: str, seconds: float) -> tuple[list[Frame], list[fl
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["stm32f4", pytest.param("stm32g4", marks=pytest.mark.long)])
-def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
+def test_the_example_drives_from_its_chip(built, name):
     frames, positions = drive(built, name, 1.6)
     # Its targets are 50 and -20 mm, its own limit of error at rest is 0.1 mm.
     assert min(abs(position - 0.050) for position in positions) < 1e-4
@@ -93,7 +92,7 @@ def test_the_example_drives_from_its_chip(built: Path, name: str) -> None:
 
 
 @needs_compiler
-def test_jitter_is_drawn_from_the_seed(built: Path) -> None:
+def test_jitter_is_drawn_from_the_seed(built):
     """The chip answers a SYNC's TPDOs when they come: the same times with the same seed alone."""
     job = Job(built / "stm32f4.elf", "STM32F407", 20_000, 8_000_000, (1,), (0,))
     jobs = [job, *(job._replace(jitter_ns=400_000, seed=seed) for seed in ("1", "1", "2"))]
@@ -102,7 +101,7 @@ def test_jitter_is_drawn_from_the_seed(built: Path) -> None:
     assert len({*map(tuple, (still, first, other))}) == 3
 
 
-def boot_times(job: Job) -> list[int]:
+def boot_times(job):
     """When a chip sends in its first 20 ms; two nodes say each millisecond that they boot."""
     machine, sent = Machine(job), list[TimedFrame]()
     for now in range(MS, 20 * MS, MS):
@@ -113,7 +112,7 @@ def boot_times(job: Job) -> list[int]:
 
 
 @needs_compiler
-def test_the_chips_send_the_words_of_the_host(built: Path) -> None:
+def test_the_chips_send_the_words_of_the_host(built):
     """SDO and NMT, whose content does not hang on when a frame came."""
     words = []
     for name in (HOST, *CHIPS):
@@ -127,7 +126,7 @@ def test_the_chips_send_the_words_of_the_host(built: Path) -> None:
 
 @needs_compiler
 @pytest.mark.long
-def test_power_off_and_on_begins_anew(built: Path) -> None:
+def test_power_off_and_on_begins_anew(built):
     file = built / "power.scenario.toml"
     (built / "power.toml").write_text("[bench]\ntick_us = 250\n")
     file.write_text("""
@@ -154,7 +153,7 @@ that = "always from 0.3 s to 0.6 s axis1.position > 35 mm"
 
 
 @needs_compiler
-def test_a_killed_simulator_is_a_line_and_leaves_no_process(built: Path) -> None:
+def test_a_killed_simulator_is_a_line_and_leaves_no_process(built):
     job = Job(built / "stm32f4.elf", "STM32F407", 20_000, 8_000_000, (1,), (0,))
     controller = ElfController(job, MS)
     pid = controller._process.pid
@@ -171,9 +170,7 @@ def test_a_killed_simulator_is_a_line_and_leaves_no_process(built: Path) -> None
 
 
 @needs_compiler
-def test_what_it_prints_is_logged_and_a_fault_has_its_registers(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_it_prints_is_logged_and_a_fault_has_its_registers(tmp_path, caplog):
     source = 'void program(void) { say("hello"); R32(0x90000000) = 1; rest(); }'
     job = Job(build_for_chip(source, tmp_path), "STM32F407", 20_000, 8_000_000, (1,), (0,))
     controller = ElfController(job, MS)

@@ -10,7 +10,7 @@ from hil_bench.canopen_device.frame import Frame
 LONG = Frame(0x12365678, is_extended=True)
 
 
-def fdcan() -> tuple[Core, Wire, Fdcan, list[int]]:
+def fdcan():
     core = Core()
     wire = Wire(core, 0, 1000)
     ram = [0] * (0x350 // 4)
@@ -18,7 +18,7 @@ def fdcan() -> tuple[Core, Wire, Fdcan, list[int]]:
     return core, wire, can, ram
 
 
-def test_fdcan_behind_power_on_and_in_initialisation() -> None:
+def test_fdcan_behind_power_on_and_in_initialisation():
     """The reset values of RM0440; CCE falls with INIT, CSR is answered by CSA and INIT."""
     core, wire, can, ram = fdcan()
     reset = {0x00: 0x32141218, 0x04: 0x87654321, 0x0C: 0xA33, 0x18: 1, 0x1C: 0x06000A03}
@@ -45,7 +45,7 @@ def test_fdcan_behind_power_on_and_in_initialisation() -> None:
 
 @pytest.mark.parametrize(("group", "flag"), [(0, 0), (1, 3), (2, 8), (3, 9)])
 @pytest.mark.parametrize("others", [False, True])
-def test_each_group_of_fdcan_has_its_line(group: int, flag: int, *, others: bool) -> None:
+def test_each_group_of_fdcan_has_its_line(group, flag, *, others):
     """ILS: the FIFOs, 2 transmission (TC, TCF), 3 the list of events with TFE (RM0440).
 
     Where the others alone are on the second line, it is on the first.
@@ -68,7 +68,7 @@ def test_each_group_of_fdcan_has_its_line(group: int, flag: int, *, others: bool
     "frame",
     [Frame(0x7FF, b"\x81\x02\x03\x04\x05\x06\x07\x88"), LONG, Frame(5, is_remote=True)],
 )
-def test_fdcan_sends_a_frame_as_its_buffer_has_it(frame: Frame) -> None:
+def test_fdcan_sends_a_frame_as_its_buffer_has_it(frame):
     core, wire, can, ram = fdcan()
     can.store(0x18, 0)
     identifier = frame.can_id | 1 << 30 if frame.is_extended else frame.can_id << 18
@@ -81,7 +81,7 @@ def test_fdcan_sends_a_frame_as_its_buffer_has_it(frame: Frame) -> None:
     assert [sent for _, sent in wire.sent] == [frame]
 
 
-def test_fdcan_sorts_into_its_fifos_by_its_list() -> None:
+def test_fdcan_sorts_into_its_fifos_by_its_list():
     core, wire, can, ram = fdcan()
     ram[0] = 1 << 27 | 0x180 << 16 | 0x1FF  # a range into FIFO 0
     ram[1] = 2 << 30 | 2 << 27 | 0x700 << 16 | 0x780  # a mask into FIFO 1
@@ -130,9 +130,7 @@ NEAR = LONG._replace(can_id=0x12365600)
         (0, 0, 0, 0x1FFFFFFF, {LONG: None}),
     ],
 )
-def test_fdcan_filters_of_each_kind_and_action(
-    kind: int, action: int, first: int, second: int, found: dict[Frame, int | None]
-) -> None:
+def test_fdcan_filters_of_each_kind_and_action(kind, action, first, second, found):
     """The second of two elements; what fits none, and remote frames, are not wanted."""
     for frame, fifo in found.items():
         core, wire, can, ram = fdcan()
@@ -153,7 +151,7 @@ def test_fdcan_filters_of_each_kind_and_action(
 
 
 @pytest.mark.parametrize("fifo", [0, 1])
-def test_fdcan_takes_what_fits_no_filter_where_it_is_to(fifo: int) -> None:
+def test_fdcan_takes_what_fits_no_filter_where_it_is_to(fifo):
     core, wire, can, ram = fdcan()
     can.store(0x80, fifo << 4 | (1 - fifo) << 2)  # ANFS, ANFE
     can.store(0x18, 0)
@@ -166,9 +164,7 @@ def test_fdcan_takes_what_fits_no_filter_where_it_is_to(fifo: int) -> None:
 
 @pytest.mark.parametrize("fifo", [0, 1])
 @pytest.mark.parametrize(("overwrites", "kept"), [(False, [1, 2, 3]), (True, [2, 3, 4])])
-def test_a_full_fifo_of_fdcan_loses_its_last_or_its_first(
-    fifo: int, *, overwrites: bool, kept: list[int]
-) -> None:
+def test_a_full_fifo_of_fdcan_loses_its_last_or_its_first(fifo, *, overwrites, kept):
     """F0OM and F1OM; RFxN, RFxF and RFxL of IR (RM0440)."""
     core, wire, can, ram = fdcan()
     state, release, at = ((0x90, 0x94, 0xB0), (0x98, 0x9C, 0x188))[fifo]
@@ -187,7 +183,7 @@ def test_a_full_fifo_of_fdcan_loses_its_last_or_its_first(
     assert got == kept
 
 
-def test_fdcan_sends_a_queue_by_identifier_and_takes_back_what_waits() -> None:
+def test_fdcan_sends_a_queue_by_identifier_and_takes_back_what_waits():
     core, wire, can, ram = fdcan()
     can.store(0xC0, 1 << 24)  # TFQM
     can.store(0x18, 0)
@@ -207,7 +203,7 @@ def test_fdcan_sends_a_queue_by_identifier_and_takes_back_what_waits() -> None:
     assert [frame.can_id for _, frame in wire.sent[2:]] == [0x200, 0x300]
 
 
-def test_fdcan_keeps_events_of_the_frames_that_ask_for_it() -> None:
+def test_fdcan_keeps_events_of_the_frames_that_ask_for_it():
     core, _, can, ram = fdcan()
     can.store(0x18, 0)
     # IR: TFE; TEFN, with the third TEFF, too; a fourth is lost, TEFL. TXEFS: fill, put, full.
@@ -232,7 +228,7 @@ def test_fdcan_keeps_events_of_the_frames_that_ask_for_it() -> None:
     assert can.load(0xE4) == 1 | 2 << 8
 
 
-def test_fdcan_sends_in_order_and_says_so() -> None:
+def test_fdcan_sends_in_order_and_says_so():
     core, wire, can, ram = fdcan()
     can.store(0x54, 1 << 9)
     can.store(0x5C, 1)

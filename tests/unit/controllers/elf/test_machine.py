@@ -5,7 +5,6 @@ follow from the clocks that the programs leave as they are behind reset (16 MHz 
 """
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_for_chip
@@ -30,10 +29,8 @@ Make = Callable[..., Machine]
 
 
 @pytest.fixture
-def make(tmp_path: Path) -> Make:
-    def build(
-        source: str, chip: str = "STM32F407", per_ms: int = 20_000, bit_ns: int = 0
-    ) -> Machine:
+def make(tmp_path):
+    def build(source, chip="STM32F407", per_ms=20000, bit_ns=0):
         core = {"F0": "cortex-m0", "F1": "cortex-m3"}.get(chip[5:7], "cortex-m4")
         path = build_for_chip(source, tmp_path, core)
         return Machine(Job(path, chip, per_ms, 8_000_000, (1,), (bit_ns,)))
@@ -41,7 +38,7 @@ def make(tmp_path: Path) -> Make:
     return build
 
 
-def lines(machine: Machine, until: int = MS) -> list[str]:
+def lines(machine, until=MS):
     machine.advance(until, ())
     return machine.take_text().splitlines()
 
@@ -56,7 +53,7 @@ void program(void)
 """
 
 
-def test_only_a_more_urgent_interrupt_preempts(make: Make) -> None:
+def test_only_a_more_urgent_interrupt_preempts(make):
     assert lines(make(NESTING)) == ["low", "high", "low on", "same", "program"]
 
 
@@ -77,12 +74,12 @@ void program(void)
 """
 
 
-def test_masks_hold_interrupts_back(make: Make) -> None:
+def test_masks_hold_interrupts_back(make):
     said = ["masked", "high", "low", "high", "half masked", "low", "open"]
     assert lines(make(MASKS)) == said
 
 
-def test_an_interrupt_wakes_a_masked_sleeper_and_waits(make: Make) -> None:
+def test_an_interrupt_wakes_a_masked_sleeper_and_waits(make):
     said = lines(
         make("""
 #define SYSTICK tick
@@ -99,7 +96,7 @@ void program(void)
     assert said == ["awake", "tick"]
 
 
-def test_wfe_sleeps_again_once_its_event_is_used_up(make: Make) -> None:
+def test_wfe_sleeps_again_once_its_event_is_used_up(make):
     machine = make("""
 #define SYSTICK tick
 static void tick(void) { }
@@ -142,11 +139,11 @@ void program(void)
 """
 
 
-def test_a_call_chains_into_pendsv_and_keeps_floats_and_stack(make: Make) -> None:
+def test_a_call_chains_into_pendsv_and_keeps_floats_and_stack(make):
     assert lines(make(SWITCH)) == ["svc", "pendsv", "float kept", "on its own stack"]
 
 
-def test_systick_counts_the_clock_behind_reset(make: Make) -> None:
+def test_systick_counts_the_clock_behind_reset(make):
     machine = make("""
 #define SYSTICK tick
 static void tick(void) { say("tick"); }
@@ -156,7 +153,7 @@ void program(void) { R32(0xE000E014) = 15999; R32(0xE000E018) = 0; R32(0xE000E01
     assert lines(machine, 10 * MS + MS // 2) == ["tick"] * 10
 
 
-def test_a_timer_tells_of_compare_and_update(make: Make) -> None:
+def test_a_timer_tells_of_compare_and_update(make):
     machine = make("""
 #define INTERRUPTS [16 + 28] = timer
 static void timer(void)
@@ -178,7 +175,7 @@ void program(void)
     assert lines(machine, 3 * MS) == ["update", "compare", "update", "compare"]
 
 
-def test_a_timer_is_read_while_it_counts_and_while_it_stands(make: Make) -> None:
+def test_a_timer_is_read_while_it_counts_and_while_it_stands(make):
     machine = make("""
 #define SYSTICK tick
 #define COUNT 0x40000024
@@ -205,7 +202,7 @@ void program(void)
     assert lines(machine, 7 * MS + MS // 2) == ["right"] * 7
 
 
-def test_a_bit_band_reaches_memory_and_registers(make: Make) -> None:
+def test_a_bit_band_reaches_memory_and_registers(make):
     said = lines(
         make("""
 static volatile uint32_t word = 0;
@@ -244,7 +241,7 @@ void program(void)
 """
 
 
-def test_a_frame_that_a_filter_wants_is_answered(make: Make) -> None:
+def test_a_frame_that_a_filter_wants_is_answered(make):
     machine = make(ECHO)
     machine.advance(MS, ())
     wanted = TimedFrame(MS, Frame(0x123, b"\x05\x00"))
@@ -254,7 +251,7 @@ def test_a_frame_that_a_filter_wants_is_answered(make: Make) -> None:
     assert MS < sent[0].time <= 2 * MS
 
 
-def test_a_bus_with_a_bit_rate_takes_time(make: Make) -> None:
+def test_a_bus_with_a_bit_rate_takes_time(make):
     machine = make(ECHO, bit_ns=2000)
     machine.advance(MS, ())
     assert machine.advance(MS + 200_000, (TimedFrame(MS, Frame(0x123, b"\x05\x00")),)) == []
@@ -263,7 +260,7 @@ def test_a_bus_with_a_bit_rate_takes_time(make: Make) -> None:
     assert MS + 252_000 <= sent.time < MS + 262_000
 
 
-def test_the_same_life_has_the_same_bytes(make: Make) -> None:
+def test_the_same_life_has_the_same_bytes(make):
     lives = []
     for _ in range(2):
         machine = make(ECHO)
@@ -275,7 +272,7 @@ def test_the_same_life_has_the_same_bytes(make: Make) -> None:
     assert lives[0] == lives[1] != []
 
 
-def test_power_off_forgets_memory(make: Make) -> None:
+def test_power_off_forgets_memory(make):
     machine = make("""
 static volatile uint32_t word;
 void program(void)
@@ -286,7 +283,7 @@ void program(void)
     assert lines(machine, 6 * MS) == ["fresh"]
 
 
-def test_a_reset_by_the_program_keeps_memory(make: Make) -> None:
+def test_a_reset_by_the_program_keeps_memory(make):
     machine = make("""
 static volatile uint32_t word;
 void program(void)
@@ -318,7 +315,7 @@ void program(void)
 """
 
 
-def test_a_watchdog_that_is_not_fed_resets_the_chip(make: Make) -> None:
+def test_a_watchdog_that_is_not_fed_resets_the_chip(make):
     machine = make(WATCHED.format(turns=10_000))
     said = lines(machine, 29 * MS)
     # 40 counts of 8 / 32 kHz are 10 ms. It is fed thrice, some 3 ms apart, and then no more.
@@ -329,14 +326,14 @@ def test_a_watchdog_that_is_not_fed_resets_the_chip(make: Make) -> None:
     assert 0.016 < time_s < 0.022
 
 
-def test_a_watchdog_with_a_window_is_not_fed_early(make: Make) -> None:
+def test_a_watchdog_with_a_window_is_not_fed_early(make):
     # Open from 9 counts of 0.25 ms on; 1,000 turns of some instructions are less.
     first, bite, *_ = lines(make(WATCHED.format(turns=1000)))
     assert first == "fresh"
     assert bite.endswith("the watchdog resets it: it was fed too early")
 
 
-def test_a_peripheral_without_a_model_is_named_once(make: Make) -> None:
+def test_a_peripheral_without_a_model_is_named_once(make):
     machine = make(
         "void program(void) { R32(0x40005400) = 5; R32(0x40005404) = R32(0x40005400); rest(); }"
     )
@@ -359,7 +356,7 @@ def test_a_peripheral_without_a_model_is_named_once(make: Make) -> None:
         ),
     ],
 )
-def test_a_fault_names_function_and_reason(make: Make, body: str, what: str) -> None:
+def test_a_fault_names_function_and_reason(make, body, what):
     machine = make(f"""
 #define INTERRUPTS [16 + 5] = rest
 static __attribute__((noinline)) void faulty(void) {{ allow(5, 0); {body} __asm volatile(""); }}
@@ -375,7 +372,7 @@ void program(void) {{ faulty(); rest(); }}
     assert "PC=" in machine.take_text()
 
 
-def test_a_division_by_zero_gives_zero_as_on_the_core(make: Make) -> None:
+def test_a_division_by_zero_gives_zero_as_on_the_core(make):
     said = lines(
         make("""
 static volatile int zero = 0;
@@ -399,14 +396,14 @@ void program(void)
 
 
 @pytest.mark.parametrize("type_", ["int", "unsigned"])
-def test_a_division_by_zero_is_a_trap_where_the_program_asks_for_it(make: Make, type_: str) -> None:
+def test_a_division_by_zero_is_a_trap_where_the_program_asks_for_it(make, type_):
     machine = make(DIVIDE.format(type=type_, again=""))
     with pytest.raises(ControllerError, match=r"^hard fault in divide.*: a division by zero \("):
         machine.advance(MS, ())
     assert machine.take_text().splitlines()[:2] == ["before", "trapped from here"]
 
 
-def test_a_trap_that_is_switched_off_again_is_none(make: Make) -> None:
+def test_a_trap_that_is_switched_off_again_is_none(make):
     source = DIVIDE.format(type="int", again="R32(0xE000ED14) &= ~0x10u;")
     assert lines(make(source)) == ["before", "trapped from here", "zero"]
 
@@ -448,9 +445,7 @@ F4, F1, F0 = "STM32F407", "STM32F103", "STM32F042"
         (F0, 0, BYTE, False),
     ],
 )
-def test_an_access_that_is_not_aligned_is_a_fault(
-    make: Make, chip: str, trap: int, body: str, *, is_fault: bool
-) -> None:
+def test_an_access_that_is_not_aligned_is_a_fault(make, chip, trap, body, *, is_fault):
     machine = make(UNALIGNED.format(body=body.format(), trap=trap), chip)
     if is_fault:
         with pytest.raises(
@@ -463,7 +458,7 @@ def test_an_access_that_is_not_aligned_is_a_fault(
 
 
 @pytest.mark.parametrize("chip", ["STM32F042", "STM32F103"])
-def test_other_cores_run(make: Make, chip: str) -> None:
+def test_other_cores_run(make, chip):
     data = 0x40004428 if chip == "STM32F042" else 0x40004404
     machine = make(
         f"""
@@ -477,13 +472,13 @@ void program(void) {{ R32(0xE000E014) = 7999; R32(0xE000E018) = 0; R32(0xE000E01
     assert lines(machine, 3 * MS + MS // 2) == ["x"] * 3
 
 
-def test_a_program_that_never_waits_costs_its_budget_only(make: Make) -> None:
+def test_a_program_that_never_waits_costs_its_budget_only(make):
     machine = make("static volatile int n; void program(void) { for (;;) n++; }", per_ms=2000)
     machine.advance(5 * MS, ())
     assert machine.wake is None
 
 
-def test_what_a_program_does_takes_its_instructions(make: Make) -> None:
+def test_what_a_program_does_takes_its_instructions(make):
     machine = make(
         """
 #define INTERRUPTS [16 + 5] = rest
@@ -506,7 +501,7 @@ void program(void)
     assert lines(machine) == ["in time"]
 
 
-def test_a_sleeper_says_when_it_wakes(make: Make) -> None:
+def test_a_sleeper_says_when_it_wakes(make):
     machine = make("""
 #define SYSTICK rest
 void program(void) { R32(0xE000E014) = 159999; R32(0xE000E018) = 0; R32(0xE000E010) = 7; rest(); }
@@ -516,16 +511,14 @@ void program(void) { R32(0xE000E014) = 159999; R32(0xE000E018) = 0; R32(0xE000E0
     assert 10 * MS <= machine.wake < 10 * MS + 10_000
 
 
-def test_without_a_compiler_the_calls_are_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_compiler_the_calls_are_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(ConfigError, match=r'^kind "elf": there is no C compiler \(cc\); install'):
         compiled_calls()
 
 
-def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr() -> None:
+def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr():
     cpu = Cpu("Cortex-M4F", Exceptions(4, 8), 1000, {})
     system = SystemControl(cpu, 0, lambda: 0)
     system.store(0xD0C, 0x1234_0304)

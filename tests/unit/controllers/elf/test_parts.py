@@ -35,7 +35,7 @@ OWN = range(14)
 BX_CAN, BX_CAN_2 = [19, 20, 21, 22], [63, 64, 65, 66]
 
 
-def test_a_wide_mask_and_a_list_of_narrow_ones() -> None:
+def test_a_wide_mask_and_a_list_of_narrow_ones():
     filters = Filters()
     filters.store(0x20C, 0b01)  # bank 0 wide
     filters.store(0x204, 0b10)  # bank 1 a list, narrow
@@ -94,15 +94,7 @@ LONG = Frame(0x12365678, is_extended=True)  # its first 11 bits are 0x48D, the n
         ),
     ],
 )
-def test_a_bank_of_each_width_and_kind(
-    *,
-    is_wide: bool,
-    is_list: bool,
-    first: int,
-    second: int,
-    wanted: dict[Frame, int],
-    unwanted: tuple[Frame, ...],
-) -> None:
+def test_a_bank_of_each_width_and_kind(*, is_wide, is_list, first, second, wanted, unwanted):
     filters = Filters()
     for offset, value in (
         (0x204, is_list << 9),
@@ -122,7 +114,7 @@ def test_a_bank_of_each_width_and_kind(
     assert not any(filters.match(frame, OWN) for frame in unwanted)
 
 
-def test_of_two_filters_the_wider_and_then_the_list_wins() -> None:
+def test_of_two_filters_the_wider_and_then_the_list_wins():
     filters = Filters()
     filters.store(0x20C, 0b110)  # banks 1 and 2 wide
     filters.store(0x204, 0b100)  # bank 2 a list
@@ -136,7 +128,7 @@ def test_of_two_filters_the_wider_and_then_the_list_wins() -> None:
     assert filters.match(Frame(0x124), OWN) == (0, 2)
 
 
-def bxcan(bit_ns: int) -> tuple[Core, Wire, BxCan]:
+def bxcan(bit_ns):
     core = Core()
     wire = Wire(core, 0, bit_ns)
     can = BxCan(core, wire, (19, 20, 21, 22), Filters())
@@ -145,7 +137,7 @@ def bxcan(bit_ns: int) -> tuple[Core, Wire, BxCan]:
     return core, wire, can
 
 
-def test_bxcan_behind_power_on_and_in_initialisation() -> None:
+def test_bxcan_behind_power_on_and_in_initialisation():
     """The reset values of RM0090; MSR answers INRQ and SLEEP, BTR needs INAK."""
     core = Core()
     can = BxCan(core, Wire(core, 0, 1000), (19, 20, 21, 22), Filters())
@@ -170,7 +162,7 @@ def test_bxcan_behind_power_on_and_in_initialisation() -> None:
         Frame(5, is_remote=True),
     ],
 )
-def test_a_frame_looped_back_comes_as_it_was_sent(frame: Frame) -> None:
+def test_a_frame_looped_back_comes_as_it_was_sent(frame):
     """LBKM: no bus, but the registers of mailbox 2 and of FIFO 0, as RM0090 has them."""
     core, wire, can = bxcan(1000)
     for offset, value in ((0x00, 1), (0x1C, 1 << 30), (0x00, 0)):
@@ -191,7 +183,7 @@ def test_a_frame_looped_back_comes_as_it_was_sent(frame: Frame) -> None:
 
 
 @pytest.mark.parametrize(("control", "kept"), [(0, [1, 2, 4]), (8, [1, 2, 3])])
-def test_a_full_fifo_loses_a_frame_on_copper(control: int, kept: list[int]) -> None:
+def test_a_full_fifo_loses_a_frame_on_copper(control, kept):
     core, wire, can = bxcan(1000)
     can.store(0x00, control)  # RFLM: the FIFO keeps what it has
     wire.bring([Frame(number) for number in (1, 2, 3, 4)])
@@ -206,9 +198,7 @@ def test_a_full_fifo_loses_a_frame_on_copper(control: int, kept: list[int]) -> N
 
 @pytest.mark.parametrize(("enable", "frames"), [(2, 1), (4, 3), (8, 4)])
 @pytest.mark.parametrize("fifo", [0, 1])
-def test_a_fifo_interrupts_for_a_frame_a_full_fifo_and_an_overrun(
-    enable: int, frames: int, fifo: int
-) -> None:
+def test_a_fifo_interrupts_for_a_frame_a_full_fifo_and_an_overrun(enable, frames, fifo):
     """FMPIE, FFIE and FOVIE of each FIFO by itself (RM0090, CAN_IER)."""
     core, wire, can = bxcan(1000)
     can.store(0x214, fifo)
@@ -223,7 +213,7 @@ def test_a_fifo_interrupts_for_a_frame_a_full_fifo_and_an_overrun(
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_a_waiting_frame_can_be_taken_back(number: int) -> None:
+def test_a_waiting_frame_can_be_taken_back(number):
     """ABRQ of its mailbox: RQCP without TXOK, and the mailbox is empty (RM0090, CAN_TSR)."""
     core, wire, can = bxcan(1000)
     for mailbox in range(3):
@@ -240,7 +230,7 @@ def test_a_waiting_frame_can_be_taken_back(number: int) -> None:
     assert sent == [0x100 + mailbox for mailbox in range(3) if mailbox != number]
 
 
-def test_a_full_fifo_holds_frames_back_on_a_bus_without_time() -> None:
+def test_a_full_fifo_holds_frames_back_on_a_bus_without_time():
     core, wire, can = bxcan(0)
     wire.bring([Frame(number) for number in range(1, 6)])
     core.run(1_000_000)
@@ -253,7 +243,7 @@ def test_a_full_fifo_holds_frames_back_on_a_bus_without_time() -> None:
     assert not can.load(0x0C) & 16
 
 
-def test_frames_of_a_bus_without_time_come_as_the_shortest_do_on_a_wire() -> None:
+def test_frames_of_a_bus_without_time_come_as_the_shortest_do_on_a_wire():
     core, wire, _ = bxcan(0)
     times = []
     wire.receive = lambda _: bool(times.append(core.time) or True)
@@ -262,7 +252,7 @@ def test_frames_of_a_bus_without_time_come_as_the_shortest_do_on_a_wire() -> Non
     assert times == [0, 50_000, 100_000]  # 47 bits at 1 Mbit/s, rounded up
 
 
-def test_a_timer_counts_to_its_compare_and_its_end() -> None:
+def test_a_timer_counts_to_its_compare_and_its_end():
     core = Core()
     timer = Timer(core, 28, lambda: 8_000_000)
     for offset, value in (
@@ -287,7 +277,7 @@ def test_a_timer_counts_to_its_compare_and_its_end() -> None:
     assert (timer.load(0x10), timer.load(0x24)) == (0, 0)
 
 
-def test_a_timer_of_one_pulse_stands_before_it_and_behind_it() -> None:
+def test_a_timer_of_one_pulse_stands_before_it_and_behind_it():
     core = Core()
     timer = Timer(core, 28, lambda: 8_000_000)
     for offset, value in ((0x28, 7), (0x2C, 299), (0x14, 1), (0x10, 0)):
@@ -303,7 +293,7 @@ def test_a_timer_of_one_pulse_stands_before_it_and_behind_it() -> None:
         assert (timer.read(0x24, 4), timer.load(0)) == (0, 8)
 
 
-def test_a_timer_loses_no_time_while_its_compare_is_written() -> None:
+def test_a_timer_loses_no_time_while_its_compare_is_written():
     core = Core()
     timer = Timer(core, 28, lambda: 8_000_000, width=32)
     for offset, value in ((0x28, 7), (0x14, 1), (0, 1)):
@@ -315,7 +305,7 @@ def test_a_timer_loses_no_time_while_its_compare_is_written() -> None:
     assert timer.load(0x24) == 700
 
 
-def test_the_count_that_a_core_reads_by_itself_is_that_of_the_timer() -> None:
+def test_the_count_that_a_core_reads_by_itself_is_that_of_the_timer():
     """Whatever a program does to it: start and stop, UG with and without UDIS, ARR, OPM, clocks."""
     core, draw = Core(), random.Random(29)  # noqa: S311 - the same at each run is meant
     clock = [8_000_000]
@@ -342,7 +332,7 @@ def test_the_count_that_a_core_reads_by_itself_is_that_of_the_timer() -> None:
     assert len(seen) == 4
 
 
-def test_the_least_identifier_goes_first_unless_in_order_of_request() -> None:
+def test_the_least_identifier_goes_first_unless_in_order_of_request():
     for control, order in ((0, [0x300, 0x100, 0x200]), (4, [0x300, 0x200, 0x100])):
         core, wire, can = bxcan(1000)
         can.store(0x00, control)
@@ -355,7 +345,7 @@ def test_the_least_identifier_goes_first_unless_in_order_of_request() -> None:
         assert core.lines[19]
 
 
-def test_the_lesser_identifier_wins_the_bus() -> None:
+def test_the_lesser_identifier_wins_the_bus():
     core, wire, can = bxcan(1000)
     wire.bring([Frame(0x400), Frame(0x080)])
     can.store(0x180, 0x200 << 21 | 1)
@@ -364,7 +354,7 @@ def test_the_lesser_identifier_wins_the_bus() -> None:
     assert [time for time, _ in wire.sent] == [141_000]
 
 
-def test_frames_come_later_by_what_is_drawn() -> None:
+def test_frames_come_later_by_what_is_drawn():
     """On a bus that takes no time: 20 us, then 50 us behind it and 30 us; then 40 us anew."""
     core, came = Core(), []
     delays = iter((20_000, 30_000, 40_000))
@@ -377,7 +367,7 @@ def test_frames_come_later_by_what_is_drawn() -> None:
     assert came == [(20_000, 1), (100_000, 2), (1_040_000, 3)]
 
 
-def test_extended_frames_take_longer_and_lose_to_base_frames() -> None:
+def test_extended_frames_take_longer_and_lose_to_base_frames():
     """ISO 11898-1: 20 bits more; of the same first 11 bits the base frame wins."""
     wire = Wire(Core(), 0, 1000)
     frames = (Frame(1), Frame(1, bytes(8)), LONG, LONG._replace(data=b"\0"))
@@ -395,7 +385,7 @@ def test_extended_frames_take_longer_and_lose_to_base_frames() -> None:
     assert sorted([*order[4:], *order[:4]], key=rank) == order
 
 
-def test_reset_nmi_and_hard_fault_have_fixed_priorities() -> None:
+def test_reset_nmi_and_hard_fault_have_fixed_priorities():
     """-3 to -1, above all that can be set (Armv7-M ARM, table B1-4)."""
     exceptions = Exceptions(4, 8)
     for number in (NMI, HARD_FAULT):
@@ -417,7 +407,7 @@ def test_reset_nmi_and_hard_fault_have_fixed_priorities() -> None:
     assert exceptions.priority == THREAD_PRIORITY == 256
 
 
-def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:
+def test_priorities_have_the_bits_of_the_chip_and_a_point():
     exceptions = Exceptions(4, 8)
     exceptions.set_priority(16, 0x5F)
     exceptions.set_priority(17, 0x40)
@@ -435,7 +425,7 @@ def test_priorities_have_the_bits_of_the_chip_and_a_point() -> None:
     assert exceptions.find_due(THREAD_PRIORITY) == PENDSV
 
 
-def test_an_active_line_comes_again_when_its_exception_is_over() -> None:
+def test_an_active_line_comes_again_when_its_exception_is_over():
     exceptions = Exceptions(4, 8)
     exceptions.enabled |= 1 << 18
     exceptions.hold_line(18, is_active=True)
@@ -449,7 +439,7 @@ def test_an_active_line_comes_again_when_its_exception_is_over() -> None:
     assert exceptions.find_due(THREAD_PRIORITY) == 0
 
 
-def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
+def test_each_chip_has_its_family_and_no_two_things_at_one_address():
     assert find_chip("stm32f407vgt6") is CHIPS["STM32F407"]
     assert find_chip("LPC1768") is None
     assert find_chip("STM32F4077") is None
@@ -498,9 +488,7 @@ def test_each_chip_has_its_family_and_no_two_things_at_one_address() -> None:
         ),
     ],
 )
-def test_each_peripheral_has_the_interrupt_of_the_manual(
-    chip: str, can: list[int], uarts: list[int], timers: list[int]
-) -> None:
+def test_each_peripheral_has_the_interrupt_of_the_manual(chip, can, uarts, timers):
     family = CHIPS[chip].family
     assert sorted({number for each in family.can for number in each.interrupts}) == can
     assert [interrupt for _, interrupt in family.uarts.values()] == uarts
@@ -514,7 +502,7 @@ def test_each_peripheral_has_the_interrupt_of_the_manual(
         assert all(timer.bus == 1 + (timer.address >= 0x4001_0000) for timer in family.timers)
 
 
-def test_each_chip_has_the_memory_of_its_data_sheet() -> None:
+def test_each_chip_has_the_memory_of_its_data_sheet():
     """RAM, and beside it what is coupled to the core, of the largest with each name [KiB]."""
     sizes = {name: [memory.size / 1024 for memory in chip.memory] for name, chip in CHIPS.items()}
     assert sizes == {
@@ -541,7 +529,7 @@ def test_each_chip_has_the_memory_of_its_data_sheet() -> None:
         ]
 
 
-def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4, count: int = 1) -> bytes:
+def elf(machine=40, kind=2, what=1, size=4, count=1):
     """Return an ELF file of the same segment of four bytes, once or more."""
     head = struct.pack(
         "<4sBBB9xHHIIIIIHHHHHH",
@@ -552,7 +540,7 @@ def elf(machine: int = 40, kind: int = 2, what: int = 1, size: int = 4, count: i
     return head + segment * count + b"abcd" + b"e" * (size if count > 1 else 0)
 
 
-def with_symbols(data: bytes, names: list[bytes]) -> bytes:
+def with_symbols(data, names):
     """Return the file with functions of these names, each two bytes, from 0x08000000 on."""
     text, entries = b"\0", b"\0" * 16
     for place, name in enumerate(names):
@@ -580,7 +568,7 @@ def with_symbols(data: bytes, names: list[bytes]) -> bytes:
         (elf(count=2, size=200), "is a damaged ELF file"),  # flashes its bytes twice
     ],
 )
-def test_a_file_that_is_no_program_for_a_chip(tmp_path: Path, data: bytes, why: str) -> None:
+def test_a_file_that_is_no_program_for_a_chip(tmp_path, data, why):
     path = tmp_path / "program.elf"
     path.write_bytes(data)
     right = "give the .elf file that the linker for the chip made"
@@ -589,12 +577,12 @@ def test_a_file_that_is_no_program_for_a_chip(tmp_path: Path, data: bytes, why: 
     assert str(raised.value) == f"{path}: {why}; {right}"
 
 
-def test_a_program_of_this_machine_is_none_for_a_chip() -> None:
+def test_a_program_of_this_machine_is_none_for_a_chip():
     with pytest.raises(ConfigError, match="another size of word or order of bytes"):
         read_program(Path(sys.executable))
 
 
-def test_a_right_file_is_read(tmp_path: Path) -> None:
+def test_a_right_file_is_read(tmp_path):
     path = tmp_path / "program.elf"
     path.write_bytes(elf())
     program = read_program(path)
@@ -602,7 +590,7 @@ def test_a_right_file_is_read(tmp_path: Path) -> None:
     assert program.function_at(0x08000000) == "0x08000000"
 
 
-def test_a_name_is_one_line_of_letters(tmp_path: Path) -> None:
+def test_a_name_is_one_line_of_letters(tmp_path):
     path = tmp_path / "program.elf"
     path.write_bytes(with_symbols(elf(), [b"main", b"a\nb\x1b[1m", b"x" * 1000]))
     program = read_program(path)
@@ -610,14 +598,14 @@ def test_a_name_is_one_line_of_letters(tmp_path: Path) -> None:
     assert program.function_at(0x08000003) == "a?b?[1m+0x1"
 
 
-def test_long_tables_of_symbols_are_read_in_no_time(tmp_path: Path) -> None:
+def test_long_tables_of_symbols_are_read_in_no_time(tmp_path):
     """In a file of 1.6 MB with a copy of the rest for each name this would be 16 GB."""
     path = tmp_path / "program.elf"
     path.write_bytes(with_symbols(elf(), [b"%060d" % number for number in range(20_000)]))
     assert len(read_program(path).names) == 20_000
 
 
-def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+def test_what_is_no_file_is_not_waited_for(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     for path, why in (

@@ -5,9 +5,7 @@ the host's run on the bench is taken down, and each chip is answered by cause: w
 sent behind the host's n-th frame comes behind the chip's n-th.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -38,13 +36,13 @@ class Passed(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built(tmp_path_factory):
     names = ("stm32f4.elf", "stm32g4.elf", "libposition_control.so")
     return build_example(tmp_path_factory.mktemp("built"), *names)
 
 
 @pytest.fixture(scope="module")
-def passed(built: Path) -> list[Passed]:
+def passed(built):
     """The frames of the host's build on the bench in their order, but for its heartbeats."""
     settings = {"targets_mm": "50,-20"}
     library = str(built / "libposition_control.so")
@@ -52,7 +50,7 @@ def passed(built: Path) -> list[Passed]:
     tables = {"bench": {"tick_us": TICK // 1000}, "controllers": {"axis": controller}}
     found: list[Passed] = []
 
-    def keep(received: tuple[Frame, ...], sent: tuple[Frame, ...], _now: int) -> None:
+    def keep(received, sent, _now):
         found.extend(Passed(each, is_controllers=True) for each in received if not is_beat(each))
         found.extend(Passed(each, is_controllers=False) for each in sent)
 
@@ -62,11 +60,11 @@ def passed(built: Path) -> list[Passed]:
     return found
 
 
-def is_beat(frame: Frame) -> bool:
+def is_beat(frame):
     return frame.can_id == HEARTBEAT
 
 
-def answers(passed: list[Passed]) -> Iterator[tuple[Frame | None, list[Frame]]]:
+def answers(passed):
     """Yield each frame of the controller, and what came behind it; first what came before."""
     at: tuple[Frame | None, list[Frame]] = None, []
     for frame, is_controllers in passed:
@@ -79,9 +77,7 @@ def answers(passed: list[Passed]) -> Iterator[tuple[Frame | None, list[Frame]]]:
 
 
 @pytest.mark.parametrize(("name", "chip"), [("stm32f4", "STM32F407"), ("stm32g4", "STM32G431")])
-def test_a_chip_sends_what_the_host_sends(
-    built: Path, passed: list[Passed], name: str, chip: str
-) -> None:
+def test_a_chip_sends_what_the_host_sends(built, passed, name, chip):
     machine = Machine(Job(built / f"{name}.elf", chip, 20_000, 8_000_000, (1,), (0,)))
     expected = list(answers(passed))
     assert sum(1 for frame, _ in expected if frame and frame.can_id == SYNC) > 600

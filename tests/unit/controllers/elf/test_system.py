@@ -13,40 +13,38 @@ CPUID = 0x410FC241
 class SystemCore(Core):
     """A core without instructions, with exceptions."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.exceptions = Exceptions(4, INTERRUPTS)
         self.vectors = 0
         self.sleeps_on_exit = self.wants_reset = False
         self.traps: dict[str, bool] = {}
 
-    def look(self) -> None:
+    def look(self):
         pass
 
-    def ask_for_reset(self) -> None:
+    def ask_for_reset(self):
         self.wants_reset = True
 
-    def trap_divisions(self, *, is_on: bool) -> None:
+    def trap_divisions(self, *, is_on):
         self.traps["divisions"] = is_on
 
-    def trap_unaligned(self, *, is_on: bool) -> None:
+    def trap_unaligned(self, *, is_on):
         self.traps["unaligned"] = is_on
 
 
 @pytest.fixture
-def core() -> SystemCore:
+def core():
     return SystemCore()
 
 
 @pytest.fixture
-def system(core: SystemCore) -> SystemControl:
+def system(core):
     return SystemControl(core, CPUID, lambda: 1_000_000)
 
 
 @pytest.mark.parametrize("interrupt", [0, 31, 32, 35, 79])
-def test_each_interrupt_has_its_bit(
-    system: SystemControl, core: SystemCore, interrupt: int
-) -> None:
+def test_each_interrupt_has_its_bit(system, core, interrupt):
     """ISER and ICER, ISPR and ICPR, IABR: 32 interrupts a register."""
     at, bit = interrupt // 32 * 4, 1 << interrupt % 32
     for kind, on, off in (("enabled", 0x100, 0x180), ("pending", 0x200, 0x280)):
@@ -66,9 +64,7 @@ def test_each_interrupt_has_its_bit(
     assert core.lines == {16 + interrupt: True}
 
 
-def test_an_active_line_stays_pending_and_no_interrupt_is_beyond_the_last(
-    system: SystemControl, core: SystemCore
-) -> None:
+def test_an_active_line_stays_pending_and_no_interrupt_is_beyond_the_last(system, core):
     core.exceptions.hold_line(16 + 3, is_active=True)
     system.store(0x280, 1 << 3)
     assert core.exceptions.pending == 1 << 16 + 3
@@ -76,7 +72,7 @@ def test_an_active_line_stays_pending_and_no_interrupt_is_beyond_the_last(
     assert core.exceptions.enabled >> 16 == 0xFFFF << 64
 
 
-def test_priorities_have_a_byte_each(system: SystemControl, core: SystemCore) -> None:
+def test_priorities_have_a_byte_each(system, core):
     """IPR from 0x400; SHPR1 to 3 from 0xD18: exceptions 4 to 15. Four bits are there."""
     system.store(0x400 + 36, 0x9F_80_1F_30)
     assert [core.exceptions.priorities[16 + 36 + place] for place in range(4)] == [
@@ -94,7 +90,7 @@ def test_priorities_have_a_byte_each(system: SystemControl, core: SystemCore) ->
     assert system.load(0xD20) == 0xF0E00000
 
 
-def test_icsr_sets_clears_and_shows(system: SystemControl, core: SystemCore) -> None:
+def test_icsr_sets_clears_and_shows(system, core):
     exceptions = core.exceptions
     system.store(0xD04, 1 << 31 | 1 << 28 | 1 << 26)
     assert exceptions.pending == 1 << NMI | 1 << PENDSV | 1 << SYSTICK
@@ -112,7 +108,7 @@ def test_icsr_sets_clears_and_shows(system: SystemControl, core: SystemCore) -> 
     assert not core.wants_reset
 
 
-def test_what_scb_says_and_keeps(system: SystemControl, core: SystemCore) -> None:
+def test_what_scb_says_and_keeps(system, core):
     assert system.load(0x04) == 2  # ICTR: 80 interrupts are three groups of 32, less one
     assert (system.load(0xD00), system.load(0x1C)) == (CPUID, 1 << 31)
     assert (system.load(0xD14), system.load(0xD0C)) == (0x200, 0xFA050000)
@@ -135,9 +131,7 @@ def test_what_scb_says_and_keeps(system: SystemControl, core: SystemCore) -> Non
 
 
 @pytest.mark.parametrize(("control", "period"), [(7, 1_000_000), (3, 8_000_000)])
-def test_systick_counts_down_at_its_clock(
-    system: SystemControl, core: SystemCore, control: int, period: int
-) -> None:
+def test_systick_counts_down_at_its_clock(system, core, control, period):
     """Bit 2 chooses the core's clock, here 1 MHz, or an eighth of it."""
     system.store(0x14, 999)
     system.store(0x10, control)
@@ -165,9 +159,7 @@ def test_systick_counts_down_at_its_clock(
     assert (core.lines, system.load(0x18), system.load(0x10)) == ({}, 0, 0)
 
 
-def test_systick_counts_without_its_exception_and_stands_at_zero(
-    system: SystemControl, core: SystemCore
-) -> None:
+def test_systick_counts_without_its_exception_and_stands_at_zero(system, core):
     system.store(0x14, 0xFF00_0009)
     assert system.load(0x14) == 9
     system.store(0x10, 5)

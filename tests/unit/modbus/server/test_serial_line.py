@@ -24,18 +24,20 @@ def config(port="pty"):
     return SerialConfig(port, 19200, Parity.EVEN, 1)
 
 
-def on_line(rig, scenario):
-    async def run():
-        line = SerialLine(config(), rig.server)
-        client = os.open(line.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        tty.setraw(client)
-        try:
-            return await scenario(client, line)
-        finally:
-            line.close()
-            os.close(client)
+@pytest.fixture
+async def line(rig):
+    line = SerialLine(config(), rig.server)
+    yield line
+    line.close()
 
-    return asyncio.run(run())
+
+@pytest.fixture
+async def client(line):
+    """The other end of the line."""
+    client = os.open(line.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    tty.setraw(client)
+    yield client
+    os.close(client)
 
 
 async def receive(client, size):
@@ -49,26 +51,22 @@ async def receive(client, size):
     return data
 
 
-def test_a_request_is_answered(rig):
-    async def scenario(client, _line):
-        os.write(client, framed(READ))
-        return await receive(client, 9)
-
-    assert on_line(rig, scenario) == framed(ANSWER)
+@pytest.mark.anyio
+async def test_a_request_is_answered(client):
+    os.write(client, framed(READ))
+    assert await receive(client, 9) == framed(ANSWER)
 
 
-def test_silence_ends_a_request_that_lost_bytes(rig):
-    async def scenario(client, line):
-        whole = framed(bytes.fromhex("01 10 0000 0002 04 00010002"))
-        os.write(client, whole[:-3])
-        while not line._session._buffer:
-            await asyncio.sleep(0)
-        while line._session._buffer:
-            await asyncio.sleep(0)
-        os.write(client, framed(READ))
-        return await receive(client, 9)
-
-    assert on_line(rig, scenario) == framed(ANSWER)
+@pytest.mark.anyio
+async def test_silence_ends_a_request_that_lost_bytes(client, line):
+    whole = framed(bytes.fromhex("01 10 0000 0002 04 00010002"))
+    os.write(client, whole[:-3])
+    while not line._session._buffer:
+        await asyncio.sleep(0)
+    while line._session._buffer:
+        await asyncio.sleep(0)
+    os.write(client, framed(READ))
+    assert await receive(client, 9) == framed(ANSWER)
 
 
 def test_a_port_that_is_not_there_is_a_line(tmp_path):
@@ -94,51 +92,42 @@ def test_a_port_has_the_settings_of_its_table_and_waits_for_nothing(
         os.close(theirs)
 
 
-def test_a_port_is_opened_as_configured(rig):
+@pytest.mark.anyio
+async def test_a_port_is_opened_as_configured(rig):
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     os.set_blocking(ours, False)
-    name = os.ttyname(theirs)
-
-    async def run():
-        line = SerialLine(config(name), rig.server)
-        assert line.name == name
-        os.write(ours, framed(READ))
-        answer = await receive(ours, 9)
-        line.close()
-        return answer
-
+    line = SerialLine(config(os.ttyname(theirs)), rig.server)
     try:
-        assert asyncio.run(run()) == framed(ANSWER)
+        assert line.name == os.ttyname(theirs)
+        os.write(ours, framed(READ))
+        assert await receive(ours, 9) == framed(ANSWER)
     finally:
+        line.close()
         os.close(ours)
         os.close(theirs)
 
 
-def test_a_port_that_is_lost_is_tried_again(rig, monkeypatch, tmp_path):
+@pytest.mark.anyio
+async def test_a_port_that_is_lost_is_tried_again(rig, monkeypatch, tmp_path):
     monkeypatch.setattr(serial_line, "RETRY", 0.0)
+    link = tmp_path / "port"
     ours, theirs = os.openpty()
-    name = os.ttyname(theirs)
+    link.symlink_to(os.ttyname(theirs))
     os.close(theirs)
-
-    async def run(link):
-        link.symlink_to(name)
-        line = SerialLine(config(str(link)), rig.server)
-        os.close(ours)  # the adapter is pulled out
-        link.unlink()
-        while line._device is not None:
-            await asyncio.sleep(0)
-        again, its_end = os.openpty()
-        tty.setraw(its_end)
-        os.set_blocking(again, False)
-        link.symlink_to(os.ttyname(its_end))
-        while line._device is None:
-            await asyncio.sleep(0)
-        os.write(again, framed(READ))
-        answer = await receive(again, 9)
-        line.close()
-        os.close(again)
-        os.close(its_end)
-        return answer
-
-    assert asyncio.run(run(tmp_path / "port")) == framed(ANSWER)
+    line = SerialLine(config(str(link)), rig.server)
+    os.close(ours)  # the adapter is pulled out
+    link.unlink()
+    while line._device is not None:
+        await asyncio.sleep(0)
+    again, its_end = os.openpty()
+    tty.setraw(its_end)
+    os.set_blocking(again, False)
+    link.symlink_to(os.ttyname(its_end))
+    while line._device is None:
+        await asyncio.sleep(0)
+    os.write(again, framed(READ))
+    assert await receive(again, 9) == framed(ANSWER)
+    line.close()
+    os.close(again)
+    os.close(its_end)

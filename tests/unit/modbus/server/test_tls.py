@@ -191,7 +191,7 @@ def test_files_that_do_not_fit_are_told(tmp_path, authority, server_files):
     certificate, key = server_files
     other_key = authority.sign("other").key
 
-    def config(**change: Path) -> TlsConfig:
+    def config(**change):
         files = {"certificate": certificate, "key": key, "client_ca": authority.ca}
         return TlsConfig(**{**files, **change}, writer_role="operator")
 

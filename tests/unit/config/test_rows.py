@@ -17,7 +17,7 @@ PLANTS = ROOT / "hil_bench" / "plants"
 TABLES = {
     PLANTS / "hydraulic_cylinder" / "parameters.tsv": "configuration.md",
     PLANTS / "rotary" / "parameters.tsv": "rotary.md",
-    ROOT / "hil_bench" / "kinds" / "chain.tsv": "configuration.md",
+    ROOT / "hil_bench" / "devices" / "kinds" / "chain.tsv": "configuration.md",
     ROOT / "hil_bench" / "abilities" / "commissioning" / "plan.tsv": "commissioning.md",
 }
 """With the document that explains their keys."""

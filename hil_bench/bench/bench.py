@@ -65,6 +65,10 @@ class Event(Protocol):
         """True if it began."""
 
     @property
+    def verb(self) -> str:
+        """The event itself, as "begins"."""
+
+    @property
     def content(self) -> Mapping[str, object]:
         """The event for programs, without its time."""
 

@@ -179,11 +179,10 @@ class SetPlant:
         Raises:
             ConfigError: it is not a number, or out of range.
         """
-        _, unit, low, high = influence
+        low, high = influence.low, influence.high
         if not (isinstance(self.value, (int, float)) and low <= self.value <= high):
-            raise ConfigError(
-                f"{self.axis}.{self.quantity} = {self.value!r}: give {low:g} to {high:g} {unit}"
-            )
+            right = f"give {low:g} to {high:g} {influence.unit}"
+            raise ConfigError(f"{self.axis}.{self.quantity} = {self.value!r}: {right}")
         return float(self.value)
 
 

@@ -9,7 +9,7 @@ from hil_bench.outside.recording.channels import Span
 
 def event_text(event: Event) -> str:
     """Return an event in words, as in "freeze pressure_a begins"."""
-    return f"{event.name} {'begins' if event.is_begin else 'ends'}"
+    return f"{event.name} {event.verb}"
 
 
 def event_content(event: Event) -> dict[str, object]:

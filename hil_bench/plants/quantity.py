@@ -52,12 +52,14 @@ class Influence(NamedTuple):
         unit: symbol of its SI unit.
         low: the least value [SI].
         high: the largest.
+        usual: the value where nothing acts [SI]; the highest, where it varies.
     """
 
     name: str
     unit: str
     low: float
     high: float
+    usual: float = 0.0
 
 
 SUPPLY = "supply_pressure"

@@ -1,7 +1,7 @@
 """The runs of a campaign, in one order: cases, then points, then seeds."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -64,13 +64,13 @@ class Plan:
 
     def __len__(self) -> int:
         campaign = self.campaign
-        points = sum(
+        return sum(
             distributions.size_of_sample(
                 list(self._varied(group).values()), campaign.sampler, campaign.runs, campaign.levels
             )
+            * len(self._seeds(group, 0))
             for group in self.groups
         )
-        return points * max(len(campaign.seeds), 1)
 
     def __iter__(self) -> Iterator[RunSpec]:
         for group in self.groups:
@@ -87,9 +87,14 @@ class Plan:
             levels=campaign.levels,
         )
         for number, point in enumerate(points):
-            seeds = (number,) if campaign.seed_each else campaign.seeds or (None,)
-            for seed in seeds:
+            for seed in self._seeds(group, number):
                 yield make_spec(group.case, point, group.space, seed, campaign.timeout)
+
+    def _seeds(self, group: Group, point: int) -> Sequence[int | None]:
+        """Return the seeds of a point; the only one of a case without a range has `runs`."""
+        if not self.campaign.seed_each:
+            return self.campaign.seeds or (None,)
+        return (point,) if self._varied(group) else range(self.campaign.runs)
 
     def _varied(self, group: Group) -> Space:
         return {**group.space, **self.campaign.tolerances}
@@ -106,7 +111,8 @@ class Plan:
         for path, scenario in scenarios.items():
             space = space_of(scenario, drawn, campaign.path)
             varied = [*space.values(), *campaign.tolerances.values()]
-            if not campaign.seeds and all(len({*each.bounds}) == 1 for each in varied):
+            has_seeds = campaign.seeds or campaign.seed_each
+            if not has_seeds and all(len({*each.bounds}) == 1 for each in varied):
                 raise ConfigError(no_range(scenario))
             for bench, controller in _variants(campaign, scenario):
                 changed = replace(scenario, bench=_absolute(bench or scenario.bench_path))

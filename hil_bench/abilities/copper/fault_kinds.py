@@ -4,7 +4,7 @@ from hil_bench.abilities.faults.checks import FaultDirection, bounded, choose, i
 from hil_bench.abilities.faults.effects import Acts
 from hil_bench.abilities.faults.fault import Effect
 from hil_bench.abilities.faults.kind import CAN_ID, DIRECTION, Site, fault_kind
-from hil_bench.abilities.faults.line import disturbance
+from hil_bench.abilities.faults.line import BitErrors
 from hil_bench.abilities.faults.line_kinds import SHARE
 from hil_bench.abilities.faults.points import WIRED
 
@@ -24,7 +24,7 @@ def bit_error(
     bounded("share", share, low=0.0, high=1.0)
     point = node.point(WIRED)
     chosen = choose("direction", FaultDirection, direction)
-    rule = disturbance(share, identifier(can_id), node.stream())
+    rule = BitErrors(share, identifier(can_id), node.stream())
     sides = [
         side
         for side, each in ((True, FaultDirection.SENT), (False, FaultDirection.RECEIVED))
@@ -39,7 +39,7 @@ def bit_error(
         for is_sent in sides:
             point.spare(rule, is_sent=is_sent)
 
-    return Acts(begin, end)
+    return Acts(begin, end, rule)
 
 
 @fault_kind(WIRED)

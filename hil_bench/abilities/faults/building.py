@@ -69,11 +69,11 @@ def find_fault_points(config: BenchConfig, bench: Bench) -> FaultPoints:
     for axis in bench.axes:
         for influence in axis.influences:
             if influence.name == SUPPLY:
-                held[axis.name] = SupplyPoint(axis.plant, influence.low)
+                held[axis.name] = SupplyPoint(axis.plant, influence)
         worn[axis.name] = DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
     for _, supply in bench.groups:
         if isinstance(supply, SupplyGroup):
-            held[supply.name] = SupplyPoint(supply, supply.lowest)
+            held[supply.name] = SupplyPoint(supply, supply.held)
             defects = {each.name: each for each in supply.defects}
             worn[supply.name] = DefectPoint(supply, defects, {})
     for name, node in nodes.items():

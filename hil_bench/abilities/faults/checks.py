@@ -12,6 +12,7 @@ _LARGEST = 1e15
 _LONGEST_S = 1e9
 _HIGHEST_CAN_ID = 0x1FFFFFFF
 _NS_PER_S = 1_000_000_000
+_NS = 1e-9
 
 
 def choose(name: str, choices: type[_Choice], value: str) -> _Choice:
@@ -55,6 +56,21 @@ def count(name: str, value: int, low: int, high: int) -> int:
 def identifier(can_id: int | None) -> int | None:
     """Return an identifier of 11 or 29 bits, or None for any; ConfigError where it is neither."""
     return None if can_id is None else count("can_id", can_id, 0, _HIGHEST_CAN_ID)
+
+
+def check_ahead(at: object, now: float) -> None:
+    """Refuse that a fault begins in the past.
+
+    Args:
+        at: when [s]; something else than a number is for others to refuse.
+        now: the bench time [s].
+
+    Raises:
+        ConfigError: that has passed.
+    """
+    if isinstance(at, int | float) and at < now - _NS:
+        right = "give a later time, or leave it out"
+        raise ConfigError(f"faults: at = {at:g} s has passed, for it is {now:g} s; {right}")
 
 
 def to_ns(name: str, seconds: float) -> int:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hil_bench.abilities.faults.checks import check_ahead
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.registry import find_fault_kind
 from hil_bench.bench.commands import Controls
@@ -33,6 +34,7 @@ class BeginFault:
         find_fault_kind(self.kind)
         faults = controls.bench.part(Faults)
         faults.check_room(now)
+        check_ahead(self.arguments.get("at"), now * 1e-9)
         try:
             fault = faults.begin(self.kind, self.target, **self.arguments)
         except TypeError as error:

@@ -27,7 +27,8 @@ def state_lines(state: Mapping[str, Any]) -> list[str]:
 def fault_text(fault: Mapping[str, Any]) -> str:
     """Return a fault in words."""
     ends = "" if fault["ends"] is None else f", until {fault['ends']:.3f} s"
-    return printable(f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}")
+    idle = ", has changed nothing so far" if fault["is_idle"] else ""
+    return printable(f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}{idle}")
 
 
 def add_actions(add: Any) -> None:  # noqa: ANN401 - the `Add` of its taker
@@ -64,11 +65,13 @@ def clear_faults(client: FeedClient, args: argparse.Namespace) -> None:
     Raises:
         ConfigError: one of them is not there.
     """
+    active = client.request("status")["state"]["faults"]
+    idle = {fault["number"]: ", which has changed nothing" for fault in active if fault["is_idle"]}
     if not args.faults:
         client.request("clear_fault")
-        print_results(args, ["all faults cleared"], {"cleared": None})
+        lines = [f"fault {number} cleared{idle[number]}" for number in idle]
+        print_results(args, [*lines, "all faults cleared"], {"cleared": None})
         return
-    active = client.request("status")["state"]["faults"]
     numbers: list[int] = []
     for word in args.faults:
         found = [
@@ -82,4 +85,5 @@ def clear_faults(client: FeedClient, args: argparse.Namespace) -> None:
         numbers += [number for number in found if number not in numbers]
     for number in numbers:
         client.request("clear_fault", number=number)
-    print_results(args, [f"fault {number} cleared" for number in numbers], {"cleared": numbers})
+    lines = [f"fault {each} cleared{idle.get(each, '')}" for each in numbers]
+    print_results(args, lines, {"cleared": numbers})

@@ -1,5 +1,6 @@
 """The effects of faults on the parts of a bench."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeVar
 
@@ -45,11 +46,11 @@ class SupplyPoint(NamedTuple):
 
     Attributes:
         plant: of the axis; the supply that is shared.
-        lowest: the least pressure at which the supply can be held [Pa].
+        held: the pressures at which the supply can be held, and its usual one [Pa].
     """
 
     plant: Influenced
-    lowest: float
+    held: Influence
 
 
 class DefectPoint(NamedTuple):
@@ -80,29 +81,49 @@ class DefectPoint(NamedTuple):
         self.plant.influence(name, min(total, self.known[name].high))
 
 
-class SensorEffect:
+class _Watched:
+    """Stages in the ways of signals, which notices whether they change anything.
+
+    Attributes:
+        has_acted: whether a value behind a stage was another one than before it.
+    """
+
+    def __init__(self) -> None:
+        self.has_acted = False
+        self._stages: list[tuple[SignalPath, Stage]] = []
+
+    def _put(self, path: SignalPath, stage: Stage) -> None:
+        def pass_on(value: float) -> float:
+            found = stage(value)
+            self.has_acted |= found != value and not (math.isnan(found) and math.isnan(value))
+            return found
+
+        path.add(pass_on)
+        self._stages.append((path, pass_on))
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Take the stages out."""
+        for path, stage in self._stages:
+            path.remove(stage)
+        self._stages.clear()
+
+
+class SensorEffect(_Watched):
     """A stage behind everything else that a sensor's signal passes."""
 
     def __init__(self, point: SensorPoint, make: Callable[[], SensorStage]) -> None:
+        super().__init__()
         self._point, self._make = point, make
-        self._stage: SensorStage | None = None
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Put the stage in."""
-        self._stage = self._make()
-        self._point.value.add(self._stage.value)
+        stage = self._make()
+        self._put(self._point.value, stage.value)
         if self._point.rate is not None:
-            self._point.rate.add(self._stage.rate)
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Take the stage out."""
-        if self._stage is not None:
-            self._point.value.remove(self._stage.value)
-            if self._point.rate is not None:
-                self._point.rate.remove(self._stage.rate)
+            self._put(self._point.rate, stage.rate)
 
 
-class SpoolEffect:
+class SpoolEffect(_Watched):
     """A stage between a valve's electronics and its spool.
 
     Args:
@@ -111,18 +132,12 @@ class SpoolEffect:
     """
 
     def __init__(self, point: SpoolPoint, make: Callable[[float], Stage]) -> None:
+        super().__init__()
         self._point, self._make = point, make
-        self._stage: Stage | None = None
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Put the stage in."""
-        self._stage = self._make(self._point.position())
-        self._point.command.add(self._stage)
-
-    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Take the stage out."""
-        if self._stage is not None:
-            self._point.command.remove(self._stage)
+        self._put(self._point.command, self._make(self._point.position()))
 
 
 class DefectEffect:
@@ -144,6 +159,7 @@ class DefectEffect:
     ) -> None:
         self._point, self._name, self._make, self._holds = point, name, make, holds
         self._growth = make()
+        self.has_acted = False
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Let it grow."""
@@ -157,16 +173,30 @@ class DefectEffect:
 
     def _grow(self, _now: int) -> None:
         if not self._growth.is_full:
-            self._point.add(self._name, self, self._growth.next())
+            amount = self._growth.next()
+            self.has_acted |= amount != 0.0
+            self._point.add(self._name, self, amount)
 
 
 class Acts(NamedTuple):
-    """The effect of two callables, each called with a time [ns]."""
+    """The effect of two callables, each called with a time [ns].
+
+    Attributes:
+        begin: makes it so.
+        end: takes it back.
+        item: has `has_acted` where it may be in vain.
+    """
 
     begin: Act
     end: Act
+    item: object = None
+
+    @property
+    def has_acted(self) -> bool:
+        """Return True if it has changed something."""
+        return getattr(self.item, "has_acted", True)
 
 
 def listed(items: list[T], item: T) -> Acts:
     """Return the effect that an item is in a list."""
-    return Acts(lambda _now: items.append(item), lambda _now: items.remove(item))
+    return Acts(lambda _now: items.append(item), lambda _now: items.remove(item), item)

@@ -11,7 +11,11 @@ from hil_bench.errors import ConfigError
 
 
 class Effect(Protocol):
-    """The effect of a fault."""
+    """The effect of a fault.
+
+    One that may change nothing, such as a rule that meets no frame, says by `has_acted` whether it
+    has changed something.
+    """
 
     def begin(self, now: int, /) -> None:
         """Make it so, at `now` [ns]."""
@@ -64,6 +68,11 @@ class Fault:
             return None
         return self.begins + self.duration
 
+    @property
+    def is_idle(self) -> bool:
+        """True if it has changed nothing so far."""
+        return not getattr(self.effect, "has_acted", True)
+
     def clear(self) -> None:
         """End the fault, or see to it that it never begins; a second call does nothing."""
         self._clear(self)
@@ -101,6 +110,8 @@ class FaultConfig:
 
 # When faults begin and end.
 
+NOTHING_CHANGED = ", and has changed nothing"
+
 MOST_FAULTS = 256
 """Most faults that commands may have begun, or planned, at a time: each costs every tick."""
 
@@ -115,12 +126,19 @@ class FaultEvent(NamedTuple):
         kind: of the fault.
         target: of the fault.
         is_begin: whether it began.
+        is_idle: whether it has ended without having changed anything.
     """
 
     time: int
     kind: str
     target: str
     is_begin: bool
+    is_idle: bool = False
+
+    @property
+    def verb(self) -> str:
+        """The event in a verb: it begins or ends."""
+        return "begins" if self.is_begin else f"ends{NOTHING_CHANGED * self.is_idle}"
 
     @property
     def what(self) -> str:
@@ -155,11 +173,18 @@ class FaultSchedule:
         self.kept: dict[int, Fault] = {}
         self._last_number = 0
         self._faults: list[Fault] = []
+        self._idle: dict[str, None] = {}
 
     @property
     def active(self) -> tuple[Fault, ...]:
         """The faults that are active."""
         return tuple(fault for fault in self._faults if fault.is_active)
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """The faults that have begun and have changed nothing, those that have ended too."""
+        now = {f"{each.kind} {each.target}": None for each in self.active if each.is_idle}
+        return tuple(self._idle | now)
 
     def advance(self, now: int) -> None:
         """Begin and end the faults that are due at `now` [ns]."""
@@ -248,7 +273,10 @@ class FaultSchedule:
         if fault.is_active:
             fault.is_active = False
             fault.effect.end(self._now)
-            self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=False))
+            event = FaultEvent(self._now, fault.kind, fault.target, False, fault.is_idle)
+            self.events.append(event)
+            if event.is_idle:
+                self._idle[event.name] = None
 
     def _set_due(self) -> None:
         times = [0 if fault.is_active else fault.begins or 0 for fault in self._faults]

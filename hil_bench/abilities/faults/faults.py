@@ -12,11 +12,12 @@ Amounts and times are in SI. Whatever makes no sense is refused with a `ConfigEr
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.abilities.faults.checks import check_ahead
 from hil_bench.abilities.faults.fault import Fault, FaultSchedule
 from hil_bench.abilities.faults.kind import FaultKind, Site
 from hil_bench.abilities.faults.line import Line, Receiver
@@ -46,6 +47,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
     Attributes:
         points: as passed in.
         lines: connections that have or had a fault, by node; a new object whenever one comes in.
+        clock: returns the bench time [s] where somebody sees it.
     """
 
     lines: Mapping[Receiver, Line]
@@ -65,6 +67,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
         self._tick_ns, self._seed = tick_ns, seed
         self._streams: Counter[str] = Counter()
         self._board: Board | None = None
+        self.clock: Callable[[], float] = float
 
     def join(self, bench: Places) -> None:
         """Begin and end what is due at the beginning of each tick of a bench.
@@ -102,6 +105,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
                 "target": fault.target,
                 "begins": _seconds(fault.begins),
                 "ends": _seconds(fault.ends),
+                "is_idle": fault.is_idle,
             }
             for fault in self.active
         ]
@@ -148,6 +152,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
         if duration == 0 and found.lasts is None:
             right = "leave it out, or give a time above 0"
             raise ConfigError(f"faults: {kind} {target}: duration = 0 is no time; {right}")
+        check_ahead(at, self.clock())
         effect = found.make(self._site(found, target), **values)
         return self.add(kind, target, effect, at, found.lasts if duration is None else duration)
 
@@ -193,4 +198,5 @@ def _seconds(time: int | None) -> float | None:
 def faults_of(bench: Any) -> Faults:  # noqa: ANN401 - a `VirtualBench`
     """Return the faults of a bench in this process."""
     found: Faults = bench.bench.part(Faults)
+    found.clock = bench.now
     return found

@@ -1,5 +1,6 @@
 """The fixture `faults`: those of the bench of a test."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,7 +11,17 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def faults(bench: "VirtualBench") -> "Faults":
-    """The faults of the bench, as in ``faults.freeze("pressure_a")``."""
+def faults(bench: "VirtualBench", request: pytest.FixtureRequest) -> Iterator["Faults"]:
+    """The faults of the bench, as in ``faults.freeze("pressure_a")``.
+
+    A test that passes beside a fault that has changed nothing, as one that met no frame, is an
+    error.
+
+    Yields:
+        The faults.
+    """
     found: Faults = bench.faults
-    return found
+    failed = request.session.testsfailed
+    yield found
+    if found.idle and request.session.testsfailed == failed:
+        pytest.fail(f"not exercised: nothing was changed by {', '.join(found.idle)}", pytrace=False)

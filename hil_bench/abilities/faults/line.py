@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
 
 from hil_bench.abilities.faults.checks import FaultDirection
@@ -59,18 +60,21 @@ Rule = Callable[[Frame], Passage | None]
 """What one fault does to a frame that it meets: how that gets through, None where it is lost."""
 
 
-class Meeting(NamedTuple):
+@dataclass(eq=False)
+class Meeting:
     """The frames that a rule meets.
 
     Attributes:
         rule: what happens to them.
         direction: seen from the node.
         can_id: their identifier, None for any.
+        has_acted: whether one of them was lost, late or another one.
     """
 
     rule: Rule
     direction: FaultDirection = FaultDirection.BOTH
     can_id: int | None = None
+    has_acted: bool = False
 
     def concerns(self, frame: Frame, direction: FaultDirection) -> bool:
         """Return True if the rule meets a frame that goes in this direction."""
@@ -144,6 +148,7 @@ class Line:
         for meeting in self.meetings:
             if meeting.concerns(frame, direction):
                 passage = meeting.rule(frame)
+                meeting.has_acted |= passage != (frame, 0)
                 if passage is None:
                     return None
                 frame, delay = passage
@@ -217,15 +222,28 @@ def repetition() -> Rule:
     return repeat
 
 
-def disturbance(share: float, can_id: int | None, stream: "Generator") -> Disturbance:
-    """Return the rule by which a share of the frames of an identifier has a wrong bit, anywhere."""
+class BitErrors:
+    """The `Disturbance` by which a share of the frames of an identifier has a wrong bit, anywhere.
 
-    def disturb(frame: Frame) -> float | None:
-        if can_id not in {None, frame.can_id} or stream.random() >= share:
+    Args:
+        share: 0 to 1.
+        can_id: the identifier, None for any.
+        stream: of random numbers.
+
+    Attributes:
+        has_acted: whether it has disturbed a frame.
+    """
+
+    def __init__(self, share: float, can_id: int | None, stream: "Generator") -> None:
+        self.has_acted = False
+        self._share, self._can_id, self._stream = share, can_id, stream
+
+    def __call__(self, frame: Frame) -> float | None:
+        """Return the place of the wrong bit of a frame; None for nowhere."""
+        if self._can_id not in {None, frame.can_id} or self._stream.random() >= self._share:
             return None
-        return float(stream.random())
-
-    return disturb
+        self.has_acted = True
+        return float(self._stream.random())
 
 
 _HIGHEST_STANDARD: Final = 0x7FF

@@ -115,9 +115,17 @@ def disable(valve: Site) -> Effect:
     idle=None,
 )
 def drop_supply(axis: Site, pressure: float) -> Effect:
-    """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
+    """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank.
+
+    Raises:
+        ConfigError: it is out of range, or not below what the supply has without the fault.
+    """
     point = axis.point(SUPPLIES)
-    bounded("pressure", pressure, low=point.lowest, high=_HIGHEST_SUPPLY)
+    bounded("pressure", pressure, low=point.held.low, high=_HIGHEST_SUPPLY)
+    if pressure >= point.held.usual:
+        usual = f"{BAR.from_si(point.held.usual):g} bar of the supply"
+        wrong = f"{BAR.from_si(pressure):g} bar is not below the {usual}"
+        raise ConfigError(f"faults: drop_supply {axis.name}: {wrong}; give less")
     holds = axis.places.holds
 
     def hold(_now: int) -> None:

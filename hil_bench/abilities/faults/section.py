@@ -1,5 +1,6 @@
 """The tables ``[[faults]]``: what goes wrong by itself, and when."""
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
@@ -42,8 +43,9 @@ from hil_bench.config.values import describe, find_nearest, quote
 from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.devices.kinds.registry import kind_of
 from hil_bench.errors import ConfigError
+from hil_bench.plants.quantity import SUPPLY
 from hil_bench.plants.registry import PLANTS as OWN_PLANTS
-from hil_bench.units import Unit
+from hil_bench.units import BAR, Unit
 
 if TYPE_CHECKING:
     from hil_bench.abilities.faults.faults import Faults
@@ -155,6 +157,13 @@ class FaultsSection:
         }
         self._sensors = targets[SENSORS.name]
         _check_faults(self._faults, targets, self._problems)
+        held = {
+            axis.name: each.usual
+            for axis in axes.records
+            for each in axis.influences
+            if each.name == SUPPLY
+        }
+        _check_pressures(self._faults, held | dict(axes.supplies.usual), self._problems)
         defects = {axis.name: {each.name for each in axis.defects} for axis in axes.records}
         _check_defects(self._faults, defects | dict(axes.supplies.defects), self._problems)
 
@@ -284,6 +293,18 @@ def _read_fault(table: str, given: Mapping[str, Given], problems: Problems) -> S
         given = {"kind": kind} if kind else {}
         keys = (KIND_KEY,)
     return read_table(table, given, keys, problems)
+
+
+def _check_pressures(
+    faults: Sequence[Settings], usual: Mapping[str, float], problems: Problems
+) -> None:
+    """Note pressures of supplies that are not below their usual ones [Pa]."""
+    for fault in faults:
+        pressure = fault.get("pressure_bar")
+        highest = BAR.from_si(usual.get(fault["target"].value, math.inf))
+        if pressure is not None and pressure.value >= highest:
+            wrong = f"{pressure.value:g} is not below the {highest:g} bar of the supply; give less"
+            problems.add(problems.place(pressure.table, "pressure_bar"), wrong)
 
 
 def _check_pressure(fault: Settings, tank: float, problems: Problems) -> None:

@@ -59,8 +59,14 @@ def report(device: Site, spn: int, fmi: int, lamp: str = "warning") -> Effect:
 
 @fault_kind(ECUS, keys=(Key("address", integer(0, NULL - 1), example="200"),))
 def readdress(device: Site, address: int) -> Effect:
-    """Let a J1939 device send from an address that it has not claimed, 0 to 253."""
+    """Let a J1939 device send from an address that it has not claimed, 0 to 253.
+
+    Raises:
+        ConfigError: it is the device's own.
+    """
     ecu, false = device.point(ECUS), count("address", address, 0, NULL - 1)
+    if false == ecu.address:
+        raise ConfigError(f"faults: address = {address} is its own; give another one")
 
     def use(_now: int) -> None:
         ecu.false_address = false

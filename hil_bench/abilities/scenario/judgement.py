@@ -240,6 +240,7 @@ def judge(
     ticks: int,
     tick_ns: int,
     planned: int | None = None,
+    idle: Sequence[str] = (),
 ) -> Judgement:
     """Judge a requirement by a run.
 
@@ -251,6 +252,7 @@ def judge(
         tick_ns: time between two [ns].
         planned: how many the run has; those behind the ones seen are unknown. None for a run that
             ends with what was seen.
+        idle: the faults of the run that have changed nothing: what holds beside them says nothing.
     """
     examination = Examination(requirement, columns, ticks, tick_ns, planned)
     monitor, coverage = examination.monitor, examination.view.coverage
@@ -269,8 +271,10 @@ def judge(
     if size is not None:
         deciding = replace(deciding, rank=_RANKS[monitor.is_met, asks_for(requirement)])
     if monitor.is_met:
-        outcome = RequirementOutcome.NOT_EXERCISED if 0 in times else RequirementOutcome.PASSED
-        reason = "its trigger never became true" if 0 in times else examination.idle_wait()
+        lacks = [f"the fault {fault} has changed nothing" for fault in idle]
+        lacks += ["its trigger never became true"] * (0 in times)
+        outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
+        reason = "; ".join(lacks) or examination.idle_wait()
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first = found.first if found else cause.tick

@@ -102,6 +102,7 @@ class Trace(NamedTuple):
         planned: how many the run has, behind these unknown; None for a run that ends with these.
         start: when its first tick is on the clock of the recording [s].
         note: what of the recording is outside of the run, or off its ticks; empty for nothing.
+        idle: the faults that have changed nothing.
     """
 
     columns: dict[str, Floats]
@@ -110,6 +111,7 @@ class Trace(NamedTuple):
     planned: int | None = None
     start: float = 0.0
     note: str = ""
+    idle: Sequence[str] = ()
 
 
 class Finding(NamedTuple):
@@ -163,6 +165,7 @@ def judge_trace(requirement: resolve.Requirement, trace: Trace) -> Finding:
         ticks=trace.ticks,
         tick_ns=trace.tick_ns,
         planned=trace.planned,
+        idle=trace.idle,
     )
     return Finding(requirement, judgement)
 

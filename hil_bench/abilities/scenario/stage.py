@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.abilities.faults.commands import BeginFault
 from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     COMMAND,
@@ -353,7 +354,7 @@ class Stage:
         stops_at_failure: bool = False,
     ) -> None:
         config = prepared.config
-        self._prepared = prepared
+        self._prepared, self._faults = prepared, session.bench.part(Faults)
         targets, hand = Targets(config, session), Hand(config, session)
         self.director = Director(_plan(prepared), session, targets, hand)
         names = names_in(each.condition for each in prepared.requirements)
@@ -386,7 +387,8 @@ class Stage:
         if self.director.problem:
             raise ConfigError(self.director.problem)
         witness, planned = self.witness, self._prepared.last_tick + 1
-        trace = Trace(witness.columns(), witness.ticks, self._prepared.config.tick_ns, planned)
+        tick_ns, idle = self._prepared.config.tick_ns, self._faults.idle
+        trace = Trace(witness.columns(), witness.ticks, tick_ns, planned, idle=idle)
         return tuple(judge_trace(each, trace) for each in self._prepared.requirements)
 
 

@@ -303,7 +303,7 @@ class Targets:
             target.handle.check(target.name, target.raw(value))
             return
         if isinstance(target, PlantTarget):
-            _, unit, low, high = target.influence
+            _, unit, low, high, _ = target.influence
         elif isinstance(target, ValveTarget):
             unit, low, high = "of full opening", -1.0, 1.0
         else:

@@ -173,6 +173,11 @@ class SuppliesSection:
         return {each.name: {defect.name for defect in each.defects} for each in self._records}
 
     @property
+    def usual(self) -> Mapping[str, float]:
+        """The pressure of each supply without a fault [Pa], by its name."""
+        return {each.name: each.held.usual for each in self._records}
+
+    @property
     def lowest_bar(self) -> dict[str, float]:
         """The pressure of each supply's tank [bar]."""
         return {

@@ -136,7 +136,7 @@ class CylinderConfig(AxisConfig):
         """A load on the piston, and a supply pressure not below that of the tank."""
         return (
             Influence(LOAD, "N", -LOAD_LIMIT, LOAD_LIMIT),
-            Influence(SUPPLY, "Pa", self.parameters.P_T, _SUPPLY_LIMIT),
+            held_supply(self.parameters.P_T, self.parameters.P_S, self.options.supply),
         )
 
     @property
@@ -154,6 +154,18 @@ class CylinderConfig(AxisConfig):
         """Return the ends of the stroke for the piston's position [m], else no limits."""
         half = self.parameters.h if quantity == POSITION.name else math.inf
         return -half, half
+
+
+def held_supply(tank: float, pressure: float, unit: SupplyUnit | None) -> Influence:
+    """Return the influence of a supply pressure that is held.
+
+    Args:
+        tank: pressure of the tank [Pa], the lowest.
+        pressure: of the supply [Pa]; of a unit, at the start.
+        unit: it; None for a constant pressure.
+    """
+    usual = pressure if unit is None else max(pressure, unit.relief_pressure)
+    return Influence(SUPPLY, "Pa", tank, _SUPPLY_LIMIT, usual)
 
 
 def supply_defects(unit: SupplyUnit | None) -> tuple[Influence, ...]:

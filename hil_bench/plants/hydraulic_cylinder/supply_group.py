@@ -5,7 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, cast, runtime_checkable
 
-from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, supply_defects
+from hil_bench.plants.hydraulic_cylinder.configuration import (
+    CylinderConfig,
+    held_supply,
+    supply_defects,
+)
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
@@ -105,6 +109,11 @@ class SupplyConfig:
     def exchanged(self, steps: int) -> "SupplyConfig":
         """Return the record with another time from exchange to exchange."""
         return replace(self, exchange=steps)
+
+    @property
+    def held(self) -> Influence:
+        """The influence of a pressure that is held."""
+        return held_supply(self.tank_pressure, self.pressure, self.unit)
 
     @property
     def defects(self) -> tuple[Influence, ...]:
@@ -249,7 +258,7 @@ class SupplyGroup:
         plants: of the axes, in their order.
         tank: the temperature of the oil; None where it stays as it is.
         has_filter: whether the unit has one.
-        lowest: the least pressure at which the supply can be held [Pa].
+        held: the influence of a pressure that is held.
         defects: what may be worn or broken at it.
     """
 
@@ -261,7 +270,7 @@ class SupplyGroup:
         starts: Sequence[Mapping[str, float]] | None = None,
     ) -> None:
         self.name, self.axes = config.name, config.axes
-        self.lowest, self.defects = config.tank_pressure, config.defects
+        self.held, self.defects = config.held, config.defects
         draws = _draws(config, axes)
         shares = [draw / math.fsum(draws) for draw in draws]
         self._movers = [

@@ -10,7 +10,8 @@ from support.campaigns import REST, write_rest
 
 from hil_bench import cli
 from hil_bench.abilities.campaign import snapshot
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult
+from hil_bench.abilities.campaign.plan import Plan
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, read_campaign
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.cli import status_line
 from hil_bench.cli.status_line import WorkLines
@@ -256,3 +257,12 @@ def test_a_table_with_other_rows_is_an_error_of_one_line(tmp_path, change):
     pq.write_table(change(pq.read_table(path)), path)
     with pytest.raises(ConfigError, match=r"\.parquet: has (a row|100001 rows).* result"):
         list(store.results(is_foreign=True))
+
+
+def test_where_nothing_varies_each_run_has_a_seed_of_its_own(tmp_path, capsys):
+    write_rest(tmp_path, PLAIN)
+    path = tmp_path / "campaign.toml"
+    path.write_text('scenarios = ["rest.scenario.toml"]\nseeds = "each"\nruns = 3\n')
+    assert [spec.seed for spec in Plan(read_campaign(path))] == [0, 1, 2]
+    assert cli.main(["campaign", str(path), "--jobs=0"]) == 0
+    assert "3 passed" in capsys.readouterr().out

@@ -60,7 +60,7 @@ def test_faults_have_the_time_at_which_they_begin_and_end(bench):
     # The first ticks at or after 210.5 and 230.5 ms of bench time, of which tick 1 is 1 ms.
     assert bench.said == [
         "0.211 s: fault freeze pressure_a begins",
-        "0.231 s: fault freeze pressure_a ends",
+        "0.231 s: fault freeze pressure_a ends, and has changed nothing",
     ]
 
 

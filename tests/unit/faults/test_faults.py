@@ -4,11 +4,13 @@
 import pytest
 from support import fault_verbs
 
+from hil_bench.abilities.faults.commands import BeginFault
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.points import PLANTS
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +27,7 @@ def faults():
         ("slow", ("axis1", 0.1), 'there is no sensor or valve "axis1"; give one of pressure_a, pressure_b, position, valve'),
         ("silence", ("axis1",), 'there is no node "axis1"; give one of valve, pressure_a, pressure_b, position'),
         ("drop_supply", ("valve", 1e5), 'there is no axis "valve"; give one of axis1'),
+        ("drop_supply", ("axis1", 100e5), "drop_supply axis1: 100 bar is not below the 100 bar of the supply; give less"),
         ("drop_supply", ("axis1", -1e5), "pressure = -100000 is out of range; give a number from 0 to 1e+09"),
         ("offset", ("position", float("nan")), "amount = nan is out of range; give a number from -1e+15 to 1e+15"),
         ("noise", ("position", -1.0), "rms = -1 is out of range; give a number from 0 to 1e+15"),
@@ -136,3 +139,13 @@ def test_what_was_refused_left_nothing(faults):
 def test_a_bench_without_points_has_no_faults():
     with pytest.raises(ConfigError, match='there is no sensor "x"; this bench has none'):
         Faults().freeze("x")
+
+
+def test_a_time_that_has_passed_is_refused():
+    with VirtualBench() as bench:
+        bench.run(0.01)
+        bench.faults.freeze("position", at=bench.now())
+        with pytest.raises(ConfigError, match=r"at = 0.009 s has passed, for it is 0.01 s"):
+            bench.faults.freeze("position", at=0.009)
+        with pytest.raises(ConfigError, match=r"at = 0.009 s has passed"):
+            BeginFault("freeze", "position", {"at": 0.009}).act(bench.session.controls, 10_000_000)

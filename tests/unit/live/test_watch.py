@@ -113,7 +113,14 @@ def test_texts_from_outside_stay_texts():
     hostile = "[bold]\x1b[2J:smile:"
     view = WatchView(hello(name=hostile, channel=hostile))
     node = {"state": "OPERATIONAL", "device": hostile, "errors": [0x8130]}
-    fault = {"number": 1, "kind": "freeze", "target": hostile, "begins": 1.0, "ends": None}
+    fault = {
+        "number": 1,
+        "kind": "freeze",
+        "target": hostile,
+        "begins": 1.0,
+        "ends": None,
+        "is_idle": False,
+    }
     view.take({**state(**{hostile: node}), "faults": [fault]})
     text = "\n".join(drawn(view))
     assert "\x1b" not in text

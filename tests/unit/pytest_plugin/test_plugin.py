@@ -275,8 +275,26 @@ def test_a_failed_test_shows_its_faults(pytester):
     result = pytester.runpytest()
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
-        ["*- faults -*", "(0.001000) freeze pressure_a begins", "(0.011000) freeze pressure_a ends"]
+        [
+            "*- faults -*",
+            "(0.001000) freeze pressure_a begins",
+            "(0.011000) freeze pressure_a ends, and has changed nothing",
+        ]
     )
+
+
+def test_a_test_that_passes_beside_a_fault_that_changes_nothing_is_an_error(pytester):
+    pytester.makepyfile(
+        "def test_in_vain(bench, faults):\n"
+        "    faults.lose('valve', can_id=0x7ff)\n"
+        "    bench.run(0.02)\n"
+        "def test_in_earnest(bench, faults):\n"
+        "    faults.offset('position', 1e-3)\n"
+        "    bench.run(0.02)\n"
+    )
+    result = pytester.runpytest()
+    result.assert_outcomes(passed=2, errors=1)
+    result.stdout.fnmatch_lines(["*not exercised: nothing was changed by lose valve"])
 
 
 def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):

@@ -8,6 +8,7 @@ from support.built_in_nodes import NODES
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario import run
 from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.targets import Targets
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
@@ -80,6 +81,10 @@ for_s = 0.01
 [[step]]
 at_s = 0.0
 set = {{ "valve.0x6040" = 1 }}
+[[step]]
+at_s = 0.025
+nmt = "start"
+target = "all"
 [[expect]]
 id = "R"
 that = "always axis1.P_A < sag_bar + 200 bar"
@@ -117,6 +122,32 @@ def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
     (bench,) = benches
     found = [(event.time, event.kind, event.is_begin) for event in bench.faults.events]
     assert found == [(20_000_000, kind, True), (30_000_000, kind, False)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "is_idle"),
+    [
+        ("silence", 'target = "valve"', False),
+        ("lose", 'target = "valve"\ncan_id = 0x7FF', True),  # nobody sends it
+        ("lose", 'target = "valve"\ncan_id = 0', False),
+        ("bit_error", 'target = "valve"\ncan_id = 0x7FF', True),
+        ("weaken", 'target = "valve"\ntravel_percent = 50', True),  # of a spool in its centre
+        ("stick", 'target = "valve"', True),  # where it is, too
+        ("offset", 'target = "position"\noffset_mm = 1', False),
+        ("jam", 'target = "axis1"\nforce_n = 1', False),
+    ],
+)
+def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
+    tmp_path, kind, keys, is_idle
+):
+    (tmp_path / "bench.toml").write_text(BENCH)
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(SCENARIO.format(kind=kind, keys=keys))
+    result = play_for_result(run.prepare(load_scenario(path)))
+    (limit, _) = (finding.judgement for finding in result.findings)
+    assert limit.outcome == ("not exercised" if is_idle else "passed")
+    target = keys.split('"')[1]
+    assert limit.reason == is_idle * f"the fault {kind} {target} has changed nothing"
 
 
 @pytest.mark.parametrize(

@@ -86,8 +86,8 @@ export class FaultsView {
     const { faults } = this.model.state;
     if (faults === this.shownFaults) return;
     this.shownFaults = faults;
-    const rows = faults.map(({ number, kind, target, begins, ends }) =>
-      el("tr", {}, el("td", { class: "figure" }, String(number)), el("td", {}, `${kind} ${target}`),
+    const rows = faults.map(({ number, kind, target, begins, ends, is_idle }) =>
+      el("tr", {}, el("td", { class: "figure" }, String(number)), el("td", {}, `${kind} ${target}${is_idle ? ", has changed nothing so far" : ""}`),
         el("td", { class: "figure" }, `${begins.toFixed(3)} s`), el("td", { class: "figure" }, ends === null ? "no end" : `${ends.toFixed(3)} s`),
         el("td", {}, button("Clear", () => this.act("clear_fault", { number }, `fault ${number} cleared`), { "aria-label": `clear fault ${number}, ${kind} ${target}` }))));
     this.body.replaceChildren(...(rows.length ? rows : [el("tr", {}, el("td", { colspan: 5, class: "quiet" }, "no fault"))]));

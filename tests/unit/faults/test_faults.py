@@ -9,8 +9,8 @@ from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.points import PLANTS
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
-from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

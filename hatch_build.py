@@ -36,10 +36,10 @@ REQUIREMENTS = [
 NO_KERNELS = "the plant's kernels are not compiled: {}; Numba does it at run time"
 NO_PRELOAD = "the library of programs is not compiled: {}; a first run does it"
 NO_CALLS = "calls are not compiled: {}; ctypes or a first run does it"
-CALLS = (
-    "hil_bench/abilities/controllers/elf/_calls",
-    "hil_bench/abilities/controllers/library/_call",
-)
+CALLS = {
+    "hil_bench.abilities.controllers.elf._calls": "hil_bench/abilities/controllers/elf/core/*.c",
+    "hil_bench.abilities.controllers.library._call": "hil_bench/abilities/controllers/library/*.c",
+}
 PROGRAM = "hil_bench/abilities/controllers/program"
 KERNELS = "hil_bench.plants.hydraulic_cylinder.model._kernels"
 
@@ -186,8 +186,8 @@ def compile_calls(root: Path, built: Path) -> None:
     from setuptools import Extension  # noqa: PLC0415 - there only where it is asked for
 
     extensions = [
-        Extension(name.replace("/", "."), [str(root / f"{name}.c")], extra_compile_args=["-O2"])
-        for name in CALLS
+        Extension(name, sorted(map(str, matches(root, [sources]))), extra_compile_args=["-O2"])
+        for name, sources in CALLS.items()
     ]
     build_extensions(extensions, built)
 

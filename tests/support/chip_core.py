@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from hil_bench.abilities.controllers.elf.timeline import Alarm, Timeline
+from hil_bench.abilities.controllers.elf.calls import Alarm, find_calls
 
 
 class Core:
@@ -11,7 +11,7 @@ class Core:
     def __init__(self) -> None:
         self.time = 0
         self.lines: dict[int, bool] = {}
-        self._timeline = Timeline()
+        self._timeline = find_calls().Timeline()
 
     def now(self) -> int:
         return self.time

@@ -10,6 +10,8 @@ WRITTEN: Final = 2
 """Its word keeps what is written, and nothing comes of it."""
 COUNTED: Final = 4
 """It reads as a ramp."""
+KEPT: Final = 8
+"""A write of what its word is changes nothing."""
 
 
 class Cells(NamedTuple):
@@ -17,7 +19,7 @@ class Cells(NamedTuple):
 
     Attributes:
         words: their values, by number.
-        kinds: of each, bits of `READ`, `WRITTEN` and `COUNTED`.
+        kinds: of each, bits of `READ`, `WRITTEN`, `COUNTED` and `KEPT`.
         ramp: of a `COUNTED` one: when it was at 0 [ns], then it counts the second number in so
             many ns as the third, up to the fourth; while the third is 0 it reads as its word.
     """

@@ -7,7 +7,12 @@ from typing import Any, Final
 
 import unicorn
 
-from hil_bench.abilities.controllers.elf.calls import LIBRARY, Registers, find_calls
+from hil_bench.abilities.controllers.elf.calls import (
+    LIBRARY,
+    Exceptions,
+    Registers,
+    find_calls,
+)
 from hil_bench.abilities.controllers.elf.cells import Cells
 
 _CODE = CFUNCTYPE(None, c_void_p, c_uint64, c_uint32, c_void_p)
@@ -37,6 +42,7 @@ class Engine:
     Args:
         model: unicorn's number of the core.
         per_ms: instructions that it does in a millisecond.
+        exceptions: of the chip.
         has_masks: whether it has BASEPRI and FAULTMASK.
         has_floats: whether it has an FPU.
 
@@ -45,7 +51,15 @@ class Engine:
         core: what runs.
     """
 
-    def __init__(self, model: int, per_ms: int, *, has_masks: bool, has_floats: bool) -> None:
+    def __init__(
+        self,
+        model: int,
+        per_ms: int,
+        exceptions: Exceptions,
+        *,
+        has_masks: bool,
+        has_floats: bool,
+    ) -> None:
         # Opened by the wrapper, which knows how a model is chosen.
         self._wrapper = unicorn.Uc(
             unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
@@ -55,7 +69,7 @@ class Engine:
         self.handle = _address(self._wrapper)
         self._kept: list[object] = []  # functions that unicorn calls
         self._calls = calls = find_calls()
-        self.core = calls.Core(self.handle, per_ms, has_masks, has_floats)
+        self.core = calls.Core(self.handle, per_ms, has_masks, has_floats, exceptions)
 
     def registers(self, numbers: tuple[int, ...]) -> Registers:
         """Return some registers by unicorn's numbers, to read and write them together."""

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import unicorn
 
+from hil_bench.abilities.controllers.elf.calls import find_calls
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FLASH, KIB, MIB, Family
 from hil_bench.abilities.controllers.elf.cpu import Cpu, CpuFault
 from hil_bench.abilities.controllers.elf.divisions import find_divisors
 from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.engine import READ_EXECUTE, Engine
 from hil_bench.abilities.controllers.elf.job import Job
-from hil_bench.abilities.controllers.elf.nvic import Exceptions
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.clocks import Clocks
 from hil_bench.abilities.controllers.elf.peripherals.fdcan import RAM_BYTES, Fdcan
@@ -64,10 +64,11 @@ class Machine:
         self._path = job.path
         self._cpu = Cpu(
             family.core,
-            Exceptions(family.priority_bits, family.interrupts),
+            find_calls().Exceptions(family.priority_bits, family.interrupts),
             job.instructions_per_ms,
             find_divisors(self._program.segments),
         )
+        self._core = self._cpu.core
         self.printed: list[str] = []
         self._line = bytearray()
         self._bitten = ""  # by the watchdog, and why
@@ -84,13 +85,13 @@ class Machine:
     @property
     def wake(self) -> int | None:
         """The time to which it sleeps unless a frame comes [ns]; None while it is awake."""
-        return self._cpu.wake
+        return self._core.wake()
 
     def switch_on(self, now: int) -> None:
         """Give it power at a time [ns]: memory has nothing of before."""
         for _, memory in self._memory:
             ctypes.memset(memory, EMPTY_RAM, len(memory))
-        self._cpu.jump_to(now)
+        self._core.set_time(now)
         self._begin()
 
     def advance(self, until: int, received: Sequence[TimedFrame]) -> list[TimedFrame]:
@@ -101,10 +102,10 @@ class Machine:
         """
         for time, frame in received:
             wire = self._wires[frame.bus]
-            if time <= self._cpu.now():
+            if time <= self._core.now():
                 wire.bring((frame,))
             else:
-                self._cpu.alarm(time, partial(wire.bring, (frame,)))
+                self._core.alarm(time, partial(wire.bring, (frame,)))
         try:
             self._cpu.run(until)
             while self._cpu.wants_reset:
@@ -143,7 +144,7 @@ class Machine:
             peripheral.reset()
         for wire in self._wires:
             wire.reset()
-        self._cpu.vectors = FLASH
+        self._core.vectors = FLASH
         self._cpu.reset()
 
     # What there is.
@@ -170,31 +171,31 @@ class Machine:
             engine.write(address, value.to_bytes(4, "little"))
 
     def _map_peripherals(self, family: Family, job: Job) -> list[Wire]:
-        cpu = self._cpu
+        cpu, core = self._cpu, self._core
         self._clocks = clocks = Clocks(family.clocks, job.crystal_hz)
         self._put(family.rcc, clocks)
-        self._put(WATCHDOG_ADDRESS, Watchdog(cpu, clocks.watchdog_hz, self._bite))
+        self._put(WATCHDOG_ADDRESS, Watchdog(core, clocks.watchdog_hz, self._bite))
         self._put(_SYSTEM, SystemControl(cpu, family.cpu_id, clocks.core), 4 * KIB)
         cpu.map_peripheral(
             _TRACE,
             4 * KIB,
             lambda offset, _size: (
-                cpu.now() * clocks.core() // 10**9 & 0xFFFF_FFFF if offset == 4 else 0
+                core.now() * clocks.core() // 10**9 & 0xFFFF_FFFF if offset == 4 else 0
             ),
             lambda _offset, _size, _value: None,
         )
         for timer in family.timers:
             frequency = partial(clocks.timer, timer.bus)
-            model = Timer(cpu, timer.interrupt, frequency, timer.width)
+            model = Timer(core, timer.interrupt, frequency, timer.width)
             clocks.followers.append(model.follow)
             self._put(timer.address, model)
         layout = NEW if family.is_new_uart else OLD
         for address, interrupt in family.uarts.values():
-            self._put(address, Uart(cpu, interrupt, layout, self._print))
+            self._put(address, Uart(core, interrupt, layout, self._print))
         draw = Random(job.seed).randint  # noqa: S311 - the same at each run is meant
         delay = partial(draw, 0, job.jitter_ns) if job.jitter_ns else (lambda: 0)
         wires = {
-            number: Wire(cpu, at, bit_ns, delay=delay)
+            number: Wire(core, at, bit_ns, delay=delay)
             for at, (number, bit_ns) in enumerate(zip(job.can, job.bit_ns, strict=True))
         }
         words = None
@@ -204,16 +205,16 @@ class Machine:
             self._memory.append((family.message_ram, words))
         filters = Filters()
         for number, can in enumerate(family.can, 1):
-            wire = wires.get(number) or Wire(cpu, 0, 0)
+            wire = wires.get(number) or Wire(core, 0, 0)
             if words is not None:
                 ram = (ctypes.c_uint32 * (RAM_BYTES // 4)).from_buffer(
                     words, RAM_BYTES * (number - 1)
                 )
-                self._put(can.address, Fdcan(cpu, wire, can.interrupts, ram))
+                self._put(can.address, Fdcan(core, wire, can.interrupts, ram))
             else:
                 wire.is_shared = len(family.can) > 1
                 second = number > 1
-                self._put(can.address, BxCan(cpu, wire, can.interrupts, filters, is_second=second))
+                self._put(can.address, BxCan(core, wire, can.interrupts, filters, is_second=second))
         return [wires[number] for number in job.can]
 
     def _put(self, address: int, peripheral: Peripheral, size: int = PAGE) -> None:
@@ -276,7 +277,7 @@ class Machine:
             self._line.append(byte)
 
     def _say(self, words: str) -> None:
-        self.printed.append(f"[{self._cpu.now() * 1e-9:.6f} s] {words}")
+        self.printed.append(f"[{self._core.now() * 1e-9:.6f} s] {words}")
 
 
 class _BitBand:

@@ -15,11 +15,10 @@ from hil_bench.errors import ConfigError, ControllerError
 
 pytest.importorskip("unicorn")
 
-from hil_bench.abilities.controllers.elf.calls import compiled_calls
+from hil_bench.abilities.controllers.elf.calls import compiled_calls, find_calls
 from hil_bench.abilities.controllers.elf.cpu import Cpu
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.machine import Machine
-from hil_bench.abilities.controllers.elf.nvic import Exceptions
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 
 pytestmark = pytest.mark.skipif(not CAN_BUILD, reason=WHY_NOT)
@@ -519,7 +518,7 @@ def test_without_a_compiler_the_calls_are_one_line(tmp_path, monkeypatch):
 
 
 def test_the_groups_of_priorities_and_a_reset_need_the_key_of_aircr():
-    cpu = Cpu("Cortex-M4F", Exceptions(4, 8), 1000, {})
+    cpu = Cpu("Cortex-M4F", find_calls().Exceptions(4, 8), 1000, {})
     system = SystemControl(cpu, 0, lambda: 0)
     system.store(0xD0C, 0x1234_0304)
     assert (cpu.exceptions.group_bits, cpu.wants_reset) == (1, False)

@@ -3,7 +3,8 @@
 import pytest
 from support.chip_core import Core
 
-from hil_bench.abilities.controllers.elf.nvic import NMI, PENDSV, SYSTICK, Exceptions
+from hil_bench.abilities.controllers.elf.calls import find_calls
+from hil_bench.abilities.controllers.elf.nvic import NMI, PENDSV, SYSTICK
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 
 INTERRUPTS = 80
@@ -15,7 +16,8 @@ class SystemCore(Core):
 
     def __init__(self):
         super().__init__()
-        self.exceptions = Exceptions(4, INTERRUPTS)
+        self.core = self
+        self.exceptions = find_calls().Exceptions(4, INTERRUPTS)
         self.vectors = 0
         self.sleeps_on_exit = self.wants_reset = False
         self.traps: dict[str, bool] = {}
@@ -86,7 +88,7 @@ def test_priorities_have_a_byte_each(system, core):
     priorities = core.exceptions.priorities
     assert (priorities[SYSTICK], priorities[PENDSV]) == (0xF0, 0xE0)
     system.store(0xD18, 0x00_40_20_10)
-    assert priorities[4:7] == [0x10, 0x20, 0x40]
+    assert core.exceptions.priorities[4:7] == [0x10, 0x20, 0x40]
     assert system.load(0xD20) == 0xF0E00000
 
 

@@ -8,7 +8,7 @@ from hil_bench.abilities.controllers.elf.nvic import FIRST_INTERRUPT, NMI, PENDS
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 
 if TYPE_CHECKING:
-    from hil_bench.abilities.controllers.elf.timeline import Alarm
+    from hil_bench.abilities.controllers.elf.calls import Alarm
 
 _ICTR, _CSR, _RVR, _CVR, _CALIB = 0x04, 0x10, 0x14, 0x18, 0x1C
 _CPUID, _ICSR, _VTOR, _AIRCR, _SCR, _CCR, _STIR = 0xD00, 0xD04, 0xD08, 0xD0C, 0xD10, 0xD14, 0xF00
@@ -30,7 +30,7 @@ class SystemControl(Peripheral):
     """
 
     def __init__(self, cpu: Cpu, cpu_id: int, frequency: Callable[[], int]) -> None:
-        self._cpu, self._exceptions = cpu, cpu.exceptions
+        self._cpu, self._core, self._exceptions = cpu, cpu.core, cpu.exceptions
         self._frequency = frequency
         self._others: dict[int, int] = {}
         self._control = self._reload = 0
@@ -45,7 +45,7 @@ class SystemControl(Peripheral):
             _CALIB: lambda: 1 << 31,
             _CPUID: lambda: cpu_id,
             _ICSR: self._interrupt_state,
-            _VTOR: lambda: cpu.vectors,
+            _VTOR: lambda: self._core.vectors,
             _AIRCR: lambda: _KEY_READ << 16 | self._exceptions.group_bits - 1 << 8,
             _CCR: lambda: self._others.get(_CCR, 0) | _STKALIGN,
         }
@@ -66,7 +66,7 @@ class SystemControl(Peripheral):
         self._others = {}
         self._control = self._reload = 0
         self._is_over = False
-        self._cpu.vectors = 0
+        self._core.vectors = 0
         self._cpu.trap_divisions(is_on=False)
         self._cpu.trap_unaligned(is_on=False)
 
@@ -104,7 +104,7 @@ class SystemControl(Peripheral):
                 exceptions.pending |= bits
             else:
                 exceptions.pending &= ~bits | exceptions.lines
-            self._cpu.look()
+            self._core.look()
         elif 0x400 <= offset < 0x5F0:
             self._set_priorities(FIRST_INTERRUPT + offset - 0x400, value)
         elif _SHPR1 <= offset <= _SHPR3:
@@ -121,7 +121,7 @@ class SystemControl(Peripheral):
     def _set_priorities(self, first: int, value: int) -> None:
         for place, each in enumerate(value.to_bytes(4, "little")):
             self._exceptions.set_priority(first + place, each)
-        self._cpu.look()
+        self._core.look()
 
     def _interrupt_state(self) -> int:
         exceptions = self._exceptions
@@ -144,10 +144,10 @@ class SystemControl(Peripheral):
         for place, number in ((27, PENDSV), (25, SYSTICK)):
             if value >> place & 1:
                 exceptions.pending &= ~(1 << number)
-        self._cpu.look()
+        self._core.look()
 
     def _set_vectors(self, value: int) -> None:
-        self._cpu.vectors = value & ~0x7F
+        self._core.vectors = value & ~0x7F
 
     def _set_reset_control(self, value: int) -> None:
         if value >> 16 != _KEY:
@@ -158,7 +158,7 @@ class SystemControl(Peripheral):
 
     def _set_sleep(self, value: int) -> None:
         self._others[_SCR] = value
-        self._cpu.sleeps_on_exit = bool(value & _SLEEPONEXIT)
+        self._core.sleeps_on_exit = bool(value & _SLEEPONEXIT)
 
     def _set_configuration(self, value: int) -> None:
         self._others[_CCR] = value
@@ -166,7 +166,7 @@ class SystemControl(Peripheral):
         self._cpu.trap_unaligned(is_on=bool(value & _UNALIGN_TRP))
 
     def _trigger(self, value: int) -> None:
-        self._cpu.pend(FIRST_INTERRUPT + (value & 0x1FF))
+        self._core.pend(FIRST_INTERRUPT + (value & 0x1FF))
 
     # SysTick.
 
@@ -184,7 +184,7 @@ class SystemControl(Peripheral):
     def _systick_value(self) -> int:
         if not self._control & _ENABLE:
             return 0
-        counted = (self._cpu.now() - self._begin) * self._clock() // 1_000_000_000
+        counted = (self._core.now() - self._begin) * self._clock() // 1_000_000_000
         return max(self._reload - counted, 0)
 
     def _set_systick_control(self, value: int) -> None:
@@ -206,13 +206,13 @@ class SystemControl(Peripheral):
     def _restart(self) -> None:
         if self._alarm is not None:
             self._alarm.cancel()
-        self._begin = self._cpu.now()
+        self._begin = self._core.now()
         if self._reload:
-            self._alarm = self._cpu.alarm(self._begin + self._period(), self._tick)
+            self._alarm = self._core.alarm(self._begin + self._period(), self._tick)
 
     def _tick(self) -> None:
         self._begin += self._period()
         self._is_over = True
         if self._control & _TICKINT:
-            self._cpu.pend(SYSTICK)
-        self._alarm = self._cpu.alarm(self._begin + self._period(), self._tick)
+            self._core.pend(SYSTICK)
+        self._alarm = self._core.alarm(self._begin + self._period(), self._tick)

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from hil_bench.abilities.controllers.elf.cells import COUNTED, READ, make_cells
+from hil_bench.abilities.controllers.elf.cells import COUNTED, KEPT, READ, make_cells
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
-from hil_bench.abilities.controllers.elf.timeline import Alarm, Core
+from hil_bench.abilities.controllers.elf.timeline import Core
+
+if TYPE_CHECKING:
+    from hil_bench.abilities.controllers.elf.calls import Alarm
 
 # Timers of STM32: they count up, and report their update and four compare values.
 
@@ -34,7 +37,9 @@ class Timer(Peripheral):
     ) -> None:
         self._core, self._interrupt, self._frequency = core, interrupt, frequency
         self._most = (1 << width) - 1
-        self.cells = cells = make_cells(_ARR // 4, {_SR: READ, _CNT: COUNTED})
+        # A program that writes its deadline in each round needs no model for it.
+        kinds = {_SR: READ, _CNT: COUNTED, **dict.fromkeys(_CCR, KEPT)}
+        self.cells = cells = make_cells(_CCR[-1] // 4 + 1, kinds)
         self._words, self._ramp = cells.words, cells.ramp
         self._matches = {each: partial(self._match, place) for place, each in enumerate(_CCR)}
         self.reset()
@@ -42,6 +47,8 @@ class Timer(Peripheral):
     def reset(self) -> None:
         """Go to the state behind power on."""
         self._values = {_ARR: self._most}
+        for register in _CCR:
+            self._words[register >> 2] = 0
         self._prescaler = 0  # that counts; PSC is taken over at an update
         self._begin = 0  # when it was at 0 [ns]
         self._held = 0  # its count while it stands
@@ -67,7 +74,6 @@ class Timer(Peripheral):
 
     def store(self, offset: int, value: int) -> None:
         """Write a register."""
-        values = self._values
         if offset == _SR:
             self._set_flags(self._flags & value)
         elif offset == _EGR:
@@ -80,14 +86,20 @@ class Timer(Peripheral):
         elif offset == _CR1:
             self._control(value)
         else:
-            values[offset] = value & self._most if offset == _ARR else value
-            if offset == _DIER:
-                self._raise_line()
-            elif offset in _PLACES and self._is_counting:
-                self._set_alarm(offset, self._count())
-
+            self._keep(offset, value)
         if offset in _FOLLOWED:
             self.follow()
+
+    def _keep(self, offset: int, value: int) -> None:
+        self._values[offset] = value & self._most if offset == _ARR else value
+        if offset in _CCR:
+            self._words[offset >> 2] = value
+        if offset == _DIER:
+            self._raise_line()
+        elif offset in _PLACES and self._is_counting:
+            held = self._count()
+            for register in _PLACES if offset == _ARR else (offset,):
+                self._set_alarm(register, held)
 
     def _control(self, value: int) -> None:
         is_counting = bool(value & _CEN)
@@ -145,7 +157,7 @@ class Timer(Peripheral):
         known = self._alarms.get(register)
         if known is not None:
             if known.is_on and is_ahead and known.time == time:
-                return  # as a program that writes its deadline in each round has it
+                return
             del self._alarms[register]
             known.cancel()
         if is_ahead:

@@ -1,5 +1,6 @@
 """The command ``hil-bench``, also as ``python -m hil_bench``."""
 
+import signal
 import sys
 
 _INTERRUPTED = 130  # `ExitCode.INTERRUPTED`, which is imported only below
@@ -13,6 +14,9 @@ def main() -> int:
         return run()
     except KeyboardInterrupt:
         return _INTERRUPTED
+    finally:  # nothing is left to be interrupted but Python's own end, which would say so at length
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 if __name__ == "__main__":

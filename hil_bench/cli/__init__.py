@@ -11,6 +11,7 @@ import logging
 import platform
 import sys
 from collections.abc import Container, Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any, cast
 
 import hil_bench
@@ -23,6 +24,7 @@ from hil_bench.cli.exit_codes import (
     collection_put_off,
     discard_output,
     flush_output,
+    interrupted_once,
     prepare_streams,
     report_error,
     worst,
@@ -51,7 +53,7 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    with choice_of_a_call():
+    with choice_of_a_call(), interrupted_once() if argv is None else nullcontext():
         return _main(arguments, freezes=argv is None)
 
 

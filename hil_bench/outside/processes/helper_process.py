@@ -7,7 +7,8 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -147,17 +148,41 @@ def start_shielded(process: BaseProcess) -> None:
     """Start a process that never hears Ctrl-C and the like, not even while it imports.
 
     A terminal sends signals to every process on it; what follows is this process's to decide. The
-    other one inherits that they are blocked.
+    other one inherits that they are blocked. Here they come once it is started: half a start would
+    end in a traceback of the other one.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         process.start()
         return
-    resource_tracker.ensure_running()  # when it is started, it lets signals through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _shielded())
     try:
-        process.start()
+        resource_tracker.ensure_running()  # it is shielded, too, and lets signals through here
+        signal.pthread_sigmask(signal.SIG_BLOCK, _shielded())
+        with _handlers_put_off():
+            process.start()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _handlers_put_off() -> Iterator[None]:
+    """Raise what came within the block after it: another thread takes what this one blocks."""
+    if threading.current_thread() is not threading.main_thread():  # no handler interrupts it
+        yield
+        return
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _frame: came.append(number))
+        for number in _shielded()
+        if callable(signal.getsignal(number))
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def _shielded() -> set[int]:
@@ -181,7 +206,8 @@ def _run(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
         try:
             arguments[-1].send(Failure(text, traceback.format_exc()))
         except OSError:
-            traceback.print_exc()  # nobody else is left to say it
+            if not isinstance(error, EOFError | ConnectionError):  # no more than that
+                traceback.print_exc()  # nobody else is left to say it
         sys.exit(1)
 
 

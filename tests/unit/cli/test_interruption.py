@@ -120,6 +120,19 @@ def test_nohup_stays_in_force():
         signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.parametrize("number", SIGNALS[:2])
+def test_a_verb_without_a_loop_ends_in_order_too(tmp_path, number):
+    """It waits for the other end of its file, so that the signal comes while it works."""
+    log = tmp_path / "pipe.log"
+    os.mkfifo(log)
+    words = [sys.executable, "-m", "hil_bench", "explain", str(log)]
+    program = subprocess.Popen(words, stderr=subprocess.PIPE)  # noqa: S603 - our own program
+    with program, log.open("w"):  # once the program has opened it
+        program.send_signal(number)
+        said = program.stderr.read()
+    assert (program.returncode, said) == (130, b"")
+
+
 RUN_ON_A_TERMINAL = """
 import os, pty, signal, sys
 pid, master = pty.fork()

@@ -5,11 +5,12 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.processes.helper_process import SHIELDED, HelperProcess
+from hil_bench.outside.processes.helper_process import SHIELDED, HelperProcess, start_shielded
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads masks from /proc")
 
@@ -45,6 +46,32 @@ def test_signals_of_a_terminal_are_blocked_from_the_first_moment_on():
         assert number not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
+def test_a_signal_that_another_thread_takes_waits_until_the_start_is_done():
+    """NumPy's BLAS has threads on every machine with several processors; they block nothing."""
+    begun, done = threading.Event(), []
+
+    def interrupt():
+        begun.wait()
+        os.kill(os.getpid(), signal.SIGINT)
+
+    class Starting:
+        def start(self):
+            begun.set()
+            thread.join()
+            done.append(True)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            start_shielded(Starting())
+        assert done
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_it_ends_when_it_is_let_go_of():
     helper = HelperProcess(wait_for_the_end, (), name="test")
     assert not helper.alive
@@ -74,6 +101,19 @@ def test_an_exception_is_a_line_and_no_traceback_on_the_terminal(capfd):
     assert helper.receive(30) == "begun"
     assert join(helper) == "ended by an error of hil-bench (ValueError: this is wrong)"
     assert 'raise ValueError("this\\nis wrong")' in helper.trace
+    assert capfd.readouterr().err == ""
+
+
+def answer_nobody(connection):
+    connection.poll(None)
+    connection.send("too late")
+
+
+def test_one_whose_parent_let_go_of_it_says_nothing_on_the_terminal(capfd):
+    helper = HelperProcess(answer_nobody, (), name="test")
+    helper.start()
+    helper.stop(30)
+    assert helper.ending() == "ended with exit code 1"
     assert capfd.readouterr().err == ""
 
 

@@ -8,7 +8,7 @@ class Deviation(HilBenchError):  # noqa: N818 - a verdict, not an error
 
 
 class NotApplicable(HilBenchError):  # noqa: N818 - a verdict, not an error
-    """The check cannot be done with this device; the message says why."""
+    """The check cannot be done with this device or on this bus; the message says why."""
 
 
 class NotRun(HilBenchError):  # noqa: N818 - a verdict, not an error

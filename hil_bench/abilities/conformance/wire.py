@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.conformance.verdicts import NotApplicable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import frame_of, message_of
@@ -54,7 +55,12 @@ class Wire:
 
         Raises:
             BusError: the bus is lost.
+            NotApplicable: a remote frame is among them, and the bus has none.
         """
+        if not getattr(self._bus, "carries_remote", True) and any(
+            each.is_remote for each in frames
+        ):
+            raise NotApplicable(f"{self._bus.channel_info}: this bus has no remote frames")
         try:
             for frame in frames:
                 self._bus.send(message_of(frame))

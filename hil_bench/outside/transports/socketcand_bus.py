@@ -28,7 +28,15 @@ _CHUNK = 65_536
 
 
 class SocketcandFdBus(SocketCanDaemonBus):
-    """A channel of a socketcand; the arguments are python-can's."""
+    """A channel of a socketcand; the arguments are python-can's.
+
+    The protocol has no remote frames; python-can would send data frames with their identifiers.
+
+    Attributes:
+        carries_remote: whether remote frames can be sent.
+    """
+
+    carries_remote = False
 
     def __init__(self, *, fd: bool = True, **settings: Any) -> None:  # noqa: ANN401, ARG002 - python-can's
         self._arrived: deque[can.Message] = deque()
@@ -37,11 +45,13 @@ class SocketcandFdBus(SocketCanDaemonBus):
         self._can_protocol = can.CanProtocol.CAN_FD
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a message.
+        """Send a message, unless it is a remote frame.
 
         Raises:
             can.CanOperationError: it is one of CAN FD, and of a length that no DLC has.
         """
+        if msg.is_remote_frame:
+            return
         if not msg.is_fd:
             super().send(msg, timeout)  # type: ignore[no-untyped-call]  # python-can's
             return

@@ -6,6 +6,7 @@ import pytest
 from hil_bench.abilities.commissioning.discovery import Traffic
 from hil_bench.abilities.commissioning.verbs.scan import _identifier_line
 from hil_bench.cli import main
+from hil_bench.outside.transports.embedded import EmbeddedBus
 
 UNCONFIGURED = """
 [plant.axis1]
@@ -53,6 +54,13 @@ def test_an_empty_bus_is_a_failed_check_with_a_hint(tmp_path, capsys):
     path.write_text(UNCONFIGURED, encoding="utf-8")
     assert main(["scan", str(path), "--virtual"]) == 1
     assert "0 nodes found: is the bus powered" in capsys.readouterr().out
+
+
+def test_nobody_is_guarded_on_a_bus_without_remote_frames(monkeypatch, capsys):
+    """As on a hub: no node would answer, and none would be said to be there."""
+    monkeypatch.setattr(EmbeddedBus, "carries_remote", False, raising=False)
+    assert main(["scan", "--virtual", "--by", "guarding"]) == 2
+    assert "--by guarding: this bus has no remote frames" in capsys.readouterr().err
 
 
 def test_a_bus_of_j1939_is_said_to_be_one(capsys):

@@ -3,6 +3,7 @@
 import can
 import pytest
 
+from hil_bench.abilities.conformance.verdicts import NotApplicable
 from hil_bench.abilities.conformance.wire import BACKLOG, Wire
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -51,6 +52,14 @@ def test_forgotten_frames_are_gone(wire, script):
     wire.wait(0.002)
     wire.forget()
     assert wire.take(by(1), 0.01) is None
+
+
+def test_a_bus_without_remote_frames_decides_nothing_by_their_silence(monkeypatch, wire):
+    """Node guarding failed on each hub, and a check that silence is right passed."""
+    monkeypatch.setattr(wire._bus, "carries_remote", False, raising=False)
+    wire.send(Frame(0x80))
+    with pytest.raises(NotApplicable, match="this bus has no remote frames"):
+        wire.send(Frame(0x80), Frame(0x701, is_remote=True))
 
 
 def test_error_frames_and_can_fd_are_nobodys(monkeypatch, wire):

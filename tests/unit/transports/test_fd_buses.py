@@ -126,6 +126,15 @@ def test_a_hub_of_can_fd_carries_both_kinds_between_its_clients(hub):
     transport.close()
 
 
+def test_a_remote_frame_is_not_sent_as_a_data_frame(hub, monkeypatch):
+    """Which a real socketcand would put on its bus as a heartbeat without a state."""
+    said = []
+    with SocketcandFdBus(channel="can0", host=hub.host, port=hub.port) as peer:
+        monkeypatch.setattr(peer, "_tcp_send", said.append)
+        peer.send(can.Message(arbitration_id=0x701, is_remote_frame=True, is_extended_id=False))
+    assert not said
+
+
 def test_python_cans_own_client_stays_on_a_bus_of_can_fd(hub):
     """It has no word for CAN FD, and passes it over."""
     transport = hub.join("can0")

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Scan a bus, or listen to it.
 
     Raises:
-        ConfigError: the time to listen makes no sense.
+        ConfigError: the time to listen makes no sense, or the bus has no remote frames to guard by.
     """
     if args.listen is not None and not 0.0 < args.listen < float("inf"):
         raise ConfigError(f"--listen {args.listen:g}: give a positive number of seconds")
@@ -99,9 +99,12 @@ def run(args: argparse.Namespace) -> int:
             else:
                 print_lines(args, _traffic_text(traffic, opened, args))
             return ExitCode.DONE if traffic.frames else ExitCode.CHECK_FAILED
+        method = Method(args.by)
+        if method is Method.GUARDING and not getattr(opened.network.bus, "carries_remote", True):
+            raise ConfigError("--by guarding: this bus has no remote frames; give another --by")
         found = survey(
             opened.network,
-            Method(args.by),
+            method,
             node_ids=args.nodes,
             patience=args.patience,
             lss=args.lss,

@@ -66,6 +66,7 @@ class Cause(NamedTuple):
 
 
 _LESS, _MORE = "less leakage", "leakage from"
+_HIGHER, _LOWER = "higher supply pressure", "lower supply pressure"
 CAUSES = (
     Cause("internal_leakage_l_min_bar", 1e-3, 0.4, "leakage across the piston", _LESS, True),
     Cause("external_leakage_a_l_min_bar", 1e-3, 0.4, f"{_MORE} A to the tank", _LESS),
@@ -78,12 +79,8 @@ CAUSES = (
     Cause("entrained_air_percent", 0.4, 0.0, "air trapped in the oil", "less air", True),
     Cause("coulomb_friction_n", 0.0, 0.2, "more friction", "less friction", True),
     Cause("viscous_friction_n_s_m", 0.0, 0.4, "more friction", "less friction", True),
-    Cause(
-        "supply_pressure_bar", 0.0, 0.02, "higher supply pressure", "lower supply pressure", True
-    ),
-    Cause(
-        "relief_pressure_bar", 0.0, 0.02, "higher supply pressure", "lower supply pressure", True
-    ),
+    Cause("supply_pressure_bar", 0.0, 0.02, _HIGHER, _LOWER, True),
+    Cause("relief_pressure_bar", 0.0, 0.02, _HIGHER, _LOWER, True),
     Cause("orifice_width_mm", 0.0, 0.02, "the valve passes more", "the valve passes less", True),
     Cause(
         "offset_a", 0.4, 0.0, "the sensor of P_A reads more", "the sensor of P_A reads less", True

@@ -63,11 +63,7 @@ class Twin:
         )
         states = np.empty((len(setpoints), 4))
         for row, u in enumerate((setpoints * self.full_opening).tolist()):
-            given = PlantInput(u)
-            seen = plant.step(given)
-            for _ in range(every - 1):
-                seen = plant.step(given)
-            states[row] = seen.x, seen.v, seen.P_A, seen.P_B
+            states[row] = plant.step(PlantInput(u), every)[:4]
         return states
 
 
@@ -79,8 +75,6 @@ _KEPT_FREE = 0.1
 The machine drifts otherwise than the model, since what is to be estimated is not known yet.
 """
 
-_NO_LIMIT = 1e12
-
 
 class Bounds(NamedTuple):
     """Limits of a manoeuvre, with room for what is not known yet.
@@ -89,25 +83,20 @@ class Bounds(NamedTuple):
         position: lowest and highest [m].
         speed: highest, either way [m/s].
         pressure: lowest and highest of either chamber [Pa].
-        limits: as they were given, without that room; None where only the stroke limits.
     """
 
     position: tuple[float, float]
     speed: float
     pressure: tuple[float, float]
-    limits: Limits | None = None
 
     @classmethod
     def of(cls, axis: CylinderConfig, limits: Limits | None) -> "Bounds":
         """Return the bounds of an axis by its stroke, and by the limits of a plan, if any."""
-        half = axis.parameters.h
-        low, high = (-half, half) if limits is None else limits.position
+        h = axis.parameters.h
+        limits = limits or Limits((-h, h), np.inf, (-np.inf, np.inf), np.inf)
+        low, high = limits.position
         free = _KEPT_FREE * (high - low)
-        position = (low + free, high - free)
-        if limits is None:
-            return cls(position, _NO_LIMIT, (-_NO_LIMIT, _NO_LIMIT))
-        speed = (1.0 - _KEPT_FREE) * limits.speed
-        return cls(position, speed, limits.pressure, limits)
+        return cls((low + free, high - free), (1.0 - _KEPT_FREE) * limits.speed, limits.pressure)
 
     @property
     def middle(self) -> float:

@@ -37,17 +37,17 @@ class StrokeError(NamedTuple):
 class Quantity(NamedTuple):
     """A quantity of `StrokeError` as a user reads it."""
 
-    field: str
     unit: str
     factor: float
 
 
 QUANTITIES = {
-    "position": Quantity("position", "mm", 1e3),
-    "speed": Quantity("speed", "%", 1e2),
-    "pressure": Quantity("pressure", "bar", 1e-5),
-    "time": Quantity("time", "ms", 1e3),
+    "position": Quantity("mm", 1e3),
+    "speed": Quantity("%", 1e2),
+    "pressure": Quantity("bar", 1e-5),
+    "time": Quantity("ms", 1e3),
 }
+"""Those of `StrokeError`, by its fields."""
 
 
 class Limit(NamedTuple):
@@ -141,14 +141,11 @@ def stated_error(errors: Sequence[StrokeError], quantity: str) -> float:
 
     It is the next larger of the errors that were seen, so that few strokes promise less.
     """
-    one = QUANTITIES[quantity]
-    values = sorted(
-        value for value in (getattr(each, one.field) for each in errors) if math.isfinite(value)
-    )
+    values = sorted(filter(math.isfinite, (getattr(each, quantity) for each in errors)))
     if not values:
         return math.nan
     place = math.ceil(_MOST * (len(values) + 1)) - 1
-    return one.factor * float(values[min(place, len(values) - 1)])
+    return QUANTITIES[quantity].factor * float(values[min(place, len(values) - 1)])
 
 
 def describe_errors(errors: Sequence[StrokeError]) -> str:

@@ -193,6 +193,12 @@ class Bench:
             for one, model in zip(self.course.strokes, shown, strict=True)
         ]
 
+    def misses(self, values: Mapping[str, float]) -> list[float]:
+        """Return the rms of model less record of each signal, NaN for one that is missing [SI]."""
+        every = np.concatenate(self.deviations(values)).T
+        there = [one[np.isfinite(one)] for one in every]
+        return [math.sqrt(np.square(one).mean()) if len(one) else math.nan for one in there]
+
     def rescaled(self, values: Mapping[str, float]) -> "Bench":
         """Return the same with the residuals of a machine as their scale, never below the noise."""
         every = np.concatenate(self.deviations(values))
@@ -279,12 +285,8 @@ class Problem:
             self.bench.clock.tick()
             return np.asarray((self._at(places[place], cuts) - here) / steps[place])
 
-        if self.bench.jobs == 1:
-            columns = [slope(place) for place in range(len(steps))]
-        else:
-            with ThreadPoolExecutor(self.bench.jobs) as pool:
-                columns = list(pool.map(slope, range(len(steps))))
-        return np.stack(columns, axis=1)
+        with ThreadPoolExecutor(self.bench.jobs) as pool:
+            return np.stack(list(pool.map(slope, range(len(steps)))), axis=1)
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.

@@ -267,8 +267,7 @@ def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
     # What only the smallest opening shows, the overlap, no other one predicts.
     folds = folds[1:]
     if not folds:
-        folds, notes = [], ("all strokes have one opening: no other amplitude was predicted",)
-    if not folds:
+        notes = ("all strokes have one opening: no other amplitude was predicted",)
         order = np.random.default_rng(5).permutation(len(strokes))
         folds = [sorted(order[k::_FOLDS].tolist()) for k in range(_FOLDS)]
     return folds, notes
@@ -446,7 +445,6 @@ def _supply(bench: Bench) -> tuple[str, ...]:
 
 
 def _describe(bench: Bench, fit: Fit) -> str:
-    every = np.concatenate(bench.deviations(fit.values))
-    x, *pressures = np.sqrt(np.nanmean(np.square(every[:, np.isfinite(every).any(axis=0)]), axis=0))
-    worst = max(pressures) if pressures else math.nan
+    x, *pressures = bench.misses(fit.values)
+    worst = max(pressures, key=np.nan_to_num)
     return f"position {1e3 * x:.2g} mm, pressure {1e-5 * worst:.2g} bar rms"

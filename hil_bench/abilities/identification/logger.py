@@ -71,22 +71,16 @@ def look_through(record: AxisRecord, half_stroke: float) -> AxisRecord:
             notes.append(f"{name} is clipped at {places}: {share:.1%} of its rows do not count")
             noise[signal] = estimate_noise(values[~clipped[:, signal]], FLOORS[signal])
     jumps = [
-        jump
+        jump._replace(row=jump.row + part.start)
         for part in record.stretches
-        for jump in _shifted(
-            find_jumps(record.measured[part.start : part.stop, 0], noise[0]), part.start
-        )
+        for jump in find_jumps(record.measured[part.start : part.stop, 0], noise[0])
     ]
     if jumps:
-        first, lost = jumps[0], sum(jump.lost for jump in jumps)
-        where = f", the first at {record.times[first.row]:.6g} s" if len(jumps) > 1 else ""
-        at = f" at {record.times[first.row]:.6g} s" if len(jumps) == 1 else ""
-        jump = f"{MILLIMETRE.from_si(max(abs(one.way) for one in jumps)):.3g} mm"
-        places = "1 place" if len(jumps) == 1 else f"{len(jumps)} places"
-        rows = "1 row is" if lost == 1 else f"{lost} rows are"
+        farthest = MILLIMETRE.from_si(max(abs(one.way) for one in jumps))
         notes.append(
-            f"about {rows} missing in {places} behind an even column of "
-            f"time{where}{at}: the position jumps by up to {jump}"
+            f"behind an even column of time the position jumps in {len(jumps)} of {len(record)} "
+            f"rows, first at {record.times[jumps[0].row]:.6g} s, by up to {farthest:.3g} mm: rows "
+            f"are missing, about {sum(jump.lost for jump in jumps)}"
         )
         record = record.split_at([one.row for one in jumps])
     return replace(
@@ -95,10 +89,6 @@ def look_through(record: AxisRecord, half_stroke: float) -> AxisRecord:
         clipped=clipped if clipped.any() else None,
         notes=(*record.notes, *notes),
     )
-
-
-def _shifted(jumps: list[Jump], by: int) -> list[Jump]:
-    return [jump._replace(row=jump.row + by) for jump in jumps]
 
 
 def find_jumps(position: Values, noise: float) -> list[Jump]:

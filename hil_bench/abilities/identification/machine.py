@@ -36,6 +36,9 @@ SLEW = "spool_speed_mm_s"
 PUMP, GAS = "supply_pump_share", "supply_gas_l"
 DELAY, LAG = "position_delay_ms", "pressure_lag_ms"
 OVERLAPS = ("land_overlap_pa_mm", "land_overlap_at_mm", "land_overlap_pb_mm", "land_overlap_bt_mm")
+LEAKS = tuple(
+    f"{way}_l_min_bar" for way in ("internal_leakage", "external_leakage_a", "external_leakage_b")
+)
 UNITS = {
     "dead_a": "cm3",
     "dead_b": "cm3",
@@ -169,15 +172,10 @@ class Template:
         axis = build_axis(self.axis.kind, self.axis.name, settings)
         parameters, options = axis.parameters, axis.options
         values = {**self.held, **values}
-        offsets = np.array(
-            [
-                [
-                    unit.to_si(values.get(f"offset_{name}:{session}", 0.0))
-                    for name, unit in (("x", MILLIMETRE), ("a", BAR), ("b", BAR))
-                ]
-                for session in range(self.sessions)
-            ]
-        )
+        offsets = [
+            [values.get(f"offset_{name}:{session}", 0.0) for name in "xab"]
+            for session in range(self.sessions)
+        ]
         supply = parameters.P_S
         if options.supply is not None and options.supply.variable is None:
             unit = options.supply
@@ -186,7 +184,7 @@ class Template:
             parameters,
             options,
             make_row(pack_extended(parameters, options, dt)),
-            offsets,
+            np.array(offsets) * [MILLIMETRE.to_si(1.0), BAR.to_si(1.0), BAR.to_si(1.0)],
             1e-3 * values.get(DELAY, 0.0),
             1e-3 * values.get(LAG, 0.0),
             supply,
@@ -205,43 +203,29 @@ class Template:
         most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
         leak = LITRE_PER_MINUTE_BAR.from_si(1e-3 * p.K * p.alpha / math.sqrt(p.P_S - p.P_T))
         ratios = {
-            "bulk_modulus_mpa": (4.0, 2.0),
+            **dict.fromkeys(("bulk_modulus_mpa", SLEW, GAS), (4.0, 2.0)),
+            **dict.fromkeys(("load_mass_kg", "spool_natural_frequency_rad_s"), (3.0, 0.3)),
             "moving_mass_kg": (3.0, 0.5),
-            "load_mass_kg": (3.0, 0.3),
-            "spool_natural_frequency_rad_s": (3.0, 0.3),
             "spool_damping_ratio": (1.5, 0.3),
-            "stribeck_velocity_mm_s": (3.0, 1.0),
-            "supply_pressure_bar": (0.7, 0.1),
-            "relief_pressure_bar": (0.7, 0.1),
-            "piston_area_cm2": (0.1, 0.02),
-            "rod_side_area_cm2": (0.1, 0.02),
+            **dict.fromkeys(("supply_pressure_bar", "relief_pressure_bar"), (0.7, 0.1)),
+            **dict.fromkeys(("piston_area_cm2", "rod_side_area_cm2"), (0.1, 0.02)),
             "stroke_mm": (0.1, 0.01),
-            "dead_a": (5.0, 1.5),
-            "dead_b": (5.0, 1.5),
+            **dict.fromkeys(DEAD, (5.0, 1.5)),
             PUMP: (4.0, 1.0),
-            SLEW: (4.0, 2.0),
-            GAS: (4.0, 2.0),
             **{f"land_gain_{edge}": (1.2, 0.3) for edge in ("pa", "at", "pb", "bt")},
         }
         lines = {
             "spool_overlap_mm": (0.1 * opening, 0.0, 5.0, 1.0),
-            "coulomb_friction_n": (force, 0.0, 30.0, 2.0),
-            STICTION: (force, 0.0, 30.0, 2.0),
+            **dict.fromkeys(("coulomb_friction_n", STICTION), (force, 0.0, 30.0, 2.0)),
             "viscous_friction_n_s_m": (10.0 * force, 0.0, 100.0, 5.0),
             "load_n": (force, -30.0, 30.0, 2.0),
-            "internal_leakage_l_min_bar": (leak, 0.0, 500.0, 10.0),
-            "external_leakage_a_l_min_bar": (leak, 0.0, 500.0, 10.0),
-            "external_leakage_b_l_min_bar": (leak, 0.0, 500.0, 10.0),
-            "flow_saturation": (1.0, 0.0, 30.0, 3.0),
-            "entrained_air_percent": (1.0, 0.0, 30.0, 3.0),
+            **dict.fromkeys(LEAKS, (leak, 0.0, 500.0, 10.0)),
+            **dict.fromkeys(("flow_saturation", "entrained_air_percent"), (1.0, 0.0, 30.0, 3.0)),
             "null_opening_um": (10.0 * opening, 0.0, 10.0, 1.0),
             "tank_pressure_bar": (1.0, -0.9, 60.0, 3.0),
             DROOP: (0.02 * BAR.from_si(p.P_S) / most, 0.0, 50.0, 3.0),
-            DELAY: (1.0, 0.0, 30.0, 3.0),
-            LAG: (1.0, 0.0, 30.0, 3.0),
-            "offset_x": (1.0, -20.0, 20.0, 1.0),
-            "offset_a": (1.0, -20.0, 20.0, 1.0),
-            "offset_b": (1.0, -20.0, 20.0, 1.0),
+            **dict.fromkeys((DELAY, LAG), (1.0, 0.0, 30.0, 3.0)),
+            **dict.fromkeys(("offset_x", "offset_a", "offset_b"), (1.0, -20.0, 20.0, 1.0)),
             **dict.fromkeys(OVERLAPS, (0.1 * opening, -4.0, 5.0, 1.0)),
         }
         if base in lines:

@@ -74,6 +74,8 @@ class AxisRecord:
         notes: what was found out about the columns.
         clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3); None
             for none.
+        is_sampled: whether a row has the set-point of its moment, as that of a logger, rather than
+            of the interval before.
     """
 
     axis: str
@@ -87,6 +89,7 @@ class AxisRecord:
     sessions: tuple[Session, ...] = ()
     notes: tuple[str, ...] = ()
     clipped: npt.NDArray[np.bool_] | None = None
+    is_sampled: bool = False
 
     def __post_init__(self) -> None:
         if not self.sessions:
@@ -125,21 +128,14 @@ class AxisRecord:
         Raises:
             ConfigError: hardly anything is long enough between them.
         """
-        edges = sorted({row + 1 for row in rows})
-        stretches = [
-            range(*pair)
-            for part in self.stretches
-            for pair in itertools.pairwise(
-                [part.start, *(edge for edge in edges if edge in part), part.stop]
-            )
-        ]
-        least = _least_rows(self.interval)
-        kept = tuple(part for part in stretches if len(part) >= least)
-        span = self.interval * sum(map(len, kept))
-        if span < _HALF * self.interval * sum(map(len, self.stretches)):
+        kept = tuple(
+            piece for part in self.stretches for piece in _pieces(part, rows, self.interval)
+        )
+        whole, span = (self.interval * sum(map(len, parts)) for parts in (self.stretches, kept))
+        if span < _HALF * whole:
             raise ConfigError(
-                f"the recording lacks rows in {len(edges)} places behind an even column of time, "
-                f"the first at {self.times[edges[0] - 1]:g} s; {span:.3g} s of it are whole for "
+                f"the recording lacks rows in {len(rows)} places behind an even column of time, "
+                f"the first at {self.times[min(rows)]:g} s; {span:.3g} s of it are whole for "
                 f"{_LEAST_STRETCH:g} s and more"
             )
         return replace(self, stretches=kept)
@@ -195,17 +191,11 @@ class AxisRecord:
         fields = recording.dtype.names or ()
         known = (*NEEDED, *PRESSURES)
         quantities = [quantity for quantity in known if f"{axis}.{quantity}" in fields]
-        _check_finite(recording, [f"{axis}.{quantity}" for quantity in quantities])
-        _check_change(recording, axis, quantities)
-        absent = np.full(len(times), np.nan)
-        measured = np.column_stack(
-            [
-                recording[f"{axis}.{signal}"] if signal in quantities else absent
-                for signal in SIGNALS
-            ]
-        )
-        _check_motion(measured[:, 0], axis)
+        _check_values(recording, axis, quantities)
         has = np.array([signal in quantities for signal in SIGNALS])
+        measured = np.full((len(times), 3), np.nan)
+        for place in np.flatnonzero(has).tolist():
+            measured[:, place] = recording[f"{axis}.{SIGNALS[place]}"]
         return cls(
             axis=axis,
             times=np.asarray(times, dtype=np.float64),
@@ -381,9 +371,7 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
     """
     steps = np.diff(times)
     gaps = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
-    edges = [0, *(gaps + 1).tolist(), len(times)]
-    least = _least_rows(interval)
-    stretches = [range(*pair) for pair in itertools.pairwise(edges) if pair[1] - pair[0] >= least]
+    stretches = _pieces(range(len(times)), gaps.tolist(), interval)
     span = interval * sum(map(len, stretches))
     if span < _HALF * (times[-1] - times[0] - steps[gaps].sum()):
         place = gaps[0]
@@ -395,49 +383,36 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
     return tuple(stretches)
 
 
-def _least_rows(interval: float) -> float:
-    return _LEAST_STRETCH / interval
+def _pieces(part: range, rows: Sequence[int], interval: float) -> list[range]:
+    """Return the pieces of a stretch that is cut behind some rows, where they are long enough."""
+    edges = [part.start, *sorted(row + 1 for row in rows if row + 1 in part), part.stop]
+    pieces = itertools.starmap(range, itertools.pairwise(edges))
+    return [piece for piece in pieces if len(piece) * interval >= _LEAST_STRETCH]
 
 
-def _check_finite(recording: Recording, names: list[str]) -> None:
-    """Refuse values that are no numbers.
-
-    Raises:
-        ConfigError: there is one.
-    """
-    for name in names:
-        wrong = np.flatnonzero(~np.isfinite(recording[name]))
-        if len(wrong):
-            raise ConfigError(
-                f"the recording's {name} is no number in {len(wrong)} rows, first at "
-                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
-            )
-
-
-def _check_change(recording: Recording, axis: str, quantities: Sequence[str]) -> None:
-    """Refuse a column that stays the same, as that of a sensor which is not connected.
+def _check_values(recording: Recording, axis: str, quantities: Sequence[str]) -> None:
+    """Refuse values that are no numbers, a sensor that is not connected, and an axis at rest.
 
     Raises:
         ConfigError: there is one.
     """
     for quantity in quantities:
-        values = recording[f"{axis}.{quantity}"]
-        if quantity != "position" and np.ptp(values) == 0.0:
+        name = f"{axis}.{quantity}"
+        values = recording[name]
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if len(wrong):
             raise ConfigError(
-                f"the recording's {axis}.{quantity} is constant at {values[0]:g}; leave a column "
-                "out that measures nothing"
+                f"the recording's {name} is no number in {len(wrong)} rows, first at "
+                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
             )
-
-
-def _check_motion(position: Values, axis: str) -> None:
-    """Refuse a record of an axis at rest.
-
-    Raises:
-        ConfigError: it is one.
-    """
-    travel = float(np.ptp(position))
-    if travel < _MOTION:
-        raise ConfigError(
-            f"{axis} moves by {travel * 1e3:.3g} mm in this recording; {_MOTION * 1e3:g} mm or "
-            "more are needed, in both directions"
-        )
+        travel = float(np.ptp(values))
+        if quantity != "position" and travel == 0.0:
+            raise ConfigError(
+                f"the recording's {name} is constant at {values[0]:g}; leave a column out that "
+                "measures nothing"
+            )
+        if quantity == "position" and travel < _MOTION:
+            raise ConfigError(
+                f"{axis} moves by {travel * 1e3:.3g} mm in this recording; {_MOTION * 1e3:g} mm or "
+                "more are needed, in both directions"
+            )

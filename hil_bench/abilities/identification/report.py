@@ -17,6 +17,7 @@ from hil_bench.abilities.identification.errors import (
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.machine import UNITS
 from hil_bench.abilities.identification.record import SIGNALS
+from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.units import BAR, MILLIMETRE
 
 _DISPLAY = (MILLIMETRE, BAR, BAR)
@@ -97,21 +98,12 @@ def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
         lines.append("the time was over: this is the best so far; --time-limit gives more")
     if not record.moves_both_ways:
         lines.append("the piston moves one way only; record strokes both ways")
-    sizes = residual_sizes(found)
+    sizes = found.bench.misses(found.fit.values)
     missed = [signal for signal in range(3) if sizes[signal] > 3.0 * record.noise[signal]]
     lines += [_miss(found, signal, sizes[signal]) for signal in missed]
     exceeded = find_exceeded(ladder.best.errors, limits)
     lines += [f"NOT as required: {line}" for line in exceeded]
     return ["", *lines] if lines else []
-
-
-def residual_sizes(found: Identification) -> list[float]:
-    """Return the rms of model less record of each signal, NaN for one that is missing [SI]."""
-    every = np.concatenate(found.bench.deviations(found.fit.values))
-    return [
-        float(np.sqrt(np.nanmean(np.square(column)))) if np.isfinite(column).any() else math.nan
-        for column in every.T
-    ]
 
 
 def _miss(found: Identification, signal: int, size: float) -> str:
@@ -125,45 +117,34 @@ def _miss(found: Identification, signal: int, size: float) -> str:
     )
 
 
-_SIGNS = {
-    "with the speed": "as with friction or valve flow of another course",
-    "with the pressure": "as with leakage, air or a gain of the sensor",
-    "with the acceleration": "as with another mass or a late sensor",
-    "with time": "as with a drift of oil temperature or sensor",
-}
+_SIGNS = (
+    ("with the speed", "as with friction or valve flow of another course"),
+    ("with the pressure", "as with leakage, air or a gain of the sensor"),
+    ("with the acceleration", "as with another mass or a late sensor"),
+    ("with time", "as with a drift of oil temperature or sensor"),
+)
 
 
 def _looks_like(found: Identification, signal: int) -> str:
     """Describe the course that the residual of a signal is most like."""
-    bench, record = found.bench, found.record
-    parts: dict[str, list[Any]] = {name: [] for name in _SIGNS}
-    every = []
-    for stroke, off in zip(bench.course.strokes, bench.deviations(found.fit.values), strict=True):
-        rows = bench.measured(stroke)
-        speed = np.gradient(rows[:, 0], record.interval)
+    strokes, interval = found.bench.course.strokes, found.record.interval
+
+    def courses(stroke: Stroke) -> Any:  # noqa: ANN401 - an array
+        rows = found.bench.measured(stroke)
+        speed = np.gradient(rows[:, 0], interval)
         pressure = rows[:, 1] if np.isfinite(rows[:, 1]).all() else rows[:, 2]
-        every.append(off[:, signal])
-        parts["with the speed"].append(speed)
-        parts["with the pressure"].append(pressure)
-        parts["with the acceleration"].append(np.gradient(speed))
-        parts["with time"].append(np.full(len(rows), float(stroke.number)))
-    whole = np.concatenate(every)
-    there = np.isfinite(whole)
-    likeness = {
-        name: abs(_correlation(whole[there], np.concatenate(part)[there]))
-        for name, part in parts.items()
-    }
-    name = max(likeness, key=lambda each: likeness[each])
-    if likeness[name] < 0.2:
+        number = np.full(len(rows), float(stroke.number))
+        return np.column_stack([speed, pressure, np.gradient(speed), number])
+
+    every = np.concatenate(found.bench.deviations(found.fit.values))[:, signal]
+    there = np.isfinite(every)
+    table = np.concatenate([courses(one) for one in strokes])[there]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        likeness = np.abs(np.nan_to_num(np.corrcoef(every[there], table.T)[0, 1:]))
+    place = int(np.argmax(likeness))
+    if likeness[place] < 0.2:
         return "with nothing that was looked at"
-    return f"{name} ({likeness[name]:.2f}), {_SIGNS[name]}"
-
-
-def _correlation(one: Any, other: Any) -> float:  # noqa: ANN401 - arrays
-    if not len(one) or np.std(one) == 0.0 or np.std(other) == 0.0:
-        return 0.0
-    value = float(np.corrcoef(one, other)[0, 1])
-    return value if math.isfinite(value) else 0.0
+    return f"{_SIGNS[place][0]} ({likeness[place]:.2f}), {_SIGNS[place][1]}"
 
 
 def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
@@ -191,7 +172,9 @@ def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
         },
         "residual": {
             name: None if math.isnan(size) else unit.from_si(size)
-            for name, size, unit in zip(SIGNALS, residual_sizes(found), _DISPLAY, strict=True)
+            for name, size, unit in zip(
+                SIGNALS, found.bench.misses(found.fit.values), _DISPLAY, strict=True
+            )
         },
         "parameters": {
             one.name: {

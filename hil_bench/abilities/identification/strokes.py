@@ -50,8 +50,8 @@ class Course:
     Attributes:
         record: with a row each so many ms.
         strokes: of it.
-        commands: set-point of each row of the record before, shape (rows,) [m].
-        factor: of these rows make one of `record`.
+        commands: set-point of each half row of the record before, shape (2 rows,) [m].
+        factor: of these halves make a row of `record`.
         dropped: strokes of the record that are left out because there are enough.
     """
 
@@ -74,7 +74,7 @@ class Course:
             stroke: of the course.
             every: steps in a row.
         """
-        first, last = (self.factor * row + 1 for row in (stroke.rows.start, stroke.rows.stop - 1))
+        first, last = (self.factor * row + 2 for row in (stroke.rows.start, stroke.rows.stop - 1))
         common = math.gcd(every, self.factor)
         fine = np.repeat(self.commands[first:last], every // common)
         return np.asarray(fine.reshape(-1, self.factor // common).mean(axis=1))
@@ -107,7 +107,10 @@ def make_course(record: AxisRecord, interval: float) -> Course:
     most = min(_MOST_STROKES, room)
     if total > most:
         strokes = [strokes[place] for place in np.linspace(0, total - 1, most).astype(int)]
-    return Course(thin, tuple(strokes), record.setpoints, factor, total - len(strokes))
+    commands = np.repeat(record.setpoints, 2)
+    if record.is_sampled:  # so it changed between two rows, most likely half-way
+        commands = np.concatenate([commands[:1], commands[:-1]])
+    return Course(thin, tuple(strokes), commands, 2 * factor, total - len(strokes))
 
 
 def find_motion(record: AxisRecord) -> npt.NDArray[np.bool_]:

@@ -107,7 +107,7 @@ def find_doubts(
 Values = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
 
-_HELD = "spool_setpoint"  # its row has the value of the interval before
+_HELD = "spool_setpoint"  # goes in steps
 _UNEVEN = 0.2  # of a row: as `record` counts gaps
 _BRIDGED = 5  # rows
 _LONGEST = 0.02  # [s]
@@ -205,15 +205,16 @@ def _refined(times: Values, notes: list[str]) -> Values:
 def _resampled(recording: Recording, times: Values, interval: float, is_long: Marks) -> Recording:
     """Return rows at even times, without those within long gaps."""
     grid = times[0] + interval * np.arange(int((times[-1] - times[0]) / interval) + 1)
-    after = np.clip(np.searchsorted(times, grid, side="left"), 0, len(times) - 1)
+    # Where between two rows a set-point changed is not known: most likely half-way.
+    nearest = np.searchsorted(0.5 * (times[1:] + times[:-1]), grid)
     is_within = np.zeros(len(grid), dtype=np.bool_)
     for place in np.flatnonzero(is_long).tolist():
         is_within |= (grid > times[place]) & (grid < times[place + 1])
-    grid, after = grid[~is_within], after[~is_within]
+    grid, nearest = grid[~is_within], nearest[~is_within]
     even = np.empty(len(grid), dtype=recording.dtype)
     for name in recording.dtype.names or ():
         values = recording[name]
         is_held = name.endswith(f".{_HELD}")
-        even[name] = values[after] if is_held else np.interp(grid, times, values)
+        even[name] = values[nearest] if is_held else np.interp(grid, times, values)
     even[TIME.name] = grid
     return even

@@ -85,6 +85,19 @@ def test_a_step_inside_a_row_stays_where_it_was(record, every):
     assert found == pytest.approx(dense.reshape(-1, 24 // every).mean(axis=1))
 
 
+def test_a_set_point_of_a_logger_changed_between_two_rows(record):
+    """The row of a logger has the set-point of its moment, that of a bench the one before it."""
+    ours, logged = (
+        make_course(replace(record, is_sampled=is_sampled), TICK) for is_sampled in (False, True)
+    )
+    steps = [each.commands_of(each.strokes[0], 10) for each in (ours, logged)]
+
+    # half of ten steps a row
+    assert logged.strokes[0].rows == ours.strokes[0].rows
+    assert np.array_equal(steps[1][5:], steps[0][:-5])
+    assert not np.array_equal(steps[1], steps[0])
+
+
 def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record):
     loaded = SETTINGS | {"load_mass_kg": SETTINGS["load_mass_kg"]._replace(value=460.0)}
     course = make_course(record, 4e-3)

@@ -74,6 +74,15 @@ def test_a_setpoint_is_not_interpolated():
     assert set(even["lift.spool_setpoint"]) == {0.0, 0.5}
 
 
+def test_a_setpoint_changes_half_way_between_two_rows():
+    """Where it changed is not known: the rows at even times have that of the row that is nearer."""
+    times = 0.01 * np.arange(100) + np.where(np.arange(100) % 2, 0.003, 0.0)
+    even, _ = make_even(recording(times, setpoint=np.where(times < 0.105, 0.0, 0.5)), NAMES)
+    # steps of 13 and 7 ms in turns, 0.093 and 0.100 s, then 0.113 s: half-way is 0.1065 s
+    step = even["time"][np.flatnonzero(np.diff(even["lift.spool_setpoint"]))[0]]
+    assert step < 0.1065 <= step + np.diff(even["time"])[0]
+
+
 def test_lost_rows_are_bridged_and_pauses_are_not():
     times = np.delete(2e-3 * np.arange(2000), [300, 301, 700])
     times[1500:] += 1.0

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.identification.against import compare, describe
@@ -150,35 +149,23 @@ def run(args: argparse.Namespace) -> int:
         require_extra(package, "hil-bench identify")
     check_design_arguments(args)
     limits = _check_arguments(args)
-    files = _sort_files(args.files, is_design=args.design)
-    config = load_config(str(files.bench) if files.bench else None)
+    recordings, bench = _sort_files(args.files, is_design=args.design)
+    config = load_config(str(bench) if bench else None)
     axis = common.find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     with common.output_directory(args.output):
         if args.design:
-            return run_design(args, Question(config, axis, files.bench))
+            return run_design(args, Question(config, axis, bench))
         asked = Question(config, axis)
         settings = _settings(asked)
         wish = _read_wish(args, settings)
         if args.against:
-            return _compare(args, asked, settings, wish, files.recordings)
+            return _compare(args, asked, settings, wish, recordings)
         with _options_of(args, wish) as options:
-            record = _read_records(args, files.recordings, asked)
+            record = _read_records(args, recordings, asked)
             found = identify(record, axis, settings, step=config.dt, options=options)
-        return _finish(args, found, asked, files.recordings, limits)
-
-
-class Files(NamedTuple):
-    """The files that the command line names.
-
-    Attributes:
-        recordings: of the machine.
-        bench: what is known of it; None for the built-in bench.
-    """
-
-    recordings: list[Path]
-    bench: Path | None
+        return _finish(args, found, asked, recordings, limits)
 
 
 def _check_arguments(args: argparse.Namespace) -> list[Limit]:
@@ -290,8 +277,8 @@ def _write(directory: Path, found: Identification, asked: Question, source: str)
     return [bench, *write_figure(lambda: draw_strokes(found), directory / "strokes")]
 
 
-def _sort_files(files: Sequence[Path], *, is_design: bool) -> Files:
-    """Return the files by what they are.
+def _sort_files(files: Sequence[Path], *, is_design: bool) -> tuple[list[Path], Path | None]:
+    """Return the recordings, and the bench.toml if there is one.
 
     Raises:
         ConfigError: there is no recording, or more than one bench, or one beside --design.
@@ -308,7 +295,7 @@ def _sort_files(files: Sequence[Path], *, is_design: bool) -> Files:
         raise ConfigError(f"{named}give .csv, .mf4 or .mat too")
     if len(benches) > 1:
         raise ConfigError(f"{_names(benches)}: give one bench.toml")
-    return Files(recordings, benches[0] if benches else None)
+    return recordings, benches[0] if benches else None
 
 
 def _read_records(args: argparse.Namespace, paths: Sequence[Path], asked: Question) -> AxisRecord:
@@ -350,7 +337,7 @@ def _read_foreign(path: Path, columns: ColumnMap, asked: Question) -> AxisRecord
     """Return one recording of an axis, its columns by a map."""
     mapped = columns.of(path.name)
     recording = read_mapped(path, mapped, asked.axis.name)
-    record = _record_of(recording, path, asked)
+    record = replace(_record_of(recording, path, asked), is_sampled=True)
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 
 

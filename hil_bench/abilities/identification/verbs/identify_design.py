@@ -36,7 +36,7 @@ Values = npt.NDArray[np.float64]
 
 _SCENARIO, _COURSE = "design.scenario.toml", "design.csv"
 _BEGIN = 0.5  # [s], by which the example controller has set the devices up
-_LONGEST = 600.0  # [s]
+_LONGEST, _USUAL = 600.0, 60.0  # [s]
 
 
 class Question(NamedTuple):
@@ -102,15 +102,21 @@ def run_design(args: argparse.Namespace, asked: Question) -> int:
         interval=config.tick_ns * 1e-9 if plan is None else plan.period,
         full_opening=config.full_scale(axis),
     )
-    bounds = Bounds.of(axis, _limits(plan, asked))
-    design = plan_strokes(twin, bounds, 60.0 if args.duration is None else args.duration)
+    limits = _limits(plan, asked)
+    design = plan_strokes(twin, Bounds.of(axis, limits), args.duration or _USUAL)
     files: list[Path] = []
     ending = Ending(args)
     with ending.going_on():
-        files += write_design(args.output, design, asked, args.plan)
+        files += write_design(args.output, design, asked, limits)
     if args.json:
-        content = {"design": _to_json(design), "files": [str(path) for path in files]}
-        print(json.dumps(content, indent=2))
+        parts = [{"at_s": time, "name": name} for time, name in design.names]
+        content = {
+            "axis": design.axis,
+            "duration_s": design.duration,
+            "openings": [*design.openings],
+            "parts": parts,
+        }
+        print(json.dumps({"design": content, "files": [*map(str, files)]}, indent=2))
     elif not args.quiet:
         lines = [*_summary(design, has_plan=plan is not None), ""]
         print("\n".join([*lines, *(f"wrote {path}" for path in files)]))
@@ -133,21 +139,12 @@ def _summary(design: StrokeRun, *, has_plan: bool) -> list[str]:
     ]
 
 
-def _to_json(design: StrokeRun) -> dict[str, object]:
-    return {
-        "axis": design.axis,
-        "duration_s": design.duration,
-        "openings": [*design.openings],
-        "parts": [{"at_s": time, "name": name} for time, name in design.names],
-    }
-
-
 def write_design(
-    directory: Path, design: StrokeRun, asked: Question, plan: Path | None
+    directory: Path, design: StrokeRun, asked: Question, limits: Limits | None
 ) -> list[Path]:
     """Write the scenario and its course; return the files."""
     paths = [directory / _SCENARIO, directory / _COURSE]
-    scenario = _scenario(paths[0], design, asked, plan)
+    scenario = _scenario(paths[0], design, asked, limits)
     course = shorten_course(design.setpoints, design.interval)
     rows = ["time_s,value", *(f"{time:g},{value:g}" for time, value in course)]
     comments = [
@@ -177,12 +174,11 @@ def _limits(plan: CommissioningPlan | None, asked: Question) -> Limits | None:
     return plan.steps[0].limits
 
 
-def _scenario(path: Path, design: StrokeRun, asked: Question, plan: Path | None) -> Scenario:
+def _scenario(path: Path, design: StrokeRun, asked: Question, limits: Limits | None) -> Scenario:
     axis, valve = design.axis, _valve(asked)
     bench = None
     if asked.bench is not None:
         bench = Path(os.path.relpath(asked.bench, path.parent)).as_posix()
-    limits = Bounds.of(asked.axis, None if plan is None else _limits(load_plan(plan), asked)).limits
     return Scenario(
         path=path,
         title=f"Identification of {axis}: strokes both ways",
@@ -197,27 +193,17 @@ def _scenario(path: Path, design: StrokeRun, asked: Question, plan: Path | None)
 
 
 def _expectations(axis: CylinderConfig, limits: Limits | None) -> list[Expectation]:
-    half = axis.parameters.h
-    low, high = (-half, half) if limits is None else limits.position
-    position = f"{axis.name}.position"
-    found = [
-        Expectation(
-            "position",
-            f"always {position} > {low * 1e3:g} mm and {position} < {high * 1e3:g} mm",
-        )
-    ]
+    h = axis.parameters.h
+    low, high = (1e3 * end for end in ((-h, h) if limits is None else limits.position))
+    x = f"{axis.name}.position"
+    claims = {"position": f"{x} > {low:g} mm and {x} < {high:g} mm"}
     if limits is not None:
-        speed = f"always abs({axis.name}.speed) < {limits.speed * 1e3:g} mm/s"
-        found.append(Expectation("speed", speed))
+        claims["speed"] = f"abs({axis.name}.speed) < {limits.speed * 1e3:g} mm/s"
         low, high = map(BAR.from_si, limits.pressure)
-        found += [
-            Expectation(
-                f"pressure {side}",
-                f"always {signal} > {low:g} bar and {signal} < {high:g} bar",
-            )
-            for side, signal in ((side, f"{axis.name}.P_{side}") for side in "AB")
-        ]
-    return found
+        for side in "AB":
+            p = f"{axis.name}.P_{side}"
+            claims[f"pressure {side}"] = f"{p} > {low:g} bar and {p} < {high:g} bar"
+    return [Expectation(name, f"always {claim}") for name, claim in claims.items()]
 
 
 def _valve(asked: Question) -> str:

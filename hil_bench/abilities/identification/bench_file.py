@@ -8,7 +8,6 @@ from pathlib import Path
 
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG, STICTION
-from hil_bench.abilities.identification.report import AS_CONFIGURED
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
@@ -35,9 +34,6 @@ def write_bench(found: Identification, config: BenchConfig, source: str, within:
     """
     name = found.record.axis
     text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
-    if not found.is_moved:
-        head = [f"# {name}, by hil-bench identify from {source!r}: {AS_CONFIGURED}."]
-        return "\n".join([*head, *(["", text.strip("\n")] if text else [])]) + "\n"
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",
         f"# Strokes that were left out of the fit are predicted within {within}."

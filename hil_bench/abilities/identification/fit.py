@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from time import monotonic, process_time
-from typing import NamedTuple, Self
+from time import monotonic
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,23 +44,15 @@ class Clock:
     Attributes:
         end: on the machine's monotonic clock [s]; infinite for none.
         tick: is called often.
-        least: processor time that the first answer has in any case [s].
-        busy: of this process' clock, until which the time is not over [s].
     """
 
     end: float = math.inf
     tick: Callable[[], None] = lambda: None
-    least: float = 0.0
-    busy: float = 0.0
 
     @property
     def is_over(self) -> bool:
         """Return True if the time is over."""
-        return monotonic() > self.end and process_time() > self.busy
-
-    def for_first(self) -> Self:
-        """Return the clock of the first answer, which counts processor time on a busy machine."""
-        return replace(self, busy=process_time() + self.least)
+        return monotonic() > self.end
 
 
 class Fit(NamedTuple):
@@ -71,14 +63,12 @@ class Fit(NamedTuple):
         variables: that were found.
         cost: at these.
         is_whole: whether the search has come to its end.
-        is_moved: whether it is better than where the search began, or that is the best.
     """
 
     unknowns: tuple[Unknown, ...]
     variables: Values
     cost: float
     is_whole: bool
-    is_moved: bool = True
 
     @property
     def values(self) -> dict[str, float]:
@@ -99,7 +89,6 @@ class Bench:
         clock: the time that is left.
         blur: over which residuals are averaged, so that no phase of a swing counts [s].
         has_middles: whether speed and mean pressures in the middles of strokes count apart.
-        is_rough: whether nothing but these counts.
     """
 
     template: Template
@@ -110,7 +99,6 @@ class Bench:
     clock: Clock = field(default_factory=Clock)
     blur: float = 0.0
     has_middles: bool = False
-    is_rough: bool = False
 
     @property
     def ends_at_stop(self) -> bool:
@@ -234,7 +222,6 @@ class Problem:
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
-        self.first = math.inf
         self.doubt = math.sqrt(
             max(1.0, sum(self.lengths) / (_INDEPENDENT * len(bench.course.strokes)))
         )
@@ -243,8 +230,7 @@ class Problem:
     def lengths(self) -> list[int]:
         """Values of each stroke among the residuals."""
         pairs = zip(self._counts, self._middles, strict=True)
-        rows = 0 if self.bench.is_rough else 1
-        return [rows * int(counts.sum()) + (3 if middle else 0) for counts, middle in pairs]
+        return [int(counts.sum()) + (3 if middle else 0) for counts, middle in pairs]
 
     def residuals(self, variables: Values) -> Values:
         """Return the residuals of all strokes in their scales, then those of the expectations.
@@ -259,8 +245,6 @@ class Problem:
         self._here = variables.copy()
         self._residuals = self._at(variables, self._cuts)
         cost = 0.5 * float(np.square(self._residuals).sum())
-        if math.isinf(self.best[0]):
-            self.first = cost
         if cost < self.best[0]:
             self.best = (cost, variables.copy())
         return self._residuals
@@ -298,9 +282,8 @@ class Problem:
         parts = []
         for place, model in enumerate(self.bench.run(machine, cuts)):
             off, counts = model - self._measured[place], self._counts[place]
-            if not self.bench.is_rough:
-                near = np.clip(off / self.bench.scale, -_AWFUL, _AWFUL)
-                parts.append(_robust(self._blurred(near, counts)))
+            near = np.clip(off / self.bench.scale, -_AWFUL, _AWFUL)
+            parts.append(_robust(self._blurred(near, counts)))
             if middle := self._middles[place]:
                 weight = math.sqrt(len(off)) / _OF_ROWS
                 parts.append(weight * _robust(_off_middle(off, self._measured[place], middle)))
@@ -335,7 +318,8 @@ def search(
         exact: share of the cost by which the last step of a search has lowered it.
 
     Returns:
-        The best that was found, also where the time was over: then perhaps where it began.
+        The best that was found, also where the time was over: then perhaps where it began, with
+        an infinite cost if nothing was run.
     """
     problem = Problem(bench, unknowns)
     low = np.array([one.low for one in unknowns])
@@ -348,7 +332,7 @@ def search(
     except Stopped:
         is_whole = False
     cost, variables = problem.best
-    return Fit(tuple(unknowns), variables, cost, is_whole, is_whole or cost < problem.first)
+    return Fit(tuple(unknowns), variables, cost, is_whole)
 
 
 def find_middle(measured: Values, setpoints: Values, full_opening: float) -> range | None:

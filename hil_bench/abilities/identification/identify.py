@@ -18,7 +18,7 @@ from hil_bench.abilities.identification.fit import (
     require_startable,
     search,
 )
-from hil_bench.abilities.identification.ladder import PLATEAUS, Ladder, Wish, climb
+from hil_bench.abilities.identification.ladder import Ladder, Wish, climb
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
@@ -33,7 +33,6 @@ _COARSE, _COARSE_STEP, _BLUR = 4e-3, 1e-3, 0.03  # [s]: rows, step and mean of t
 _FINE, _FINE_STEP = 1e-3, 1e-4  # [s]: of the last fit
 _ROUNDS, _EXACT = 15, 1e-7  # of a fine search at most; change of the cost that ends it
 _AGAIN, _STAYS = 4, 0.02  # fine searches after the first; change of the scales that ends them
-_FIRST = 20.0  # [s] of processor time that the first answer has at most beyond the limit
 _TOLD = 0.5  # of what was expected: a parameter known less well is not told by the record
 _TOLD_AT_MOST = 0.5  # of a free variable, such as 50 % of a positive parameter
 
@@ -95,11 +94,6 @@ class Identification:
     is_refined: bool
 
     @property
-    def is_moved(self) -> bool:
-        """Return True if a search had an answer before the time was over."""
-        return self.ladder.best.fit.is_moved
-
-    @property
     def record(self) -> AxisRecord:
         """The record, with a row each that was fitted."""
         return self.bench.course.record
@@ -107,7 +101,7 @@ class Identification:
     @property
     def keys(self) -> dict[str, float | str]:
         """The keys of `bench.toml` that were found, in their units."""
-        return self.bench.template.keys(self.fit.values) if self.is_moved else {}
+        return self.bench.template.keys(self.fit.values)
 
 
 def identify(
@@ -129,21 +123,12 @@ def identify(
     """
     chosen = Options() if options is None else options
     require_startable(states_without_start(axis.options))
-    clock = Clock(monotonic() + chosen.seconds, chosen.tick, min(chosen.seconds, _FIRST))
+    clock = Clock(monotonic() + chosen.seconds, chosen.tick)
     coarse = make_coarse(record, axis, settings, chosen.jobs, clock)
     ladder = climb(coarse, chosen.wish, chosen.say)
-    if not ladder.best.fit.is_moved:
-        return Identification(
-            bench=coarse,
-            ladder=ladder,
-            fit=ladder.best.fit,
-            estimates=(),
-            is_refined=False,
-        )
     best = ladder.best
     chosen.say(f"{best.title}: refined")
-    fit, bench = best.fit, replace(ladder.bench, is_rough=best.title == PLATEAUS)
-    bench = bench.rescaled(fit.values)
+    fit, bench = best.fit, ladder.bench.rescaled(best.fit.values)
     if best.is_good:
         fine = replace(
             bench,
@@ -151,7 +136,6 @@ def identify(
             step=max(step, _FINE_STEP),
             blur=0.0,
             has_middles=False,
-            is_rough=False,
         )
         # First averaged, as swings have many valleys, then as it is.
         averaged = replace(fine, blur=_BLUR).rescaled(fit.values)

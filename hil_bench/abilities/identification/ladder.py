@@ -20,6 +20,7 @@ from hil_bench.abilities.identification.machine import (
     SLEW,
     STICTION,
     Unknown,
+    read_values,
 )
 from hil_bench.abilities.identification.steady import fit_plateaus
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
@@ -210,42 +211,44 @@ def climb(
     few = bench.some(_alike(bench))
     folds, notes = choose_folds(few) if is_judged else ([], ())
     every = [*wish.free, *_offsets(few), *_stops(few)]
-    first = _by_plateaus(few, find_free(few, [*STEADY, *_offsets(few)], wish))
-    rungs = [_judge(replace(few, is_rough=True), PLATEAUS, first, folds)]
-    if first.is_moved:
-        say(f"first answer: {_describe(few, first)}; {THE_PAPERS}")
-        few = few.rescaled(first.values)
-        for title, start, more in (
-            (THE_PAPERS, (), [*PAPER, *every]),
-            (WHOLE, first.unknowns, [*SWIFT, *every]),
-            (SUPPLY, None, _supply(few)),
-        ):
-            best = rungs[choose_rung(rungs)]
-            if few.clock.is_over or (len(rungs) > 1 and best.is_good):
-                break
-            say(f"{title}; so far {_describe(few, best.fit)}")
-            known = best.fit.unknowns if start is None else start
-            names = find_free(few, [*(one.name for one in known), *more], wish)
-            values = best.fit.values if start is None else first.values if start else {}
-            unknowns, begin = _pairs(few, names, values)
-            begin = fit_plateaus(few, unknowns, begin) if start == () else begin
-            fit = search(few, unknowns, _scan(few, unknowns, begin, more), _ROUNDS)
-            if fit.is_moved:
-                rungs.append(_judge(few, title, fit, folds))
+    names = find_free(few, [*STEADY, *_offsets(few)], wish)
+    overlap = few.template.start("spool_overlap_mm")
+    width = _width(few) * few.template.start("orifice_width_mm")
+    begin = dict.fromkeys(OVERLAPS, overlap) | {"orifice_width_mm": width}
+    unknowns, variables = _pairs(few, names, begin)
+    variables = fit_plateaus(few, unknowns, variables)
+    few = few.rescaled(read_values(unknowns, variables))
+    first = search(few, unknowns, variables, 0)
+    rungs = [_judge(few, PLATEAUS, first, folds)]
+    for title, start, more in (
+        (THE_PAPERS, (), [*PAPER, *every]),
+        (WHOLE, first.unknowns, [*SWIFT, *every]),
+        (SUPPLY, None, _supply(few)),
+    ):
+        best = rungs[choose_rung(rungs)]
+        if few.clock.is_over or (len(rungs) > 1 and best.is_good):
+            break
+        say(f"{title}; so far {_describe(few, best.fit)}")
+        known = best.fit.unknowns if start is None else start
+        names = find_free(few, [*(one.name for one in known), *more], wish)
+        values = best.fit.values if start is None else first.values if start else {}
+        unknowns, variables = _pairs(few, names, values)
+        variables = fit_plateaus(few, unknowns, variables) if start == () else variables
+        fit = search(few, unknowns, _scan(few, unknowns, variables, more), _ROUNDS)
+        if math.isfinite(fit.cost):
+            rungs.append(_judge(few, title, fit, folds))
     return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
 
 
 def choose_rung(rungs: Sequence[Rung]) -> int:
     """Return the place of the model that predicts best, or that fits best where none is judged.
 
-    Of several that are good the one with the fewest unknowns counts as best. The plateaus, the
-    first, are fitted to less than the others, so their cost says nothing beside theirs.
+    Of several that are good the one with the fewest unknowns counts as best.
     """
     judged = [place for place, rung in enumerate(rungs) if len(rung.scores)]
     if not judged:
-        whole = range(1, len(rungs)) or range(1)
-        enough = _AS_WELL * min(rungs[place].fit.cost for place in whole)
-        fitting = [place for place in whole if rungs[place].fit.cost <= enough]
+        enough = _AS_WELL * min(rung.fit.cost for rung in rungs)
+        fitting = [place for place, rung in enumerate(rungs) if rung.fit.cost <= enough]
         return min(fitting, key=lambda place: len(rungs[place].fit.unknowns))
     good = [place for place in judged if rungs[place].is_good]
     if good:
@@ -353,21 +356,6 @@ def _pairs(
     return [one for one, _ in pairs], np.array([each for _, each in pairs])
 
 
-def _by_plateaus(bench: Bench, names: Sequence[str]) -> Fit:
-    """Return the first answer: what the plateaus of strokes show, the rest as configured.
-
-    Where the time was over before any search had moved, it has the configured values.
-    """
-    overlap = bench.template.start("spool_overlap_mm")
-    values = {"orifice_width_mm": _width(bench) * bench.template.start("orifice_width_mm")}
-    unknowns, begin = _pairs(bench, names, values | dict.fromkeys(OVERLAPS, overlap))
-    rough = replace(bench, is_rough=True, clock=bench.clock.for_first())
-    found = search(rough, unknowns, fit_plateaus(bench, unknowns, begin), 4)
-    if found.is_moved:
-        return found
-    return found._replace(variables=np.array([one.start for one in unknowns]))
-
-
 def _scan(
     bench: Bench, unknowns: Sequence[Unknown], variables: Values, more: Sequence[str]
 ) -> Values:
@@ -419,7 +407,11 @@ def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -
             found = {}
             break
         rest = bench.some([place for place in range(count) if place not in set(fold)])
-        again = search(rest, fit.unknowns, fit.variables, 5)
+        if title == PLATEAUS:
+            begin, rounds = fit_plateaus(rest, fit.unknowns, fit.variables), 0
+        else:
+            begin, rounds = fit.variables, 5
+        again = search(rest, fit.unknowns, begin, rounds)
         left = bench.some(list(fold))
         shown = left.run(left.machine(again.values), left.cuts())
         for place, stroke, model in zip(fold, left.course.strokes, shown, strict=True):

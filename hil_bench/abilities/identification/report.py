@@ -26,9 +26,6 @@ _HEAD = (
 )
 
 
-AS_CONFIGURED = "as configured: the time was over before a search had an answer"
-
-
 def summarise(found: Identification, limits: Sequence[Limit]) -> str:
     """Return the result as people read it."""
     record, course = found.record, found.bench.course
@@ -51,7 +48,7 @@ def summarise(found: Identification, limits: Sequence[Limit]) -> str:
         "",
         *error_lines(found),
         "",
-        *([_HEAD] if found.is_moved else [AS_CONFIGURED]),
+        _HEAD,
         *(estimate_line(one) for one in found.estimates if one.is_told),
     ]
     vague = [one.name for one in found.estimates if not one.is_told]
@@ -94,7 +91,7 @@ def estimate_line(one: Estimate) -> str:
 def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
     record, ladder = found.record, found.ladder
     lines = []
-    if found.is_moved and not (ladder.is_whole and found.is_refined):
+    if not (ladder.is_whole and found.is_refined):
         lines.append("the time was over: this is the best so far; --time-limit gives more")
     if not record.moves_both_ways:
         lines.append("the piston moves one way only; record strokes both ways")
@@ -154,7 +151,6 @@ def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
         "strokes": len(found.bench.course.strokes),
         "recordings": [session.name for session in found.record.sessions],
         "notes": [*found.record.notes, *found.ladder.notes],
-        "is_found": found.is_moved,
         "is_whole": found.ladder.is_whole and found.is_refined,
         "models": [
             {

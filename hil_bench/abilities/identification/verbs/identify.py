@@ -253,8 +253,7 @@ def _finish(
     """Write and print what was found; return the exit code."""
     ending = Ending(args)
     exceeded = find_exceeded(found.ladder.best.errors, limits)
-    is_short = bool(exceeded) or not found.is_moved
-    ending.take(ExitCode.CHECK_FAILED if is_short else ExitCode.DONE)
+    ending.take(ExitCode.CHECK_FAILED if exceeded else ExitCode.DONE)
     files: list[Path] = []
     with ending.going_on():
         files += _write(args.output, found, asked, ", ".join(path.name for path in recordings))

@@ -15,8 +15,11 @@ LONGEST_NS: Final = 200_000
 SHARED_NS: Final = 25_000
 """Behind which a processor that was offered to others comes back only if one has taken it."""
 
-SLEEPS: Final = 100
-"""Waits that are sleep once one was in vain or kept others from the processor."""
+MOST_SLEEPS: Final = 128
+"""Waits that are sleep where each that is not is in vain, or keeps others from the processor.
+
+One that is so after many that were not is followed by a single sleep.
+"""
 
 _CAN_OFFER: Final = hasattr(os, "sched_yield")  # on Linux
 
@@ -31,7 +34,7 @@ class BusyWait:
     def __init__(self, descriptor: int) -> None:
         self._poll = select.poll()
         self._poll.register(descriptor, select.POLLIN)
-        self._sleeps = 0
+        self._sleeps, self._next_sleeps = 0, 1
 
     def wait(self) -> None:
         """Return as soon as something is there, or when it is better to sleep until it is."""
@@ -43,6 +46,8 @@ class BusyWait:
             os.sched_yield()
             now = time.perf_counter_ns()
             if now - before > SHARED_NS or now - begin > LONGEST_NS:
-                self._sleeps = SLEEPS
+                self._sleeps = self._next_sleeps
+                self._next_sleeps = min(2 * self._next_sleeps, MOST_SLEEPS)
                 return
             before = now
+        self._next_sleeps = max(self._next_sleeps // 2, 1)

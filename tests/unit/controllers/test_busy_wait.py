@@ -6,7 +6,12 @@ import time
 
 import pytest
 
-from hil_bench.abilities.controllers.busy_wait import LONGEST_NS, SHARED_NS, SLEEPS, BusyWait
+from hil_bench.abilities.controllers.busy_wait import (
+    LONGEST_NS,
+    MOST_SLEEPS,
+    SHARED_NS,
+    BusyWait,
+)
 
 
 class Machine:
@@ -58,12 +63,24 @@ def test_what_comes_soon_is_waited_for_each_time(pair, machine, busy):
     [(SHARED_NS + 1, 1), (1000, LONGEST_NS // 1000 + 1)],
     ids=["others take the processor", "nothing comes"],
 )
-def test_in_vain_it_sleeps_for_a_while(machine, busy, takes, offers):
+def test_in_vain_it_sleeps_for_longer_each_time(machine, busy, takes, offers):
     machine.takes = takes
-    busy.wait()
-    assert machine.offers == offers
-    for _ in range(SLEEPS):
-        busy.wait()
-    assert machine.offers == offers
-    busy.wait()
-    assert machine.offers == 2 * offers
+    for turn, sleeps in enumerate((1, 2, 4, 8, 16, 32, 64, MOST_SLEEPS, MOST_SLEEPS), 1):
+        for _ in range(1 + sleeps):
+            busy.wait()
+            assert machine.offers == turn * offers
+
+
+def test_what_comes_in_time_shortens_the_sleep(pair, machine, busy):
+    """One in vain doubles the sleep behind the next one in vain, one in time halves it."""
+    machine.takes = SHARED_NS + 1
+    turns = ((False, 1), (False, 2), (True, 0), (False, 2), (True, 0), (True, 0), (False, 1))
+    for is_in_time, sleeps in turns:
+        before = machine.offers
+        if is_in_time:
+            pair[1].send(b"x")
+        for _ in range(1 + sleeps):
+            busy.wait()
+        assert machine.offers == before + (not is_in_time)
+        if is_in_time:
+            assert pair[0].recv(9) == b"x"

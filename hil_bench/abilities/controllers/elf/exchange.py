@@ -6,8 +6,8 @@ from enum import IntEnum
 from struct import Struct
 from typing import Final, NamedTuple
 
-from hil_bench.abilities.controllers.seam import TimedFrame
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.abilities.controllers.seam import TimedFrame, make_timed
+from hil_bench.canopen_device.frame import Frame, make_frame
 
 LARGEST: Final = 1 << 26
 """Of a message [byte]."""
@@ -35,6 +35,9 @@ class State(IntEnum):
 
     RUNNING = 0
     FAILED = 1
+
+
+_ORDERS, _STATES = tuple(Order), tuple(State)  # by number, quicker than a call of the class
 
 
 class Answer(NamedTuple):
@@ -87,7 +90,7 @@ def pack_request(order: Order, time: int, frames: Sequence[TimedFrame]) -> bytes
 def unpack_request(message: bytes) -> tuple[Order, int, list[TimedFrame]]:
     """Return order, time [ns] and frames of a request."""
     order, time, count = _REQUEST.unpack_from(message)
-    return Order(order), time, _unpack(message, _REQUEST.size, count)
+    return _ORDERS[order], time, _unpack(message, _REQUEST.size, count)
 
 
 def pack_answer(answer: Answer) -> bytes:
@@ -102,7 +105,7 @@ def unpack_answer(message: bytes) -> Answer:
     state, wake, count, size = _ANSWER.unpack_from(message)
     sent = _unpack(message, _ANSWER.size, count) if count else []
     text = message[len(message) - size :].decode() if size else ""
-    return Answer(State(state), wake, sent, text)
+    return Answer(_STATES[state], wake, sent, text)
 
 
 def _pack(frames: Sequence[TimedFrame]) -> bytes:
@@ -121,9 +124,9 @@ def _pack(frames: Sequence[TimedFrame]) -> bytes:
 
 def _unpack(message: bytes, at: int, count: int) -> list[TimedFrame]:
     end = at + count * _FRAME.size
-    return [
-        TimedFrame(
-            time, Frame(can_id, data[:size], bool(flags & _REMOTE), bool(flags & _EXTENDED), bus)
-        )
-        for time, can_id, flags, bus, size, data in _FRAME.iter_unpack(message[at:end])
-    ]
+    found: list[TimedFrame] = []
+    for time, can_id, flags, bus, size, data in _FRAME.iter_unpack(message[at:end]):
+        is_remote, is_extended = bool(flags & _REMOTE), bool(flags & _EXTENDED)
+        frame = make_frame(Frame, (can_id, data[:size], is_remote, is_extended, bus, 0))
+        found.append(make_timed(TimedFrame, (time, frame)))
+    return found

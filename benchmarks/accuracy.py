@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 import occasion
-from hil_bench import figure_style
+from hil_bench.abilities.common import figure_style
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, Solver, balanced_state
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from manoeuvres import Run, draw, positions

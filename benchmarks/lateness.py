@@ -44,8 +44,12 @@ from hil_bench.bench.configuration import (
 )
 from hil_bench.bench.paced import run_paced
 from hil_bench.bench.session import Session, open_session
-from hil_bench.cli.status_line import bench_status, bench_status_row, show
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.cli.status_line import (
+    bench_status,
+    bench_status_row,
+    show,
+)
+from hil_bench.outside.processes.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics

@@ -89,7 +89,7 @@ def plot(start: float, cycles: np.ndarray, signals: Recording, path: Path) -> No
     import matplotlib as mpl  # noqa: PLC0415 - only here
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    from hil_bench.figure_style import BLUE, GREY, ORANGE, STYLE  # noqa: PLC0415
+    from hil_bench.abilities.common.figure_style import BLUE, GREY, ORANGE, STYLE  # noqa: PLC0415
 
     times = signals["time"] - start
 

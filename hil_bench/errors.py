@@ -22,7 +22,7 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 
 import contextlib
 import errno
-import os
+import importlib.util
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -162,31 +162,24 @@ def check_replaceable(path: Path) -> None:
         raise ConfigError(f"{path}: is there already, and not written by hil-bench; {right}")
 
 
-@contextlib.contextmanager
-def whole_file(path: Path, *, replaces: bool = False) -> Iterator[Path]:
-    """Have a file written whole, or left as it was; see `check_replaceable`.
-
-    Args:
-        path: the file; a device, a pipe or a link is written where it is.
-        replaces: any file that is there, since somebody has asked for it.
-
-    Yields:
-        The file to write, which takes its place at the end of the block.
-    """
-    if not replaces:
-        check_replaceable(path)
-    if path.is_symlink() or (path.exists() and not path.is_file()):
-        yield path
-        return
-    partial = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
-        yield partial
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
 def first_line(error: BaseException) -> str:
     """Return the first line of an error, without the traceback that some buses put into it."""
     text = str(error).partition("Traceback (most recent call last)")[0]
     return (text.splitlines() or [type(error).__name__])[0].strip()
+
+
+def require_extra(package: str, what: str, extra: str = "analysis") -> None:
+    """Refuse to go on without an optional package.
+
+    Args:
+        package: the package's name.
+        what: needs it, as in ``"a figure"``.
+        extra: of the distribution, that has it.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise ConfigError(
+            f"{what} needs {package}; install it with: pip install 'hil-bench[{extra}]'"
+        )

@@ -8,8 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import IO
@@ -37,20 +36,6 @@ class ScratchFolder:
         shutil.rmtree(self.path, ignore_errors=True)
         if self._lock is not None:
             self._lock.close()
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Have a temporary folder for the time of the block.
-
-    Yields:
-        Its path.
-    """
-    folder = ScratchFolder()
-    try:
-        yield folder.path
-    finally:
-        folder.remove()
 
 
 def _make() -> tuple[Path, IO[bytes] | None]:

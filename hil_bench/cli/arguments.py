@@ -4,14 +4,13 @@ import argparse
 import math
 import tomllib
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.bench.configuration.loop import REALTIME_KEYS
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError
 
 # Arguments that name a CAN bus: python-can's names, spellings and choices.
 #
@@ -216,9 +215,3 @@ def read_speed(text: str) -> float:
     if not speed > 0:
         raise argparse.ArgumentTypeError(f"{text!r}: give a positive number, or max")
     return speed
-
-
-def make_directory(path: Path) -> None:
-    """Make the output directory where it is not there yet."""
-    with about_file(f"--output {path}", what="cannot be made", right="give a directory of yours"):
-        path.mkdir(parents=True, exist_ok=True)

@@ -1,22 +1,16 @@
 """The status line of a run, and the progress of long work."""
 
-import argparse
 import contextlib
-import logging
 import math
 import shutil
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from importlib.util import find_spec
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from time import monotonic_ns
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 from hil_bench.bench.bench import Bench
-from hil_bench.outside.processes.helper_process import HelperProcess
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.outside.processes.helper_process import HelperProcess, Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import TransportCounters
@@ -200,19 +194,11 @@ def bus_status_row(counters: TransportCounters, load: float) -> tuple[float, flo
     return counters.received, counters.sent, load
 
 
-# Progress of work: a line now and then, or a bar where there is a terminal.
+# Progress of a run: a line now and then.
 
-logger = logging.getLogger(__name__)
 
 PERIOD = 60_000_000_000
 """Time between two lines of a run, on the machine's clock [ns]."""
-
-WORK_PERIOD = 10_000_000_000
-"""Time between two lines of all other work, likewise [ns]."""
-
-_NS_PER_S = 1_000_000_000
-_PartT = TypeVar("_PartT")
-_LOOK_S = 0.5  # between two looks at work; a bar moves as often
 
 
 class Progress:
@@ -244,129 +230,4 @@ class Progress:
         present = self._clock()
         if present >= self._due:
             self._due = present + PERIOD
-            self._say(f"{now / _NS_PER_S:.3f} s: {'  '.join(self._lines(now))}")
-
-
-class Work:
-    """Work of many parts, as far as it is.
-
-    Args:
-        title: in a word.
-        total: number of parts; None where nobody knows it.
-        unit: their name, in the plural.
-
-    Attributes:
-        title: likewise.
-        total: likewise.
-        unit: likewise.
-        done: parts that are done; to be counted up by who works.
-        stage: the part that is being done, in words; likewise.
-        remark: of what was done, such as "2 failed"; likewise.
-    """
-
-    def __init__(self, title: str, total: int | None = None, unit: str = "parts") -> None:
-        self.title, self.total, self.unit = title, total, unit
-        self.done = 0
-        self.stage = self.remark = ""
-
-    def begin(self, stage: str) -> None:
-        """Name what is done next, and count it when the next one begins."""
-        self.done += bool(self.stage)
-        self.stage = stage
-
-    def line(self, elapsed: int) -> str:
-        """Return the progress after a time [ns], in a line."""
-        of_all = "" if self.total is None else f" of {self.total}"
-        parts = f"{self.done}{of_all} {self.unit}, " if self.done or of_all else ""
-        words = [f"{parts}{elapsed // _NS_PER_S} s", self.remark, self.stage]
-        return f"{self.title}: {'; '.join(filter(None, words))}"
-
-
-def counted(work: Work, parts: Iterable[_PartT]) -> Iterator[_PartT]:
-    """Yield parts, each counted as done once the next is asked for."""
-    for part in parts:
-        yield part
-        work.done += 1
-
-
-class WorkLines:
-    """Says every ten seconds how far work is.
-
-    Args:
-        work: which.
-        say: takes each line.
-        clock: of the machine [ns].
-    """
-
-    def __init__(
-        self,
-        work: Work,
-        say: Callable[[str], None] = logger.warning,
-        clock: Callable[[], int] = monotonic_ns,
-    ) -> None:
-        self._work, self._say, self._clock = work, say, clock
-        self._start = clock()
-        self._due = self._start + WORK_PERIOD
-
-    def look(self) -> None:
-        """Say how far it is, where it is time; to be called often."""
-        present = self._clock()
-        if present >= self._due:
-            self._due += WORK_PERIOD
-            self._say(self._work.line(present - self._start))
-
-    def close(self) -> None:
-        """End."""
-
-
-class WorkBar:
-    """Shows on a terminal how far work is; needs tqdm."""
-
-    def __init__(self, work: Work) -> None:
-        from tqdm import tqdm  # noqa: PLC0415 - an extra
-
-        self._work = work
-        self._bar = tqdm(total=work.total, desc=work.title, unit=f" {work.unit}", leave=False)
-
-    def look(self) -> None:
-        """Show how far it is; to be called often."""
-        self._bar.n = self._work.done
-        words = filter(None, (self._work.remark, self._work.stage))
-        self._bar.set_postfix_str("; ".join(words))
-
-    def close(self) -> None:
-        """Leave the terminal to the results."""
-        self._bar.close()
-
-
-@contextmanager
-def shown_work(args: argparse.Namespace, work: Work, *, prints: bool = False) -> Iterator[Work]:
-    """Show on standard error how far work is, in the block; nothing under --quiet.
-
-    Args:
-        args: the command line, with `quiet`.
-        work: which.
-        prints: whether the verb prints each part when it is done, and needs no more.
-
-    Yields:
-        The work, to be counted up.
-    """
-    if args.quiet or prints:
-        yield work
-        return
-    has_bar = sys.stderr.isatty() and find_spec("tqdm") is not None
-    shown = WorkBar(work) if has_bar else WorkLines(work)
-    over = threading.Event()
-
-    def look() -> None:
-        while not over.wait(_LOOK_S):
-            shown.look()
-
-    thread = threading.Thread(target=look, name="hil-bench-progress", daemon=True)
-    thread.start()
-    try:
-        yield work
-    finally:
-        over.set()
-        thread.join()
-        shown.close()
+            self._say(f"{now / 1e9:.3f} s: {'  '.join(self._lines(now))}")

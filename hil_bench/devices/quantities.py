@@ -11,7 +11,6 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.encoder_406 import POSITION_UNITS, SPEED_UNITS
 from hil_bench.devices.pressure_404 import (
@@ -24,11 +23,10 @@ from hil_bench.devices.pressure_404 import (
 from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
 from hil_bench.devices.valve_408 import REFERENCE, ValveDevice
 from hil_bench.devices.valve_state_machine import FAULT_STATES, RESET_BIT, ValveState
-from hil_bench.errors import ConfigError, SdoAbort
+from hil_bench.errors import SdoAbort
 
 _ACTIVATE: Final = 0b0111
 _DISABLE: Final = 0b0001
-_WIDEST: Final = 32  # bits of an integer that a float surely holds, and two registers too
 
 
 class RegisterValue(NamedTuple):
@@ -43,25 +41,6 @@ class RegisterValue(NamedTuple):
     unit: str
     read: Callable[[], float]
     write: Callable[[float, int], None] | None = None
-
-
-def object_quantity(
-    object_dictionary: ObjectDictionary, index: int, subindex: int
-) -> RegisterValue:
-    """Return an object as a quantity.
-
-    Raises:
-        ConfigError: there is none, or it is no number of at most 32 bits.
-    """
-    variable = object_dictionary.find(index, subindex)
-    name = f"object 0x{index:04X}.{subindex:02X}"
-    if variable is None:
-        raise ConfigError(f"{name} is not in {object_dictionary.source}; give one that is")
-    data_type = variable.data_type
-    if not isinstance(data_type, BooleanType | IntegerType | RealType) or data_type.bits > _WIDEST:
-        raise ConfigError(f"{name} is a {data_type}; a number of at most {_WIDEST} bits is right")
-    write = partial(_write_object, variable) if variable.access.writable else None
-    return RegisterValue("-", lambda: math.nan if variable.value is None else variable.value, write)
 
 
 def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
@@ -255,19 +234,6 @@ def _set_watchdog(valve: ValveDevice, time: float, now: int) -> None:
 
 def _bit(variable: Variable, mask: int, *, inverted: bool = False) -> RegisterValue:
     return RegisterValue("-", lambda: float(bool(variable.value & mask) != inverted))
-
-
-def _write_object(variable: Variable, value: float, _now: int) -> None:
-    """Write an object as the bus does.
-
-    Raises:
-        SdoAbort: its data type does not hold the value.
-    """
-    data_type: DataType = variable.data_type
-    number: float = value if isinstance(data_type, RealType) else round(value)
-    if data_type.low is not None and not data_type.low <= number <= (data_type.high or 0):
-        raise SdoAbort(*abort_codes.VALUE)
-    variable.write(number)
 
 
 def _pull(act: Callable[[], None], value: float, _now: int) -> None:

@@ -6,8 +6,8 @@ import re
 import pytest
 from support.live_bench import live_bench, panel
 
+from hil_bench.abilities.common.commands import Mark
 from hil_bench.abilities.faults.faults import Faults
-from hil_bench.bench.commands import Mark
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect

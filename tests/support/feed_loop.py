@@ -6,6 +6,7 @@ number of ticks, not after a time.
 
 import json
 
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.live.client import FeedClient
 from hil_bench.abilities.live.client_link import ClientLink
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedServer
@@ -14,7 +15,6 @@ from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.recording.sessions import LiveRecording
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
-from hil_bench.outside.processes.shared_ring import SharedRing
 
 TICK = 1_000_000
 PATIENCE = 1000

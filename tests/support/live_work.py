@@ -3,10 +3,10 @@
 import contextlib
 import threading
 
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.live.places import Place
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.view import WorkFeed
-from hil_bench.outside.processes.shared_ring import SharedRing
 
 CHANNELS = [
     ["axis1.position", "m"],

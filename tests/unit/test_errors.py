@@ -6,7 +6,12 @@ import os
 
 import pytest
 
-from hil_bench.errors import BusError, ConfigError, about_file, whole_file
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.errors import (
+    BusError,
+    ConfigError,
+    about_file,
+)
 from hil_drivers.errors import BusLostError
 
 

@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from hil_bench.abilities.analysis.simulation import Setup, Signal, simulate
 from hil_bench.abilities.analysis.steady_motion import NyquistError
-from hil_bench.errors import ParameterError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ParameterError, require_extra
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 

@@ -32,7 +32,7 @@ from hil_bench.abilities.analysis.study import (
     make_table,
     response_table,
 )
-from hil_bench.figure_style import BLUE, RED
+from hil_bench.abilities.common.figure_style import BLUE, RED
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 

@@ -14,8 +14,7 @@ from hil_bench.abilities.analysis.steady_motion import (
     opening_limits,
     state_rates,
 )
-from hil_bench.errors import ParameterError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ParameterError, require_extra
 from hil_bench.plants.hydraulic_cylinder.model import (
     PlantInput,
     PlantOptions,

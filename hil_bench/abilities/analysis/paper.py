@@ -38,7 +38,11 @@ from hil_bench.abilities.analysis.study import (
     trajectories_study,
     write_study,
 )
-from hil_bench.errors import about_file, check_replaceable, whole_file
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.errors import (
+    about_file,
+    check_replaceable,
+)
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 # Section IV-A: what the paper says about the linear model, checked.

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.analysis.steady_motion import NyquistError
-from hil_bench.errors import ParameterError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ParameterError, require_extra
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,

@@ -24,12 +24,15 @@ from hil_bench.abilities.analysis.study import (
     write_study,
 )
 from hil_bench.abilities.common.arguments import add_output_argument, find_cylinder
+from hil_bench.abilities.common.files import make_directory
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, json_text, print_lines
-from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.extras import require_extra
+from hil_bench.errors import require_extra
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import balanced_state
 

@@ -17,11 +17,15 @@ from hil_bench.abilities.campaign.sensitivity import Sensitivity
 from hil_bench.abilities.campaign.snapshot import play_spec, verdicts_of
 from hil_bench.abilities.campaign.store import program_identity
 from hil_bench.abilities.campaign.table import Outcome
+from hil_bench.abilities.common.figure_style import BLUE, GREEN, ORANGE, RED, STYLE, settle_layout
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.common.page import render_page
 from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
-from hil_bench.errors import HilBenchError, about_file, whole_file
-from hil_bench.figure_style import BLUE, GREEN, ORANGE, RED, STYLE, settle_layout
+from hil_bench.errors import (
+    HilBenchError,
+    about_file,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from hil_bench.abilities.campaign.distributions import Point
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
 from hil_bench.abilities.campaign.search import Method, Trial
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.reach import survives_a_cut
 from hil_bench.abilities.scenario.reading import read_scenario, seconds
@@ -24,7 +25,10 @@ from hil_bench.abilities.scenario.records import LocatedProblems, Scenario, SetS
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.abilities.scenario.usage import unused_parameters
 from hil_bench.abilities.scenario.writing import to_toml
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 
 # A failure made small: nearer to the file's values, rounder numbers, a run that ends earlier.
 #

@@ -14,8 +14,8 @@ from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunResult, RunSpec, read_campaign
 from hil_bench.abilities.campaign.snapshot import Backend, local_backend
 from hil_bench.abilities.campaign.store import Store, same_finding
+from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.errors import ConfigError
-from hil_bench.scratch import scratch_folder
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.eyes.j1939 import describe
-from hil_bench.canopen_device.words import function_of
 from hil_bench.errors import ConfigError
 from hil_bench.frame import bits_of
 from hil_bench.outside.messages import frame_of

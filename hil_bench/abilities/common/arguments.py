@@ -5,9 +5,9 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.abilities.common.files import make_directory
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.cli.arguments import make_directory
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 

@@ -20,11 +20,11 @@ from hil_bench.abilities.controllers.seam import (
     TimedFrame,
     make_timed,
 )
+from hil_bench.abilities.controllers.turns import Turns
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.outside.processes.turns import Turns
 
 logger = logging.getLogger(__name__)
 

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.kinds import Chosen, files_of, read_controller
 from hil_bench.abilities.controllers.power import ONLY
@@ -13,7 +14,6 @@ from hil_bench.bench.session import Session
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.scratch import scratch_folder
 
 TABLE = "controllers"
 

@@ -36,7 +36,11 @@ from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.realtime.clock import MonotonicClock
-from hil_bench.outside.transports.can_interfaces import CanInterface, can_interfaces, has_socketcan
+from hil_bench.outside.transports.can_interfaces import (
+    CanInterface,
+    can_interfaces,
+    has_socketcan,
+)
 from hil_bench.outside.transports.socketcan import RECEIVE_BUFFER
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, ready

@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.abilities.analysis.validation.suite import validate
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.doctor.machine import examine_machine, examine_permissions, read_file
 from hil_bench.abilities.doctor.verbs import found_content, measure
 from hil_bench.abilities.evidence import pack as packs
@@ -24,7 +28,6 @@ from hil_bench.abilities.evidence.content import (
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 
 _PAGE, _JSON = "index.html", "evidence.json"

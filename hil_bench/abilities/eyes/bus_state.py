@@ -8,13 +8,17 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.silence import LATE
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.values import Reading
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.words import emergency_text, function_of, is_error_reset
+from hil_bench.canopen_device.words import (
+    emergency_text,
+    is_error_reset,
+)
 from hil_bench.frame import BUS_SHIFT, bits_of
 from hil_bench.outside.bits import BusLoad
 from hil_bench.outside.recording.channels import LoggedFrame

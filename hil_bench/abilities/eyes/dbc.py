@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.eyes.channels import symbol_of, word_of
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, KnownSignal
@@ -12,7 +13,10 @@ from hil_bench.abilities.j1939.protocol.ecu import USUAL_PRIORITY
 from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 
 try:
     from cantools.database.can import Database, Message, Node, Signal

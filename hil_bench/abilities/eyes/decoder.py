@@ -8,6 +8,7 @@ from collections.abc import Callable, Container, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes import frame_sights
 from hil_bench.abilities.eyes.j1939_bus import J1939Reader
 from hil_bench.abilities.eyes.known_ecu import KnownEcu
@@ -17,7 +18,6 @@ from hil_bench.abilities.eyes.transfers import SdoChannel, Transfer, Way
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtRequest, NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.words import function_of
 from hil_bench.frame import BUS_SHIFT, ERROR_FLAG, address_of
 from hil_bench.outside.recording.channels import LoggedFrame
 

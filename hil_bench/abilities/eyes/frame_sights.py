@@ -7,6 +7,7 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.frame_words import (
     abort_text,
     emcy_words,
@@ -19,7 +20,6 @@ from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
-from hil_bench.canopen_device.words import function_of
 from hil_bench.outside.recording.channels import LoggedFrame
 
 LENGTH_OF_SDO: Final = 8

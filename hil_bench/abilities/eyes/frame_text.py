@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.eyes.known_node import nodes_of
@@ -11,7 +12,6 @@ from hil_bench.abilities.eyes.values import CONTROL_WORD, STATUS_WORD, Reading
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.words import function_of
 from hil_bench.outside.recording.channels import LoggedFrame
 
 CYCLIC = 5

@@ -3,10 +3,11 @@
 import struct
 from typing import Final
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
-from hil_bench.canopen_device.words import emergency_text, function_of
+from hil_bench.canopen_device.words import emergency_text
 
 # The words of CiA 301 and CiA 305 for the numbers in frames.
 

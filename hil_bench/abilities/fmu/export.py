@@ -7,14 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.files import scratch_folder, whole_file
 from hil_bench.abilities.common.together import axes_with, find_supply
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.plants.quantity import SUPPLY
-from hil_bench.scratch import scratch_folder
 
 # The inputs of an FMU's axes from outside, with their neutral values.
 

@@ -3,11 +3,14 @@
 import argparse
 from pathlib import Path
 
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.common.together import axes_with
 from hil_bench.abilities.fmu.export import export_axis, validate
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 
 _EXAMPLES = """\

@@ -11,12 +11,12 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Self
 
+from hil_bench.abilities.common.child_process import ChildProcess
 from hil_bench.abilities.hub.server import HubLimits, run_hub
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
-from hil_bench.outside.processes.helper_process import ChildProcess
 from hil_bench.outside.transports import socketcand_protocol as protocol
 from hil_bench.outside.transports.transport import TransportCounters, has_exact_wait, is_readable
 

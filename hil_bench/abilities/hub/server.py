@@ -23,10 +23,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from hil_bench.abilities.common import reception
+from hil_bench.abilities.common import socketcand_hub as protocol
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of, frame_bits
 from hil_bench.outside.bits import bitrate_text
-from hil_bench.outside.transports import socketcand_protocol as protocol
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
 MAX_CLIENTS = 64
 """Most programs on all channels."""
@@ -201,7 +202,7 @@ class _Client(asyncio.Protocol):
         if self._commands:
             self._transport.pause_reading()
             self._hub.tell_surplus(_address(self._transport.get_extra_info("peername")))
-        if len(self._rest) > protocol.MAX_COMMAND:
+        if len(self._rest) > MAX_COMMAND:
             self._hub.counters.bad_commands += 1
             self.drop()
         elif _QUICKACK is not None:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.figure_style import BLUE, GREEN, GREY, ORANGE, RED
 from hil_bench.abilities.identification.identify import Identification
 from hil_bench.abilities.identification.strokes import Stroke
-from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED
 from hil_bench.units import BAR, MILLIMETRE
 
 Values = npt.NDArray[np.float64]

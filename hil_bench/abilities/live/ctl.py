@@ -7,13 +7,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.common.terminal import (
+    health_text,
+    node_text,
+)
 from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.places import HAS_SOCKETS, find_names
 from hil_bench.ability import given_to
 from hil_bench.cli.arguments import parse_value
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.parser import Parser, add_units_argument
-from hil_bench.cli.results import add_json_argument, ecu_text, health_text, node_text, print_results
+from hil_bench.cli.results import (
+    add_json_argument,
+    ecu_text,
+    print_results,
+)
 from hil_bench.errors import (
     BusError,
     ConfigError,

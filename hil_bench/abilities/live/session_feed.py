@@ -11,6 +11,12 @@ from functools import partial
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
+from hil_bench.abilities.common.commands import (
+    Mark,
+    SetObject,
+    SetPlant,
+    Stop,
+)
 from hil_bench.abilities.common.packed_frames import pack_frames
 from hil_bench.abilities.common.work import WorkState
 from hil_bench.abilities.live import messages
@@ -19,10 +25,6 @@ from hil_bench.ability import load
 from hil_bench.bench.commands import (
     Command,
     Controls,
-    Mark,
-    SetObject,
-    SetPlant,
-    Stop,
 )
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.events import EventWatch

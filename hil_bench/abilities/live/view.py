@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import hil_bench
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.common.work import ShownWork, WorkState, WorkView
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.places import HAS_SOCKETS, NAME, Place, check_panel_argument
@@ -29,7 +30,6 @@ from hil_bench.bench.session import Session
 from hil_bench.cli.run_setup import Health
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
-from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
 
 if TYPE_CHECKING:

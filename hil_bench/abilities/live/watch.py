@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.abilities.common import terminal
 from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors
 from hil_bench.ability import given_to
@@ -83,7 +84,7 @@ class Values:
 
     def _matrix(self, channels: Channels, axes: Sequence[str]) -> "Table":
         heads = [f"{printable(name)} [{shown_unit(unit).symbol}]" for name, unit in channels]
-        table = results.make_table("axis", *heads, right=tuple(range(1, 1 + len(heads))))
+        table = terminal.make_table("axis", *heads, right=tuple(range(1, 1 + len(heads))))
         for axis in axes:
             values = (self._latest.get(f"{axis}.{name}") for name, _ in channels)
             texts = (
@@ -95,7 +96,7 @@ class Values:
 
     def _column(self, channels: Channels, limits: Mapping[str, Sequence[float | None]]) -> "Table":
         heads = ("value", "", "", "lowest", "", "highest")
-        table = results.make_table(*heads, *(["limits"] if limits else []), right=(1, 3, 5))
+        table = terminal.make_table(*heads, *(["limits"] if limits else []), right=(1, 3, 5))
         for name, symbol in channels:
             shown = shown_unit(symbol)
             value = self._latest.get(name)
@@ -105,7 +106,7 @@ class Values:
                 shown.text(value),
                 shown.symbol,
                 shown.text(low),
-                results.bar(value, low, high) if shown.text(low) != shown.text(high) else "",
+                terminal.bar(value, low, high) if shown.text(low) != shown.text(high) else "",
                 shown.text(high),
             ]
             least, most = limits.get(name, (None, None))
@@ -191,7 +192,7 @@ class WatchView:
         )
         if self._is_bench:
             parts += [self._node_table(), *self._added_parts()]
-            parts.append(f"loop   {results.health_text(self._health)}")
+            parts.append(f"loop   {terminal.health_text(self._health)}")
         parts += [f"event  {event}" for event in self._events]
         if self._lost:
             parts.append(f"{self._lost} messages lost: this terminal is too slow")
@@ -216,10 +217,10 @@ class WatchView:
     def _node_table(self) -> "Table":
         from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-        table = results.make_table("node", "state")
+        table = terminal.make_table("node", "state")
         for name, node in self._state["nodes"].items():
-            style = "red" if node["errors"] else results.STATE_STYLES.get(node["state"], "")
-            table.add_row(printable(name), Text(results.node_text(node), style=style))
+            style = "red" if node["errors"] else terminal.STATE_STYLES.get(node["state"], "")
+            table.add_row(printable(name), Text(terminal.node_text(node), style=style))
         for name, ecu in self._state.get("ecus", {}).items():
             table.add_row(
                 printable(name), Text(results.ecu_text(ecu), style="red" if ecu["codes"] else "")
@@ -271,7 +272,7 @@ def work_parts(work: Mapping[str, Any], verb: str) -> "list[RenderableType]":
     if counts:
         parts.append(printable(f"so far  {counts}"))
     if work.get("margins"):
-        table = results.make_table("requirement", "so far", "margin")
+        table = terminal.make_table("requirement", "so far", "margin")
         for each in work["margins"]:
             is_bad = each["margin"] is not None and each["margin"] < 0.0
             style = "red" if is_bad or each["verdict"] == "failed" else ""
@@ -311,7 +312,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--once",
         action="store_true",
-        help=f"show one picture, and exit; listen to a bus for {results.ONCE:g} s",
+        help=f"show one picture, and exit; listen to a bus for {terminal.ONCE:g} s",
     )
     add_units_argument(parser)
     add_options("watch", parser)
@@ -323,7 +324,7 @@ def run(args: argparse.Namespace) -> int:
     code = take_over("watch", args)
     if code is not None:
         return code
-    console = results.make_console()
+    console = terminal.make_console()
     with bench_errors(), connect(args.bench) as client:
         if args.once:
             shown = picture(client)
@@ -384,7 +385,7 @@ def views(
 
 
 def _messages(client: FeedClient, view: WatchView) -> Iterator[None]:
-    client.request("watch", rows_every_s=results.REFRESH)
+    client.request("watch", rows_every_s=terminal.REFRESH)
     while True:
         message = client.receive(1.0)
         if message is None:

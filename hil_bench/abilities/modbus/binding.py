@@ -5,8 +5,10 @@ published, then at most one write request is obeyed. A scenario reads and writes
 with the checks that a request meets.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import Final, NamedTuple
 
 from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
@@ -14,11 +16,14 @@ from hil_bench.abilities.modbus.protocol.register_map import Register, RegisterA
 from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.config.objects import parse_object
-from hil_bench.devices.quantities import RegisterValue, object_quantity
-from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.devices.quantities import RegisterValue
+from hil_bench.errors import ConfigError, SdoAbort
+from hil_bench.outside.processes.helper_process import Snapshot
 from hil_bench.units import UNITS_OF
 
 _SAMPLE = "sample"
@@ -211,3 +216,38 @@ def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) ->
 
 def _list(names: Mapping[str, RegisterValue]) -> str:
     return ", ".join(f'"{name}"' for name in names)
+
+
+_WIDEST: Final = 32  # bits of an integer that a float surely holds, and two registers too
+
+
+def object_quantity(
+    object_dictionary: ObjectDictionary, index: int, subindex: int
+) -> RegisterValue:
+    """Return an object as a quantity.
+
+    Raises:
+        ConfigError: there is none, or it is no number of at most 32 bits.
+    """
+    variable = object_dictionary.find(index, subindex)
+    name = f"object 0x{index:04X}.{subindex:02X}"
+    if variable is None:
+        raise ConfigError(f"{name} is not in {object_dictionary.source}; give one that is")
+    data_type = variable.data_type
+    if not isinstance(data_type, BooleanType | IntegerType | RealType) or data_type.bits > _WIDEST:
+        raise ConfigError(f"{name} is a {data_type}; a number of at most {_WIDEST} bits is right")
+    write = partial(_write_object, variable) if variable.access.writable else None
+    return RegisterValue("-", lambda: math.nan if variable.value is None else variable.value, write)
+
+
+def _write_object(variable: Variable, value: float, _now: int) -> None:
+    """Write an object as the bus does.
+
+    Raises:
+        SdoAbort: its data type does not hold the value.
+    """
+    data_type: DataType = variable.data_type
+    number: float = value if isinstance(data_type, RealType) else round(value)
+    if data_type.low is not None and not data_type.low <= number <= (data_type.high or 0):
+        raise SdoAbort(*abort_codes.VALUE)
+    variable.write(number)

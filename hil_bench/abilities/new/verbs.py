@@ -8,13 +8,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.new import wording
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.check import facts_of, summary_lines
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_lines, print_results, warn_of
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 
 _EXAMPLES = f"""\

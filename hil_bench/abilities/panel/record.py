@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
 from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
 from hil_bench.abilities.scenario.writing import JournalSteps, to_toml
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
-from hil_bench.scratch import scratch_folder
 
 # This program again, in a process of its own, for what a page asks for.
 

@@ -11,9 +11,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.figure_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    SKY,
+    STYLE,
+)
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.recording.reading import given_units
-from hil_bench.errors import ConfigError, whole_file
-from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE
+from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,

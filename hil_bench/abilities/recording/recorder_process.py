@@ -15,6 +15,7 @@ from time import monotonic_ns
 from typing import NamedTuple, Self
 
 from hil_bench.abilities.common.packed_frames import pack_frames, unpack_frames
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.recording.recorder import (
     BLOCK_PERIOD,
     Recorder,
@@ -25,7 +26,6 @@ from hil_bench.abilities.recording.report import Progress, RecordingReport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.helper_process import HelperProcess
-from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.recording.channels import LoggedFrame
 
 logger = logging.getLogger(__name__)

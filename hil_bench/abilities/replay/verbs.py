@@ -12,6 +12,10 @@ from pathlib import Path
 import can
 
 from hil_bench.abilities.common import arguments as common
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
@@ -21,7 +25,6 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.results import plain, warn_of
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import LoggedFrame, Recording

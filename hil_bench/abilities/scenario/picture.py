@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.figure_style import BLACK, BLUE, GREY, ORANGE, RED, settle_layout
 from hil_bench.abilities.recording.plot import MotionPanel, motion_panels, styled
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import Span, StreamBuilder
@@ -18,7 +19,6 @@ from hil_bench.abilities.scenario.judgement import Evidence, show_atom, show_val
 from hil_bench.abilities.scenario.nodes import Atom, Comparison, Condition, Relation
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.values import Block, Floats, build_values
-from hil_bench.figure_style import BLACK, BLUE, GREY, ORANGE, RED, settle_layout
 from hil_bench.units import ONE
 
 if TYPE_CHECKING:

@@ -5,11 +5,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.scenario.judgement import Evidence, Judgement, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
-from hil_bench.errors import HilBenchError, about_file, whole_file
+from hil_bench.errors import (
+    HilBenchError,
+    about_file,
+)
 
 _EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a sign but no size
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, TypeGuard
 
+from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.kinds import Chosen, read_controller
 from hil_bench.abilities.controllers.power import ONLY, Power
@@ -38,7 +39,6 @@ from hil_bench.config.settings import Problems
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.kinds.registry import VALVE
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.scratch import scratch_folder
 
 # Controllers of a run, and its time, which the runner lets pass.
 

@@ -5,6 +5,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil_bench.abilities.common.commands import (
+    SetObject,
+    SetPlant,
+)
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.abilities.faults.commands import BeginFault
 from hil_bench.abilities.faults.fault import FaultConfig
@@ -35,7 +39,7 @@ from hil_bench.abilities.scenario.targets import (
 )
 from hil_bench.abilities.scenario.witness import Witness
 from hil_bench.bench.assembly import number_buses
-from hil_bench.bench.commands import Command, SetObject, SetPlant
+from hil_bench.bench.commands import Command
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.cob_id import DISABLED, can_id

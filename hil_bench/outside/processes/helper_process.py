@@ -1,21 +1,19 @@
 """Processes beside this one: they share its terminal, leave signals to it and end with it."""
 
-import logging
+import ctypes
 import multiprocessing
-import os
 import signal
+import struct
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import Finalize
 from typing import Any, NamedTuple
-
-from hil_bench.errors import BusError
 
 SHIELDED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 """Signals by which a terminal, a session or a service manager ends all its processes at once."""
@@ -211,88 +209,60 @@ def _run(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
         sys.exit(1)
 
 
-# A server in a process of its own, so that its Python does not hold up the loop's.
+# A snapshot of the running bench for another process, such as the status line.
 #
-# The child's function gets a connection as its last argument. What it sends there first says how
-# the start went: an answer for the parent, or a text that says why it failed.
+# The writer never waits: it copies a row with a check sum into shared memory. A reader that meets
+# a row half written sees that the sum is wrong and reads again, whatever order the machine's
+# caches deliver stores in, and even if the writer was killed in the middle.
+#
+# The memory has no name in the file system (`multiprocessing.RawArray`), so nothing is left
+# behind however either process ends. Hand the `Snapshot` to the reader as an argument of its
+# `Process`.
 
-logger = logging.getLogger(__name__)
 
-_START_TIMEOUT = 30.0
-_STOP_TIMEOUT = 5.0
+_CHECK_SUM = struct.Struct("<I")
 
 
-class ChildProcess:
-    """A process that ends with its parent, however that ends; Ctrl-C is left to the parent.
+_ATTEMPTS = 100
+
+
+class SnapshotRow(NamedTuple):
+    """One row as the reader sees it.
+
+    Attributes:
+        sequence: number of the row, from 1; a higher number is a newer row.
+        values: as many values as it is wide.
+    """
+
+    sequence: int
+    values: tuple[float, ...]
+
+
+class Snapshot:
+    """The newest row of values, shared between one writer and any readers.
 
     Args:
-        target: what it runs; a function of a module, and a connection is its last argument.
-        arguments: those before it.
-        name: of the process.
-        label: how messages name what it serves.
+        width: values of a row.
     """
 
-    def __init__(
-        self, target: Callable[..., None], arguments: tuple[object, ...], *, name: str, label: str
-    ) -> None:
-        self._label = label
-        self._helper = HelperProcess(_run_server, (target, *arguments), name=name)
+    def __init__(self, width: int) -> None:
+        self._format = f"<Q{width}d"
+        self._size = struct.calcsize(self._format)
+        self._memory = multiprocessing.RawArray(ctypes.c_char, self._size + _CHECK_SUM.size)
+        self._sequence = 0
 
-    @property
-    def alive(self) -> bool:
-        """Return True if the process runs."""
-        return self._helper.alive
+    def write(self, values: Sequence[float]) -> None:
+        """Publish one row: as many values as it is wide."""
+        self._sequence += 1
+        row = struct.pack(self._format, self._sequence, *values)
+        self._memory.raw = row + _CHECK_SUM.pack(zlib.crc32(row))
 
-    @property
-    def pid(self) -> int | None:
-        """Its process-ID, None before `start`."""
-        return self._helper.pid
-
-    def start(self) -> Any:  # noqa: ANN401 - what the child has to say
-        """Start it and return its answer.
-
-        Raises:
-            BusError: it says why it cannot serve, or it did not start.
-        """
-        self._helper.start()
-        answer = self._first_answer()
-        if isinstance(answer, str):
-            self.stop()
-            raise BusError(answer)
-        return answer
-
-    def ending(self) -> str | None:
-        """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
-        ending = self._helper.ending()
-        if self._helper.trace:
-            logger.debug("%s: %s", self._label, self._helper.trace)
-        return ending
-
-    def stop(self) -> None:
-        """End it."""
-        self._helper.stop(_STOP_TIMEOUT)
-
-    def _first_answer(self) -> Any:  # noqa: ANN401
-        try:
-            return self._helper.receive(_START_TIMEOUT)
-        except EOFError as end:
-            reason = f": {end}" if str(end) else ""
-            return f"{self._label}: the process ended at once{reason}"
-        except TimeoutError:
-            return f"{self._label}: the process did not start in {_START_TIMEOUT:g} s"
-
-
-def _run_server(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
-    threading.Thread(target=_end_with_parent, args=(arguments[-1],), daemon=True).start()
-    target(*arguments)
-
-
-def _end_with_parent(connection: Connection) -> None:
-    """End this process once its parent is gone, or has let go of it.
-
-    Its daemons die only if it ends in order.
-    """
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel, connection])
-        os._exit(0)
+    def read(self) -> SnapshotRow | None:
+        """Return the newest row, or None where there is none yet."""
+        for _ in range(_ATTEMPTS):
+            memory = self._memory.raw
+            row, check_sum = memory[: self._size], memory[self._size :]
+            if check_sum == _CHECK_SUM.pack(zlib.crc32(row)):
+                sequence, *values = struct.unpack(self._format, row)
+                return SnapshotRow(sequence, tuple(values))
+        return None

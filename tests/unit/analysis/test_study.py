@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench import extras
+from hil_bench import errors
 from hil_bench.abilities.analysis.linear_studies import (
     flow_pressure_study,
     linearisation_study,
@@ -14,8 +14,7 @@ from hil_bench.abilities.analysis.linear_studies import (
 )
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.study import Fact, Study, make_table, write_study
-from hil_bench.errors import ConfigError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ConfigError, require_extra
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
 
@@ -115,7 +114,7 @@ def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(table_1, tm
 
 
 def test_the_missing_extra_is_named(monkeypatch):
-    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _name: None)
     with pytest.raises(ConfigError) as caught:
         require_extra("scipy", "a frequency response")
 

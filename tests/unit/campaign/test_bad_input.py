@@ -13,8 +13,8 @@ from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, read_campaign
 from hil_bench.abilities.campaign.store import Store
-from hil_bench.cli import status_line
-from hil_bench.cli.status_line import WorkLines
+from hil_bench.abilities.common import progress
+from hil_bench.abilities.common.progress import WorkLines
 from hil_bench.errors import ConfigError
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
@@ -225,8 +225,8 @@ def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
         assert looked.wait(60.0)  # for the other thread, which never waits as long
         return own_perform(spec)
 
-    monkeypatch.setattr(status_line, "WORK_PERIOD", 0)
-    monkeypatch.setattr(status_line, "_LOOK_S", 0.01)
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.01)
     monkeypatch.setattr(WorkLines, "look", look)
     monkeypatch.setattr(snapshot, "perform", perform)
     monkeypatch.chdir(tmp_path)

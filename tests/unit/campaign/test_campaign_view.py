@@ -2,8 +2,8 @@
 
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView, count_runs
+from hil_bench.abilities.common.progress import Work
 from hil_bench.abilities.common.work import WorkView
-from hil_bench.cli.status_line import Work
 
 
 class Watched(WorkView):

@@ -17,8 +17,8 @@ from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict,
 from hil_bench.abilities.campaign.reports import beyond, replay, svg_of
 from hil_bench.abilities.campaign.snapshot import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs
+from hil_bench.abilities.common.figure_style import STYLE
 from hil_bench.abilities.common.page import POLICY
-from hil_bench.figure_style import STYLE
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from hil_bench import extras
+from hil_bench import errors
 from hil_bench.abilities.analysis import verbs
 from hil_bench.cli import main
 
@@ -170,7 +170,7 @@ def test_an_output_that_cannot_be_is_refused(tmp_path, capsys):
 
 
 def test_a_missing_extra_is_one_line_that_names_it(monkeypatch, capsys):
-    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _name: None)
 
     assert main(["analyse", "root-locus"]) == 2
     assert capsys.readouterr().err == (

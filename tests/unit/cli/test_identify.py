@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.machine_record import Machine, random_steps
 
-from hil_bench import extras
+from hil_bench import errors
 from hil_bench.abilities.common.arguments import find_cylinder
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.bench.configuration import load_config
@@ -123,7 +123,7 @@ def test_the_reduced_model_is_refused(recording, tmp_path, capsys):
 
 
 def test_without_scipy_the_way_to_install_it_is_told(recording, monkeypatch, capsys):
-    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _: None)
 
     assert "pip install 'hil-bench[analysis]'" in refusal(capsys, recording)
 

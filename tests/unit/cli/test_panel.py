@@ -8,9 +8,9 @@ import pytest
 import uvicorn
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.common.commands import Stop
 from hil_bench.abilities.live import ctl, places, view
 from hil_bench.abilities.panel import server
-from hil_bench.bench.commands import Stop
 from hil_bench.bench.session import Session
 from hil_bench.cli import main
 

@@ -9,9 +9,18 @@ import threading
 
 import pytest
 
-from hil_bench.cli import main, status_line
+from hil_bench.abilities.common import progress
+from hil_bench.abilities.common.progress import (
+    Work,
+    WorkLines,
+    shown_work,
+)
+from hil_bench.cli import main
 from hil_bench.cli.exit_codes import PatientHandler
-from hil_bench.cli.status_line import PERIOD, Progress, Work, WorkLines, shown_work
+from hil_bench.cli.status_line import (
+    PERIOD,
+    Progress,
+)
 
 
 def test_a_line_a_minute_of_the_machines_time():
@@ -64,10 +73,10 @@ class Terminal(io.StringIO):
 def test_a_log_gets_lines_a_terminal_a_bar_and_quiet_nothing(stream, quiet, said, monkeypatch):
     looked = threading.Event()
     monkeypatch.setattr("sys.stderr", stream())
-    monkeypatch.setattr(status_line, "_LOOK_S", 0.0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.0)
     seen = []
     for name in ("WorkLines", "WorkBar"):
-        own = getattr(status_line, name)
+        own = getattr(progress, name)
 
         def look(_self, own=own):
             seen.append(own.__name__)
@@ -117,7 +126,7 @@ def test_a_bar_shows_what_is_done(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
     work = Work("campaign", 64, "runs")
-    bar = status_line.WorkBar(work)
+    bar = progress.WorkBar(work)
     work.done, work.remark = 16, "2 failed"
     bar.look()
     bar.close()

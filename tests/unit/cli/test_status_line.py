@@ -21,7 +21,7 @@ from hil_bench.cli.status_line import (
     format_row,
     in_place,
 )
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.outside.processes.helper_process import Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.transport import TransportCounters
 

@@ -14,11 +14,12 @@ import pytest
 from support.patience import GUARD
 
 from hil_bench.abilities.common.reception import ROOM
+from hil_bench.abilities.common.socketcand_hub import MOST_BAD
 from hil_bench.abilities.controllers.process import hosted_bus
 from hil_bench.abilities.controllers.process.hosted_bus import MAX_CLIENTS, HostedBus
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, MOST_BAD
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.outside.transports.transport import TransportCounters
 
 

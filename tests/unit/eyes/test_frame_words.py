@@ -2,8 +2,11 @@
 
 import pytest
 
+from hil_bench.abilities.common.identifiers import (
+    Function,
+    function_of,
+)
 from hil_bench.abilities.eyes.frame_words import meaning_of
-from hil_bench.canopen_device.words import Function, function_of
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from support.patience import GUARD
 
 import hil_bench
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.live.places import (
     Place,
     check_name,
@@ -25,7 +26,6 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.outside.processes.shared_ring import SharedRing
 
 TICK = 1_000_000
 

@@ -6,11 +6,11 @@ import pytest
 from rich.console import Console
 from support.feed_loop import FeedLoop
 
+from hil_bench.abilities.common.terminal import bar
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.live import watch
 from hil_bench.abilities.live.watch import WatchView
 from hil_bench.cli import main
-from hil_bench.cli.results import bar
 from hil_bench.errors import BusError
 
 

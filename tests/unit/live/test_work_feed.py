@@ -3,13 +3,13 @@
 import pytest
 from support.feed_loop import Wire
 
+from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.common.work import MOST_ITEMS, WorkItem, WorkState
 from hil_bench.abilities.live.client import FeedClient
 from hil_bench.abilities.live.ctl import status_lines
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedServer
 from hil_bench.abilities.live.view import WorkFeed
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.shared_ring import SharedRing
 
 HELLO = {
     "name": "commission",

@@ -9,7 +9,8 @@ import tempfile
 import pytest
 
 from hil_bench import scratch
-from hil_bench.scratch import ScratchFolder, scratch_folder
+from hil_bench.abilities.common.files import scratch_folder
+from hil_bench.scratch import ScratchFolder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no flock")
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.outside.processes.shared_ring import SharedRing
+from hil_bench.abilities.common.shared_ring import SharedRing
 
 
 def test_messages_come_out_in_order_with_their_kind():

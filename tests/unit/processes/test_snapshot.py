@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.processes.shared_ring import Snapshot, SnapshotRow
+from hil_bench.outside.processes.helper_process import (
+    Snapshot,
+    SnapshotRow,
+)
 
 WIDTH = 64
 SPAWN = multiprocessing.get_context("spawn")
@@ -99,7 +102,7 @@ def test_a_reader_that_is_killed_leaves_the_writer_at_work():
 
 PROGRAM = """
 import multiprocessing, os, signal, sys
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.outside.processes.helper_process import Snapshot
 
 def read(snapshot, pipe):
     pipe.send(snapshot.read().values)

@@ -7,8 +7,8 @@ import threading
 
 import pytest
 
-from hil_bench.outside.processes import turns
-from hil_bench.outside.processes.turns import PERIOD, Turns
+from hil_bench.abilities.controllers import turns
+from hil_bench.abilities.controllers.turns import PERIOD, Turns
 
 ALL = {0, 1, 2, 3}
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="threads are tied on Linux only")

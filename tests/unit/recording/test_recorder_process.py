@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.common.packed_frames import pack_frames
+from hil_bench.abilities.common.shared_ring import _TAKEN, SharedRing
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import RecordingPlan
@@ -25,7 +26,6 @@ from hil_bench.abilities.recording.recorder_process import (
 from hil_bench.abilities.recording.report import Progress
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.shared_ring import _TAKEN, SharedRing
 from hil_bench.outside.recording.channels import Channel
 
 try:

@@ -11,6 +11,10 @@ import can
 import pytest
 from support.patience import GUARD
 
+from hil_bench.abilities.common.socketcand_hub import (
+    format_frame,
+    parse_send,
+)
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
@@ -21,10 +25,8 @@ from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.socketcand_protocol import (
     MAX_COMMAND,
-    format_frame,
     format_send,
     parse_frame,
-    parse_send,
 )
 
 SPEEDUP = 4.0

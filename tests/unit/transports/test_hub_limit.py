@@ -8,8 +8,11 @@ import pytest
 from support import virtual_loop
 from support.virtual_loop import Pace, VirtualLoop
 
+from hil_bench.abilities.common.socketcand_hub import (
+    BURST,
+    RateLimit,
+)
 from hil_bench.abilities.hub.server import Hub, HubLimits
-from hil_bench.outside.transports.socketcand_protocol import BURST, RateLimit
 
 MBIT = 1e6
 TIME_OF_FRAME = 123.125e-6  # [s]

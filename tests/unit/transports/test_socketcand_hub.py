@@ -10,12 +10,13 @@ import re
 
 import pytest
 
+from hil_bench.abilities.common import socketcand_hub as protocol
 from hil_bench.abilities.common.reception import ROOM
+from hil_bench.abilities.common.socketcand_hub import MOST_BAD
 from hil_bench.abilities.hub import server as socketcand_hub
 from hil_bench.abilities.hub.server import MAX_CLIENTS, Hub, HubCounters
 from hil_bench.errors import BusError
-from hil_bench.outside.transports import socketcand_protocol
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, MOST_BAD
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
 pytestmark = pytest.mark.anyio
 
@@ -230,7 +231,7 @@ async def test_a_client_that_does_not_read_is_cut_off_and_others_lose_nothing(pl
 
 
 async def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(place, monkeypatch):
-    monkeypatch.setattr(socketcand_protocol, "JOIN_DELAY", 3_600)
+    monkeypatch.setattr(protocol, "JOIN_DELAY", 3_600)
     sender, listener = await place.join(), await place.connect()
     for words in (b"< open can0 >", b"< rawmode >"):
         await listener.hear()
@@ -250,7 +251,7 @@ async def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(pla
 
 
 async def test_held_back_frames_follow_without_a_word_from_the_client(place, monkeypatch):
-    monkeypatch.setattr(socketcand_protocol, "JOIN_DELAY", 0.001)
+    monkeypatch.setattr(protocol, "JOIN_DELAY", 0.001)
     sender, listener = await place.join(), await place.join()
     await sender.say(b"< send 001 0 >")
     assert await listener.hear() == b"< frame 001  >"

@@ -30,6 +30,11 @@ from hil_bench.abilities.campaign.verbs.campaign_view import (
     add_jobs_argument,
     count_runs,
 )
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
@@ -39,8 +44,11 @@ from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argu
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
 from hil_bench.cli.parser import add_units_argument, count, count_from_zero
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.status_line import Work, shown_work
-from hil_bench.errors import ConfigError, HilBenchError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    HilBenchError,
+    about_file,
+)
 
 logger = logging.getLogger(__name__)
 

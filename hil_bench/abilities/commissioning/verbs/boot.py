@@ -8,10 +8,14 @@ from pathlib import Path
 from hil_bench.abilities.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import open_network
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 from hil_drivers import Network
 from hil_drivers.boot import NetworkManager
 from hil_drivers.boot_records import BootResult, Slave, Start

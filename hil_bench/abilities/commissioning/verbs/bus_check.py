@@ -10,10 +10,14 @@ from pathlib import Path
 from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.common.arguments import bus_words, seen_from_bus
 from hil_bench.abilities.common.controller_side import open_network
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import print_lines
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+)
 from hil_drivers import DriverError, Network
 
 

@@ -37,6 +37,11 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
 )
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.files import make_directory
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.common.work import (
     ShownRows,
     add_work_arguments,
@@ -51,7 +56,6 @@ from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.parser import add_options, add_units_argument, check_options
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel
 
@@ -162,7 +166,7 @@ def run(args: argparse.Namespace) -> int:
     bench = arguments.load_bench_config(args)
     config = common.seen_from_bus(args, bench)
     check_against(plan, choose_axis(plan, config))
-    arguments.make_directory(args.output)
+    make_directory(args.output)
     machine = load_config(args.machine, seed=args.seed) if args.machine else bench
     check_period(args, plan, machine)
     if args.restore:

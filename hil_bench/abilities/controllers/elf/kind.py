@@ -9,8 +9,7 @@ from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
 from hil_bench.config.settings import Key
 from hil_bench.config.values import describe, integer, number, quote, text
-from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ConfigError, ControllerError, require_extra
 from hil_bench.units import Unit
 
 _COPPER = 500_000  # bit/s, where the bus names none

@@ -14,12 +14,9 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 from hil_bench.abilities.common.reception import QUEUE, WaitingRoom, capacity
-from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
-from hil_bench.outside.transports.socketcand_protocol import (
+from hil_bench.abilities.common.socketcand_hub import (
     CLASSICAL,
     JOIN_DELAY,
-    MAX_COMMAND,
     MOST_BAD,
     check_channel,
     format_frame,
@@ -28,6 +25,9 @@ from hil_bench.outside.transports.socketcand_protocol import (
     parse_send,
     stamp_of,
 )
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.outside.transports.transport import TransportCounters
 
 MAX_CLIENTS = 64

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_output_argument, check_one_bus
+from hil_bench.abilities.common.files import make_directory
 from hil_bench.abilities.demo.verbs.demo_sensors import SensorBus
 from hil_bench.abilities.demo.verbs.demo_session import (
     CYCLE,
@@ -18,7 +19,7 @@ from hil_bench.abilities.modbus.serving import require_pymodbus
 from hil_bench.abilities.recording import options
 from hil_bench.abilities.recording.plot import plot_result
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import make_directory, read_speed
+from hil_bench.cli.arguments import read_speed
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.helpers import Helpers, add_loss_argument
 from hil_bench.cli.paced_run import helper_lines, loop_lines

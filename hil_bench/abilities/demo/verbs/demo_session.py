@@ -22,9 +22,13 @@ from hil_bench.abilities.demo.verbs.demo_sensors import (
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.cli.status_line import Field, bench_status, bench_status_row
+from hil_bench.cli.status_line import (
+    Field,
+    bench_status,
+    bench_status_row,
+)
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.shared_ring import Snapshot
+from hil_bench.outside.processes.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection

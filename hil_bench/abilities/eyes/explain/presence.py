@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.finding import (
     Cause,
@@ -17,7 +18,6 @@ from hil_bench.abilities.eyes.explain.finding import (
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtCommand, NmtRequest, NmtState
-from hil_bench.canopen_device.words import function_of
 
 _TWINS = 200_000_000
 """Two boot-up messages within this time are of two devices: none restarts so fast [ns]."""

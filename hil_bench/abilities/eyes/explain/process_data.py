@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Iterator
 
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.finding import (
     Cause,
@@ -26,7 +27,6 @@ from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.words import function_of
 from hil_bench.frame import address_of
 
 _KEPT = 16

@@ -5,6 +5,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil_bench.abilities.common.progress import (
+    Work,
+    counted,
+    shown_work,
+)
 from hil_bench.abilities.eyes.channels import BusChannels, TickRows
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
@@ -21,7 +26,6 @@ from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
-from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame, from_first
 

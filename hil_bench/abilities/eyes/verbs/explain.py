@@ -3,6 +3,11 @@
 import argparse
 from collections.abc import Callable, Iterator
 
+from hil_bench.abilities.common.progress import (
+    Work,
+    counted,
+    shown_work,
+)
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.explain.explain import Explanation, explain
 from hil_bench.abilities.eyes.explain.finding import Finding
@@ -12,7 +17,6 @@ from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.status_line import Work, counted, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 

@@ -7,6 +7,13 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from hil_bench.abilities.common.arguments import seen_from_bus
+from hil_bench.abilities.common.terminal import (
+    ONCE,
+    REFRESH,
+    STATE_STYLES,
+    bar,
+    make_table,
+)
 from hil_bench.abilities.eyes.bus_state import EXTENDED, BusState, HeldValue, Stream
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.known_node import KnownNode
@@ -16,7 +23,6 @@ from hil_bench.abilities.eyes.verbs.eyes_arguments import known_ecus, known_node
 from hil_bench.abilities.eyes.verbs.listening import open_listener
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode, interruption
-from hil_bench.cli.results import ONCE, REFRESH, STATE_STYLES, bar, make_table
 from hil_bench.errors import printable
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 

@@ -17,8 +17,8 @@ def take_over(args: argparse.Namespace) -> int | None:
     """Watch a bus where the command line names one."""
     if not _is_for_bus(args):
         return None
+    from hil_bench.abilities.common.terminal import make_console  # noqa: PLC0415 - likewise
     from hil_bench.abilities.eyes.verbs.watch_bus import watch_bus  # noqa: PLC0415 - brings much
-    from hil_bench.cli.results import make_console  # noqa: PLC0415 - likewise
 
     return watch_bus(args, make_console())
 

@@ -9,6 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.abilities.common import arguments as common
+from hil_bench.abilities.common.figure_style import write_figure
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
@@ -43,12 +49,13 @@ from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, warn_of
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.config.settings import Settings
 from hil_bench.config.values import find_nearest
-from hil_bench.errors import ConfigError, about_file, whole_file
-from hil_bench.extras import require_extra
-from hil_bench.figure_style import write_figure
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+    require_extra,
+)
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model

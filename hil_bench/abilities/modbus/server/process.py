@@ -15,6 +15,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import NamedTuple, Protocol, Self
 
+from hil_bench.abilities.common.child_process import ChildProcess
 from hil_bench.abilities.common.reception import say_errors_in_a_line, serve_at
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import SerialConfig, ServerConfig
@@ -22,7 +23,6 @@ from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
 from hil_bench.abilities.modbus.server.connections import ConnectionPool
 from hil_bench.abilities.modbus.server.register_server import RegisterServer, RowSource
 from hil_bench.errors import BusError
-from hil_bench.outside.processes.helper_process import ChildProcess
 
 _POLL = 0.0005
 """Time between two looks for the loop's answer to a write [s]."""

@@ -6,6 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_column_arguments
+from hil_bench.abilities.common.progress import (
+    Work,
+    shown_work,
+)
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import read_recording
@@ -15,7 +19,6 @@ from hil_bench.abilities.scenario.verbs import scenario_report as reports
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
-from hil_bench.cli.status_line import Work, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 

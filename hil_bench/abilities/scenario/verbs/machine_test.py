@@ -15,6 +15,7 @@ from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.commissioning.session import recorded_channels
 from hil_bench.abilities.commissioning.verbs import commission_settings as settings
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.files import make_directory
 from hil_bench.abilities.common.work import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.abilities.recording.options import recording_code, report_lines
 from hil_bench.abilities.recording.recorder import RecordingSink
@@ -30,7 +31,6 @@ from hil_bench.abilities.scenario.verbs.machine_side import (
     prepare_all,
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
-from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
 from hil_bench.cli.results import is_silent
 from hil_bench.errors import ConfigError

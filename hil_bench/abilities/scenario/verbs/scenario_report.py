@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import hil_bench
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
@@ -22,11 +24,14 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.words import function_of
 from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import json_text
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
+from hil_bench.errors import (
+    ConfigError,
+    about_file,
+    check_replaceable,
+)
 from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
 from hil_bench.units import ONE
 

@@ -17,8 +17,7 @@ from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.extras import require_extra
+from hil_bench.errors import ConfigError, ControllerError, require_extra
 
 MS = 1_000_000
 HOST = "host"

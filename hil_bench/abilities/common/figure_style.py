@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.errors import about_file, whole_file
-from hil_bench.extras import require_extra
+from hil_bench.abilities.common.files import whole_file
+from hil_bench.errors import about_file, require_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

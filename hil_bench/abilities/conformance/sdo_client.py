@@ -199,9 +199,14 @@ class SdoClient:
         request = segmented_request(index, subindex, announced)
         self._check_initiated(request, self.exchange(request), specifier=3)
         for number, request in enumerate(segments(raw)):
-            self._check_segment(index, subindex, request, number)
+            self.send_segment(index, subindex, request, number)
 
-    def _check_segment(self, index: int, subindex: int, request: bytes, number: int) -> None:
+    def send_segment(self, index: int, subindex: int, request: bytes, number: int) -> None:
+        """Send a segment of a download of an object, by its number from 0.
+
+        Raises:
+            Deviation: it is not confirmed.
+        """
         answer = self.exchange(request)
         self._check_abort(f"0x{index:04X}.{subindex:02X}", answer)
         if answer[0] != 0x20 | (number & 1) << 4:

@@ -45,8 +45,10 @@ class Laboratory:
             if result.outcome is Outcome.FAILED
         ]
 
-    def failed_clauses(self, *titles):
-        return {clause for clause, _ in self.failed(*titles)}
+    def failed_checks(self, *titles):
+        """The names of the checks that fail, of some chapters or of all."""
+        results = self.run(*titles)
+        return [r.check.judge.__name__ for r in results if r.outcome is Outcome.FAILED]
 
     def result(self, title, text):
         """The outcome and the detail of the one check of a chapter whose text begins so."""

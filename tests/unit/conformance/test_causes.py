@@ -5,6 +5,7 @@ from support.changed_frames import LSS, REQUEST, aborted_otherwise, begun_otherw
 
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Degree, Impact
+from hil_bench.abilities.conformance.device import find_fall
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.frame import Frame
 
@@ -61,6 +62,20 @@ def test_a_device_that_leaves_operational_fails_one_check(laboratory, said, caus
     # Of NMT the commands and the SDO in OPERATIONAL; of TPDO all that wait for a PDO.
     assert len(not_run) >= 2 + 6
     assert report.not_run(results) == [f"{len(not_run)} checks not run: {failed.detail}"]
+
+
+def test_a_fall_soon_after_the_start_is_seen_whatever_the_patience(laboratory):
+    """The device leaves OPERATIONAL after the third of its heartbeats of 50 ms."""
+    beats = []
+
+    def says(frame):
+        beats.extend([frame] if frame == OPERATIONAL else [])
+        if len(beats) == 3:
+            laboratory.node.receive(ENTER_PRE_OPERATIONAL, 0)
+        return [frame]
+
+    laboratory.dut.patience, laboratory.says = 0.001, says
+    assert find_fall(laboratory.dut) == "the device leaves OPERATIONAL: it reports no error"
 
 
 def test_the_whole_suite_names_the_cause_once(laboratory):

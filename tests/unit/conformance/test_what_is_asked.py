@@ -11,7 +11,7 @@ from itertools import groupby
 
 import pytest
 
-from hil_bench.abilities.conformance.pdo import RPDOS, first_pdo
+from hil_bench.abilities.conformance.pdo import RPDOS, Entry, Pdo, first_pdo
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 
@@ -227,8 +227,10 @@ def test_blocks_are_transferred_as_their_clauses_say(laboratory):
     assert found[10][:3] == [small, zero, "605 d900000000000000"]
     assert found[11][:2] == [small, "605 0000000000000000"]
     assert found[12][:2] == [small, seven]
+    # 0800 0000h, general error, of the object of the transfer.
     aborts = {each for check in lists for each in check if each.startswith("605 80")}
-    assert {each[12:] for each in aborts} == {"00000008"}  # 0800 0000h, general error
+    objects = ("001000", "081000", "202000", "171000")
+    assert aborts == {f"605 80{place}00000008" for place in objects}
 
 
 def test_sync_and_time_are_asked_as_their_clauses_say(laboratory):
@@ -372,18 +374,38 @@ def test_mappings_are_written_as_their_clauses_say(laboratory):
     assert found[8] == [*dummy, f"{place}={on}", *got, *restored, *end]
 
 
-def test_parameters_are_stored_as_their_clauses_say(laboratory):
-    """7.5.2.13: "save" to 0x1010 alone, "load" to 0x1011; a reset then shows what was stored."""
+def test_the_longest_object_is_mapped_until_64_bits_are_exceeded(
+    make_laboratory, eds_path, tmp_path
+):
+    """7.5.2.36: three objects of 32 bits are too long together, and their number is refused."""
+    text = eds_path.read_text(encoding="utf-8").replace("0x20000010", "0x20000020")
+    head, section, rest = text.partition("[2000]\n")
+    path = tmp_path / "long.eds"
+    path.write_text(head + section + rest.replace("0x0006", "0x0007", 1), encoding="utf-8")
+    (place, off, on, mapping, (_, other)), _ = MAPPINGS
+    long, none = "20000020", f"{mapping}.00=00"
+    tried = [none, *(f"{mapping}.0{n}={long}" for n in (1, 2, 3)), f"{mapping}.00=03"]
+    restored = [none, f"{mapping}.01={long}", f"{mapping}.02={other}", f"{mapping}.00=02"]
+    found = asked(make_laboratory(path), "PDO mapping")[6]
+    assert found == [f"{place}={off}", *tried, *restored, f"{place}={off}", f"{place}={on}"]
+
+
+def test_parameters_are_stored_as_their_clauses_say(make_variant):
+    """7.5.2.13: "save" to 0x1010 alone, "load" to 0x1011; a reset then shows what was stored. Bit 2
+    of 0x1F80 keeps a node from starting by itself (CiA 302-2)."""
     save, load = (f"{place}={word[::-1].encode().hex()}" for place, word in (
         ("1010.01", "save"), ("1011.01", "load")))  # fmt: skip
     wrong = ["1010.01=64616f6c", "1011.01=65766173"]
     value, none = "1017.00=10e1", "1017.00=0000"
-    assert asked(laboratory, "Store and restore")[:5] == [
+    starts, waits = "1f80.00=00000000", "1f80.00=00000004"
+    watched = [PREPARE, save, "NMT 8105", "1017.00=0032", PREPARE, none]
+    assert asked(make_variant(startup=4), "Store and restore") == [
         [],
         [],
         wrong,
         [value, PREPARE, save, "NMT 8105", PREPARE, none, PREPARE, save],
         [value, PREPARE, save, PREPARE, load, "NMT 8105", PREPARE],
+        [starts, *watched, waits, *watched, PREPARE, waits, PREPARE, save],
     ]
 
 
@@ -447,6 +469,17 @@ def test_an_identity_has_one_to_four_entries(laboratory, count, is_right):
             check.judge(laboratory.dut)
 
 
+def test_the_structure_of_an_object_is_no_entry_of_it(make_laboratory, eds_path, tmp_path):
+    """Sub-index FF describes the object (7.4.3.2): FE is the highest that it may have."""
+    path = tmp_path / "most.eds"
+    more = "\n[1018sub{}]\nParameterName=More\nObjectType=7\nDataType=7\nAccessType=ro\n"
+    sections = more.format("FE") + more.format("FF")
+    path.write_text(eds_path.read_text(encoding="utf-8") + sections, encoding="utf-8")
+    laboratory = make_laboratory(path)
+    laboratory.node.object_dictionary.variable(0x1018).value = 0xFE
+    assert "highest_subindex" not in laboratory.failed_checks("Object dictionary")
+
+
 def test_a_short_request_may_be_aborted(laboratory):
     laboratory.hears = lambda frame: (
         [frame._replace(data=b"\xe0" + bytes(7))]
@@ -455,6 +488,12 @@ def test_a_short_request_may_be_aborted(laboratory):
     )
     found = laboratory.run("SDO upload")
     assert {each.outcome for each in found} <= {Outcome.PASSED, Outcome.NOT_APPLICABLE}
+
+
+def test_an_entry_of_a_mapping_is_index_subindex_and_bits(laboratory):
+    """0x64110210 maps 0x6411.02 with 16 bits (7.5.2.36)."""
+    laboratory.node.object_dictionary.variable(0x1600, 1).value = 0x64110210
+    assert Pdo(laboratory.dut, 0x1400).entries[0] == Entry(0x6411, 2, 16)
 
 
 def test_a_pdo_without_an_entry_is_not_looked_at(laboratory):

@@ -190,6 +190,15 @@ def test_a_set_point_beyond_the_full_flow_is_refused(valve):
         valve.spool_setpoint = 1.1
 
 
+def test_sixteen_valves_have_numbers(bench, network, port):
+    """Their commands are FE30h to FE3Fh (ISO 11783-7)."""
+    AuxiliaryValve(port, VALVE, number=15).spool_setpoint = 0.1
+    network.pump(0.01)
+    assert 0x0CFE3F00 | OURS in {each.frame.can_id for each in bench.frames}
+    with pytest.raises(ValueError, match="auxiliary valve 16: 0 to 15 is right"):
+        AuxiliaryValve(port, VALVE, number=16)
+
+
 def test_a_device_of_a_larger_name_does_not_get_our_address(bench, network, port):
     network.deliver(claim(OURS, identity=8))
     assert (port.state, port.address) == (ClaimState.CLAIMED, OURS)
@@ -197,11 +206,13 @@ def test_a_device_of_a_larger_name_does_not_get_our_address(bench, network, port
     assert {frame.frame.can_id for frame in list(bench.frames)[-5:]} >= {0x18EEFF00 | OURS}
 
 
-def test_a_device_of_a_smaller_name_takes_our_address(network, port, valve):
+def test_a_device_of_a_smaller_name_takes_our_address(bench, network, port, valve):
+    """That we have none is said by a claim from 254, the null address (SAE J1939-81)."""
     network.deliver(claim(OURS, identity=6))
 
     assert port.state is ClaimState.LOST
     network.pump(0.5)  # a wait does not raise it
+    assert 0x18EEFFFE in {each.frame.can_id for each in bench.frames}
     with pytest.raises(AddressClaimError, match="a device of a smaller NAME has it"):
         valve.spool_setpoint = 0.1
 

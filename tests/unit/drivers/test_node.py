@@ -227,11 +227,12 @@ DEVIATIONS = {
 }
 
 
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
 @pytest.mark.parametrize("name", DEVIATIONS)
-def test_what_makers_write_is_read(network, tmp_path, name):
+def test_what_makers_write_is_read(network, tmp_path, name, encoding):
     text, expected = DEVIATIONS[name]
     eds = tmp_path / "maker.eds"
-    eds.write_bytes(text.encode("latin-1"))
+    eds.write_bytes(text.encode(encoding))
     variable = network.add_node(4, eds).variable(0x2000)
     assert (variable.data_type, variable.access_type, variable.default) == expected
 
@@ -240,12 +241,15 @@ def test_entries_written_compactly_and_without_their_object(network, tmp_path):
     eds = tmp_path / "maker.eds"
     eds.write_text(
         "[1800]\nObjectType=9\n[1800sub1]\nDataType=7\nDefaultValue=$NODEID+0x180\n"
-        "[1A00]\nObjectType=9\nDataType=7\nCompactSubObj=8\n[1A00Value]\n1=0x20010210\n"
-        "[2001sub2]\nDataType=6\n"
+        "[1A00]\nObjectType=9\nDataType=7\nCompactSubObj=3\n[1A00Value]\n1=0x20010210\n2=0x20020008\n"
+        "[2001sub2]\nDataType=6\n[2002]\nDataType=5\n"
     )
     node = network.add_node(4, eds)
     (mapping,) = eds_mappings(node, PdoKind.TPDO)
-    assert (mapping.cob_id, [mapped.key for mapped in mapping.objects]) == (0x184, [(0x2001, 2)])
+    assert (mapping.cob_id, [mapped.key for mapped in mapping.objects]) == (
+        0x184,
+        [(0x2001, 2), (0x2002, 0)],
+    )
     assert node.variable(0x2001, 2).data_type == 6
 
 

@@ -71,11 +71,12 @@ def findings_of(*frames, end=0, known=()):
 @pytest.mark.parametrize(
     ("of_eds", "causes"), [(0, []), (None, []), (0x123, []), (0x124, [Cause.OTHER_DEVICE])]
 )
-def test_an_identity_is_compared_where_the_eds_gives_one(of_eds, causes):
-    """The device says vendor 0x123 (0x1018.01, CiA 301)."""
+@pytest.mark.parametrize("subindex", [1, 2, 3])
+def test_an_identity_is_compared_where_the_eds_gives_one(subindex, of_eds, causes):
+    """The device says 0x123 as vendor, product or revision (0x1018, CiA 301)."""
     objects = load_eds(PRESSURE_404, 2)
-    objects.variable(0x1018, 1).default = of_eds
-    logged = heard(*upload(2, 0x1018, 1, struct.pack("<I", 0x123)))
+    objects.variable(0x1018, subindex).default = of_eds
+    logged = heard(*upload(2, 0x1018, subindex, struct.pack("<I", 0x123)))
     found = explain(logged, [KnownNode(2, "pressure", objects)], BITRATE).findings
     assert [each.cause for each in found] == causes
 
@@ -133,6 +134,21 @@ def test_a_node_that_obeys_late_has_obeyed(last, causes):
     boot, start = (0, Frame(0x702, b"\0")), (100, Frame(0x000, b"\x01\x02"))
     found = findings_of(boot, start, *beats, (2500, Frame(0x702, bytes([last]))))
     assert [each.cause for each in found] == causes
+
+
+@pytest.mark.parametrize(
+    ("index", "causes"), [(0x1017, []), (0x1018, [Cause.HEARTBEAT_LOST])], ids=["1017", "other"]
+)
+def test_a_heartbeat_that_a_client_switched_off_is_not_lost(index, causes):
+    """The producer heartbeat time, 0x1017, is set to 0 and later to 100 ms again."""
+    times = [*range(0, 1000, 100), *range(3000, 4000, 100)]
+    beats = [(time, Frame(0x705, b"\x7f")) for time in times]
+    writes = [
+        (begin + place, frame)
+        for begin, value in ((950, b"\0\0"), (2950, b"\x64\0"))
+        for place, frame in enumerate(download(5, index, 0, value))
+    ]
+    assert [each.cause for each in findings_of(*beats, *writes)] == causes
 
 
 @pytest.mark.parametrize(("boots", "more"), [([0, 500], ""), ([0, 500, 900], ", and once more")])
@@ -285,14 +301,17 @@ def test_a_scan_of_all_node_ids_is_no_fault():
 
 
 def test_pdos_that_stay_out_together_are_told_once():
+    """Their last ones are at 492, 496 and 499 ms: the third is 7 ms later than the first."""
+
     def cycle(node, begin, end):
         return [(time, Frame(0x180 + node, bytes(5))) for time in range(begin, end, 10)]
 
-    known = [KnownNode(node, f"sensor {node}", load_eds(PRESSURE_404, node)) for node in (2, 3)]
+    nodes = {2: 12, 3: 16, 4: 19}
+    known = [KnownNode(node, f"sensor {node}", load_eds(PRESSURE_404, node)) for node in nodes]
     frames = []
-    for node in (2, 3):
+    for node, first in nodes.items():
         frames += [(1, Frame(0x700 + node, b"\0"))]
-        frames += [*cycle(node, 10 + node, 500), *cycle(node, 700 + node, 1000)]
-    (finding,) = findings_of((5, Frame(0x000, b"\x01\x00")), *frames, known=known)
-    assert finding.cause is Cause.PDO_MISSING
-    assert finding.text.endswith("; at the same time sensor 3")
+        frames += [*cycle(node, first, 500), *cycle(node, 700 + node, 1000)]
+    found = findings_of((5, Frame(0x000, b"\x01\x00")), *frames, known=known)
+    assert {each.cause for each in found} == {Cause.PDO_MISSING}
+    assert [each.text.partition("; at the same time")[2] for each in found] == [" sensor 3", ""]

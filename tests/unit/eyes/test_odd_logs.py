@@ -5,7 +5,7 @@ from corpus.faults import sender
 from corpus.logs import sound_log
 
 from device_profiles import VALVE_408
-from hil_bench.abilities.eyes.explain.explain import explain
+from hil_bench.abilities.eyes.explain.explain import Clock, explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.eds import load_eds
@@ -96,6 +96,13 @@ def test_an_eds_of_another_device_is_one_finding():
     assert found.cause is Cause.OTHER_DEVICE
     assert "0x1000.00" in found.text
     assert "0x1018.02" in found.text
+
+
+def test_a_time_never_goes_back():
+    """The first is 0; 5 ms back are as the last was."""
+    clock = Clock()
+    times = [clock.time_of(S + each * MS) for each in (0, 7, 3, 9)]
+    assert times == [(each * MS, 0) for each in (0, 7, 7, 9)]
 
 
 def test_frames_that_are_written_out_of_order_are_no_matter():

@@ -79,7 +79,7 @@ def test_a_protected_pdo_without_its_protection_is_too_short():
             Cause.PDO_REPEATED,
             "counter stands at 6 from 0.040 s on, 2 frames repeated",
         ),
-        ([254, 255, 0, 2, 3], Cause.PDO_LOST, "counter goes from 0 to 2 at 0.050 s, 1 sent and"),
+        ([254, 255, 2, 3, 4], Cause.PDO_LOST, "counter goes from 255 to 2 at 0.040 s, 2 sent and"),
         (
             [1, 2, 5, 6, 8],
             Cause.PDO_LOST,

@@ -216,7 +216,10 @@ def differences(
             yield f"at {judgement.deciding.time} s no comparison has the margin {judgement.margin}"
     if ruling.first is not None and not is_close(judgement.first, ruling.first * tick):
         yield f"first violated at {judgement.first} s, the referee says {ruling.first} ticks"
-    if ruling.first is not None and not is_close(judgement.duration, ruling.violated * tick):
+    first, last = ruling.asked
+    most = max(last - first - ruling.unseen, 0)
+    lasts = min(ruling.violated, most) * tick
+    if ruling.first is not None and not is_close(judgement.duration, lasts):
         yield f"violated for {judgement.duration} s, the referee says {ruling.violated} ticks"
 
 

@@ -70,7 +70,8 @@ class Ruling:
         outcome: passed, failed, inconclusive or not exercised.
         margin: its bounds at the first tick.
         first: the first tick that violates an ``always``; None for other requirements.
-        violated: how many that were seen do; 0 where they do not add up to a time.
+        violated: how many that were seen do, but for the last one of its time, behind which nothing
+            was seen; 0 where they do not add up to a time.
         triggered: how often the triggers became true; None where there is no implication.
         asked: the first and the last tick for which it asks.
         unseen: how many ticks from the first to the last are unknown.
@@ -143,7 +144,8 @@ class Run:
             outcome = PASSED if all(triggers) else NOT_EXERCISED
         violations = self._violations(requirement) if truth.is_false else []
         seen = [t for t in violations if t < self._seen]
-        counted = len(seen) if has_duration(requirement) else 0
+        end = min(self._end(requirement), self._seen - 1)
+        counted = sum(t < end for t in seen) if has_duration(requirement) else 0
         leaves = list(self._leaves(requirement))
         asked = (min(first for _, first, _ in leaves), max(last for _, _, last in leaves))
         unseen = sum(self._is_unseen(leaves, tick) for tick in range(asked[0], asked[1] + 1))
@@ -289,9 +291,15 @@ class Run:
         tree = as_window(tree)
         if not isinstance(tree, Window) or tree.name != "always":
             return []
-        begin, end = ticks_of(tree.span, self._tick)
-        last = self._ticks - 1 if end is None else min(end, self._ticks - 1)
+        begin, _ = ticks_of(tree.span, self._tick)
+        last = min(self._end(tree), self._ticks - 1)
         return [t for t in range(begin, last + 1) if self.truth(tree.of, t).is_false]
+
+    def _end(self, tree) -> int:
+        """Return the last tick of the window of an ``always``; of others, the run's."""
+        tree = as_window(tree)
+        end = ticks_of(tree.span, self._tick)[1] if isinstance(tree, Window) else None
+        return self._ticks - 1 if end is None else end
 
     def _triggers(self, requirement) -> list[int]:
         """Return how often each trigger became true at the ticks that are asked for."""

@@ -12,7 +12,7 @@ from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import Asked, window_ticks
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import Atom, Condition, Window
-from hil_bench.abilities.scenario.reach import breadth, names_in
+from hil_bench.abilities.scenario.reach import breadth, has_duration, names_in
 from hil_bench.abilities.scenario.streams import Stream
 from hil_bench.abilities.scenario.syntax import DEEPEST
 from hil_bench.abilities.scenario.values import Block, Bounds, Floats, join
@@ -332,7 +332,6 @@ class Examination:
         monitor: that has seen the whole run.
         view: how much of the requirement's time was seen.
         values: the values of each signal, up to where nothing changes any more.
-        violated: how many ticks that were seen violate it, where they add up to a time; else 0.
     """
 
     def __init__(
@@ -352,13 +351,10 @@ class Examination:
         self._requirement, self._ticks, self._tick_ns = requirement, ticks + unseen, tick_ns
         self._log = Log()
         self.monitor = Monitor(requirement, tick_ns, self._log.wrap)
-        self._seen, self.violated = ticks, 0
+        self._seen = ticks
         for start, end in pairwise(sorted({0, min(_HEAD, ticks), ticks, self._ticks})):
             part = {name: column[start:end] for name, column in self.values.columns.items()}
             self.monitor.push(part, end - start)
-            found = self.monitor.violation
-            if found is not None and found.lasts and end <= ticks:
-                self.violated = found.ticks
         self.monitor.finish()
         self.view = View(self.monitor.asked, seen, ticks, tick_ns, planned)
 
@@ -367,6 +363,21 @@ class Examination:
         is_failed = self.monitor.is_failed
         explainer = Explainer(self._log, self._tick_ns, self._ticks, is_failed=is_failed)
         return explainer.find(self._requirement)
+
+    @property
+    def first_violated(self) -> int | None:
+        """The first tick that violates the requirement, where it says of each that it must hold."""
+        found = np.flatnonzero(self._violated(self._requirement))
+        return int(found[0]) if found.size else None
+
+    @property
+    def violated_time(self) -> float:
+        """For how long it was seen violated [s]; 0 where its violations are instants.
+
+        A tick stands for the time to the next one, the last one that was seen for none.
+        """
+        found = self._violated(self._requirement, lasting=True)
+        return min(int(np.count_nonzero(found)) * self._tick_ns / 1e9, self.view.coverage.seen)
 
     def violated_spans(self) -> list[tuple[int, int]]:
         """Return first and last tick of each time in which the requirement is violated.
@@ -402,14 +413,16 @@ class Examination:
         is_idle = first.size and first.max() < low.size and np.all(low[first] > 0.0)
         return f"what it waits for was so {when}" if is_idle else ""
 
-    def _violated(self, node: Condition) -> npt.NDArray[np.bool_]:
+    def _violated(self, node: Condition, *, lasting: bool = False) -> npt.NDArray[np.bool_]:
         found = np.zeros(self._ticks, dtype=np.bool_)
         if isinstance(node, nodes.All):
             for operand in node.operands:
-                found |= self._violated(operand)
-        elif isinstance(node, nodes.Always):
+                found |= self._violated(operand, lasting=lasting)
+        elif isinstance(node, nodes.Always) and (not lasting or has_duration(node.operand)):
             start, end = window_ticks(node, node.window, self._tick_ns)
             stop = self._ticks if end is None else min(self._ticks, end + 1)
+            if lasting:
+                stop = max(0, min(stop, self._seen) - 1)
             part = self._log.margins(node.operand).high[start:stop] < 0.0
             found[start : start + len(part)] = part
         return found

@@ -276,9 +276,8 @@ def judge(
         outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
         reason = "; ".join(lacks) or examination.idle_wait()
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
-    found = monitor.violation
-    first = found.first if found else cause.tick
-    begin, duration = first * tick_ns / 1e9, examination.violated * tick_ns / 1e9
+    found, duration = examination.first_violated, examination.violated_time
+    begin = (cause.tick if found is None else found) * tick_ns / 1e9
     outcome = RequirementOutcome.FAILED
     return Judgement(outcome, size, coverage, deciding, begin, duration, triggered)
 

@@ -9,11 +9,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from hil_bench.abilities.scenario import build, nodes
 from hil_bench.abilities.scenario.nodes import Condition
-from hil_bench.abilities.scenario.reach import has_duration
 from hil_bench.abilities.scenario.streams import Stream
 from hil_bench.abilities.scenario.values import Block, Bounds, Floats, negate
 
@@ -21,20 +18,6 @@ Pair = tuple[float, float]
 """Lower and upper bound of the margin at the first tick."""
 
 _UNKNOWN = (-math.inf, math.inf)
-
-
-class Violation(NamedTuple):
-    """The ticks at which a requirement does not hold.
-
-    Attributes:
-        first: number of the first tick.
-        ticks: how many of them.
-        lasts: whether they add up to a time; else they are instants.
-    """
-
-    first: int
-    ticks: int
-    lasts: bool
 
 
 class Exercise(NamedTuple):
@@ -57,9 +40,6 @@ class _Summary(Protocol):
 
     def finish(self) -> Pair:
         """Return the bounds known at the end of the run."""
-
-    def violation(self) -> Violation | None:
-        """Return the ticks that violate it, where it is about ticks of their own."""
 
 
 class Monitor:
@@ -106,11 +86,6 @@ class Monitor:
         self.margin = self._summary.finish()
 
     @property
-    def violation(self) -> Violation | None:
-        """The ticks that violate the requirement, where it says of each tick that it must hold."""
-        return self._summary.violation()
-
-    @property
     def asked(self) -> Sequence[build.Asked]:
         """Its comparisons, states, events and edges, with the ticks at which it asks for them."""
         return self._builder.asked
@@ -135,9 +110,6 @@ class _AtStart:
     def finish(self) -> Pair:
         return self._margin if self._is_decided else self._take(self._stream.finish())
 
-    def violation(self) -> Violation | None:
-        return None
-
     def _take(self, news: Bounds) -> Pair:
         if news.size:
             self._margin = float(news.low[0]), float(news.high[0])
@@ -146,15 +118,13 @@ class _AtStart:
 
 
 class _Throughout:
-    """``always``: the lowest margin of the ticks in its window, and which are violated."""
+    """``always``: the lowest margin of the ticks in its window."""
 
-    def __init__(self, stream: Stream, start: int, end: int | None, *, lasts: bool = False) -> None:
+    def __init__(self, stream: Stream, start: int, end: int | None) -> None:
         self._stream, self._start, self._end = stream, start, end
-        self._lasts = lasts
         self._tick = 0
         self._seen = 0
         self._low = self._high = math.inf
-        self._violation: Violation | None = None
 
     def push(self, block: Block) -> Pair:
         self._take(self._stream.push(block))
@@ -167,9 +137,6 @@ class _Throughout:
         is_known = self._seen and not is_short
         return self._low if is_known else -math.inf, self._high
 
-    def violation(self) -> Violation | None:
-        return self._violation
-
     def _take(self, news: Bounds) -> None:
         first = self._tick
         self._tick += news.size
@@ -181,15 +148,6 @@ class _Throughout:
         self._seen += part.size
         self._low = min(self._low, float(part.low.min()))
         self._high = min(self._high, float(part.high.min()))
-        if self._high < 0.0:
-            self._note(first + start, part.high < 0.0)
-
-    def _note(self, first: int, is_violated: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> None:
-        count = int(np.count_nonzero(is_violated))
-        if self._violation is not None:
-            self._violation = self._violation._replace(ticks=self._violation.ticks + count)
-        elif count:
-            self._violation = Violation(first + int(is_violated.argmax()), count, self._lasts)
 
 
 class _Contrary:
@@ -205,9 +163,6 @@ class _Contrary:
     def finish(self) -> Pair:
         low, high = self._child.finish()
         return -high, -low
-
-    def violation(self) -> Violation | None:
-        return None
 
 
 class _Sometime(_Contrary):
@@ -231,7 +186,7 @@ class _Negated:
 
 
 class _Both:
-    """``and``: what is violated first counts as the violation."""
+    """``and``."""
 
     def __init__(self, children: list[_Summary]) -> None:
         self._children = children
@@ -241,10 +196,6 @@ class _Both:
 
     def finish(self) -> Pair:
         return _lowest([child.finish() for child in self._children])
-
-    def violation(self) -> Violation | None:
-        found = [each for child in self._children if (each := child.violation())]
-        return min(found, key=lambda each: each.first, default=None)
 
 
 def _lowest(pairs: list[Pair]) -> Pair:
@@ -262,6 +213,6 @@ def _summarise(node: Condition, tick_ns: int, builder: build.StreamBuilder) -> _
             child = builder.build(node.operand, build.Span(start, end))
             if isinstance(node, nodes.Eventually):
                 return _Sometime(child, start, end)
-            return _Throughout(child, start, end, lasts=has_duration(node.operand))
+            return _Throughout(child, start, end)
         case _:
             return _AtStart(builder.build(node, build.AT_START))

@@ -77,10 +77,27 @@ def test_the_verb_says_what_decides(tmp_path, capsys):
     )
 
 
+def test_nothing_is_violated_for_longer_than_it_was_seen(tmp_path, capsys):
+    """Three rows a second apart are two seconds, whichever of them are wrong."""
+    requirements, recording = tmp_path / "r.toml", tmp_path / "run.csv"
+    requirements.write_text('[[expect]]\nid = "R"\nthat = "always axis1.P_A < 250 bar"\n')
+    for values, lasts in (
+        ((3e7, 3e7, 3e7), "2 s"),
+        ((3e7, 3e7, 1e7), "2 s"),
+        ((1e7, 3e7, 3e7), "1 s"),
+    ):
+        rows = [f"{time},{value}" for time, value in enumerate(values)]
+        recording.write_text("\n".join(["time,axis1.P_A", "s,Pa", *rows]) + "\n")
+        assert main(["judge", str(requirements), str(recording)]) == ExitCode.CHECK_FAILED
+        out = capsys.readouterr().out
+        assert f", for {lasts} in all; " in out
+        assert "seen 2 of 2 s" in out
+
+
 def test_a_failure_counts_before_what_is_open(tmp_path, capsys):
     assert judge(tmp_path, PASSES + OPEN, [1e5, 245e5]) == ExitCode.INCONCLUSIVE
     assert judge(tmp_path, PASSES + OPEN, [1e5, 260e5]) == ExitCode.CHECK_FAILED
-    assert "first violated at 0.001 s, for 0.001 s in all" in capsys.readouterr().out
+    assert "first violated at 0.001 s; worst at 0.001 s" in capsys.readouterr().out
 
 
 def test_json_has_the_judgement(tmp_path, capsys):

@@ -115,6 +115,9 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
         Measure("nodes as configured", float(len(names) - len(strangers)), "nodes", low=len(names)),
         Measure("settings that differ from the EDS", float(len(settings)), ""),
     ]
+    if sum(difference.is_missing for difference in foreign) == len(names):
+        result.verdict, result.problem = Verdict.NOT_RUN, "no node answers"
+        return result
     if foreign or remapped:
         result.verdict = Verdict.STOPPED
         result.problem = "a node is not as its EDS describes it; nothing was moved"

@@ -175,11 +175,6 @@ def write_report(directory: Path, found: Commissioning, head: ReportHead) -> lis
     return [*paths, *pictures.values()]
 
 
-def verdict_of(found: Commissioning) -> str:
-    """Return the verdict on the whole."""
-    return "passed" if found.passed else "failed"
-
-
 def _draw_pictures(directory: Path, found: Commissioning) -> dict[str, Path]:
     if importlib.util.find_spec("matplotlib") is None:
         return {}
@@ -243,7 +238,7 @@ def _measure_row(measure: measures.Measure) -> Row:
 
 
 def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) -> str:
-    lines = [f"# {plain(head.title)}", "", f"**{verdict_of(found)}**", ""]
+    lines = [f"# {plain(head.title)}", "", f"**{found.verdict}**", ""]
     lines += _markdown_table(("", ""), list(head.facts.items()))
     for finding in found.findings:
         lines += ["", f"- {_markdown_finding(finding)}"]
@@ -279,7 +274,7 @@ def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) 
             f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
             f"<title>{escape(head.title)}</title><style>{_STYLE}</style></head><body>"
         ),
-        f"<h1>{escape(head.title)}</h1><p>{_badge(verdict_of(found))}</p>",
+        f"<h1>{escape(head.title)}</h1><p>{_badge(found.verdict)}</p>",
         _html_table((), list(head.facts.items())),
     ]
     parts += [

@@ -90,6 +90,14 @@ class Commissioning:
         return all(result.verdict is Verdict.PASSED for result in self.results)
 
     @property
+    def verdict(self) -> str:
+        """The verdict on the whole: inconclusive where no step failed, but one was not run."""
+        if self.passed:
+            return "passed"
+        found = {result.verdict for result in self.results if not result.is_interrupted}
+        return "failed" if found & {Verdict.FAILED, Verdict.STOPPED} else "inconclusive"
+
+    @property
     def findings(self) -> list[Diagnosis]:
         """The faults named, in the order of the steps."""
         return [finding for result in self.results for finding in result.findings]

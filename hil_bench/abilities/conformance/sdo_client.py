@@ -4,7 +4,7 @@ import struct
 from collections.abc import Iterable
 from itertools import count
 
-from hil_bench.abilities.conformance.verdicts import Deviation, Refused
+from hil_bench.abilities.conformance.verdicts import Deviation, Refused, Silence
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.canopen_device.frame import Frame
 
@@ -81,12 +81,13 @@ class SdoClient:
         """Send a request and return its answer.
 
         Raises:
-            Deviation: none came, or it has not 8 bytes.
+            Silence: none came.
+            Deviation: it has not 8 bytes.
         """
         self.send(request)
         answer = self.answer()
         if answer is None:
-            raise Deviation(f"{shown(request)}: no answer within {self._patience:g} s")
+            raise Silence(f"{shown(request)}: no answer within {self._patience:g} s")
         if len(answer) != 8:
             raise Deviation(f"{shown(request)}: answer {shown(answer)}; 8 bytes are right")
         return answer

@@ -7,6 +7,10 @@ class Deviation(HilBenchError):  # noqa: N818 - a verdict, not an error
     """The device did not do what the clause asks for; the message says what, and what is right."""
 
 
+class Silence(Deviation):
+    """The device did not answer."""
+
+
 class NotApplicable(HilBenchError):  # noqa: N818 - a verdict, not an error
     """The check cannot be done with this device or on this bus; the message says why."""
 

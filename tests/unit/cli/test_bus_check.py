@@ -8,6 +8,7 @@ from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.commissioning.comparison import Difference, Mend, Write
 from hil_bench.abilities.commissioning.verbs import bus_check
 from hil_bench.abilities.commissioning.verbs.bus_check import _assignment
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -34,6 +35,13 @@ def one_difference(monkeypatch):
 
     monkeypatch.setattr(comparison, "compare", compare)
     return differences
+
+
+@pytest.mark.parametrize(("silent", "code"), [(4, 6), (3, 1)])
+def test_a_bus_on_which_nobody_answers_is_inconclusive(silent, code, monkeypatch):
+    missing = [comparison._missing(node) for node in load_config().nodes[:silent]]
+    monkeypatch.setattr(comparison, "compare", lambda _network, _config: missing)
+    assert main(["check", "--bus", "--virtual"]) == code
 
 
 @pytest.mark.usefixtures("one_difference")

@@ -138,12 +138,13 @@ def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_silent_bus_fails_and_nobody_is_asked(capsys, monkeypatch):
+def test_a_silent_bus_is_inconclusive_and_nobody_is_asked(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("builtins.input", lambda _text: pytest.fail("asked"))
-    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 1
+    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 6
     out, err = capsys.readouterr()
     assert out.count("found     node missing: ") == 4
+    assert "\nverdict   inconclusive\n" in out
     assert err == ""
 
 

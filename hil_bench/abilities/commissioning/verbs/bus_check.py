@@ -12,7 +12,7 @@ from hil_bench.abilities.common.arguments import bus_words, seen_from_bus
 from hil_bench.abilities.common.controller_side import open_network
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import verdict_code
 from hil_bench.cli.results import print_lines
 from hil_bench.errors import (
     ConfigError,
@@ -37,7 +37,9 @@ def check_bus(args: argparse.Namespace, config: BenchConfig) -> int:
             differences = comparison.compare(opened.network, seen)
             if not args.quiet:
                 print(_verdict(differences), file=sys.stderr)
-    return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
+    is_silent = sum(each.is_missing for each in differences) == len(seen.nodes)
+    is_silent &= len(differences) == len(seen.nodes)
+    return verdict_code(fails=bool(differences) and not is_silent, passes=not differences)
 
 
 def _print_differences(

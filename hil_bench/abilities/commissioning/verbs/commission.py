@@ -19,7 +19,7 @@ from hil_bench.abilities.commissioning.plan import (
     choose_axis,
     load_plan,
 )
-from hil_bench.abilities.commissioning.report import ReportHead, verdict_of, write_report
+from hil_bench.abilities.commissioning.report import ReportHead, write_report
 from hil_bench.abilities.commissioning.session import (
     Commissioning,
     Console,
@@ -53,7 +53,7 @@ from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli import arguments
-from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once
+from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
 from hil_bench.cli.parser import add_options, add_units_argument, check_options
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import BusError, ConfigError
@@ -189,12 +189,12 @@ def run(args: argparse.Namespace) -> int:
         paths = write_report(args.output, found, head)
     lines = [
         *(f"found     {item.name}: {item.evidence}; {item.mend}" for item in found.findings),
-        f"verdict   {verdict_of(found)}",
+        f"verdict   {found.verdict}",
         *((f"report    {', '.join(map(str, paths))}",) if paths else ()),
         *report_lines(recorded),
     ]
     content = {
-        "verdict": verdict_of(found),
+        "verdict": found.verdict,
         "steps": [_step_content(result) for result in found.results],
         "findings": found.findings,
         "report": paths,
@@ -208,9 +208,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _verdict_code(found: Commissioning) -> ExitCode:
-    if found.returned.unrestored or not (found.passed or found.is_interrupted):
-        return ExitCode.CHECK_FAILED
-    return ExitCode.INTERRUPTED if found.is_interrupted else ExitCode.DONE
+    code = verdict_code(
+        fails=bool(found.returned.unrestored) or found.verdict == "failed", passes=found.passed
+    )
+    return worst(code, ExitCode.INTERRUPTED) if found.is_interrupted else code
 
 
 def _commission(

@@ -11,7 +11,6 @@ from pathlib import Path
 from hil_bench.abilities.commissioning.journal import BorrowedSetting, Returned, SettingsJournal
 from hil_bench.abilities.commissioning.measures import StepResult
 from hil_bench.abilities.commissioning.plan import CommissioningPlan, Limits, Step
-from hil_bench.abilities.commissioning.report import verdict_of
 from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.abilities.common.arguments import bus_words
 from hil_bench.abilities.common.controller_side import OpenNetwork
@@ -156,7 +155,7 @@ class ShownPlan:
 
     def finish(self, found: Commissioning) -> None:
         """Show what came of all."""
-        self.view.show(verdict=verdict_of(found))
+        self.view.show(verdict=found.verdict)
 
     def _items(self, *, is_running: bool = False) -> list[WorkItem]:
         done = [

@@ -17,7 +17,7 @@ from hil_bench.abilities.commissioning.survey import LssAddress, LssScan, Survey
 from hil_bench.abilities.common.arguments import add_network_arguments
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError
 
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
                 print(_traffic_json(traffic))
             else:
                 print_lines(args, _traffic_text(traffic, opened, args))
-            return ExitCode.DONE if traffic.frames else ExitCode.CHECK_FAILED
+            return verdict_code(fails=False, passes=bool(traffic.frames))
         method = Method(args.by)
         if method is Method.GUARDING and not getattr(opened.network.bus, "carries_remote", True):
             raise ConfigError("--by guarding: this bus has no remote frames; give another --by")
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         return ExitCode.INCONCLUSIVE
     has_clash = any(node.clash for node in found.nodes)
     has_found = found.nodes or (found.unconfigured and found.unconfigured.devices)
-    return ExitCode.DONE if has_found and not has_clash else ExitCode.CHECK_FAILED
+    return verdict_code(fails=has_clash, passes=bool(has_found))
 
 
 def _node_ids(text: str) -> range:

@@ -18,7 +18,7 @@ from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.conformance.suite import Outcome, Result, run_suite
-from hil_bench.abilities.conformance.verdicts import Deviation
+from hil_bench.abilities.conformance.verdicts import Deviation, Silence
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_findings
@@ -38,8 +38,8 @@ examples:
   hil-bench conformance -i socketcan -c can0 --node-id 5 --eds vendor.eds --write --report device.md
   hil-bench conformance --virtual --node-id 1 --write
 
-exit code 0 where no check failed, 1 where one did or the device does not answer; a recommendation
-that the device does not follow is no failure
+exit code 0 where no check failed, 1 where one did, 6 where the device does not answer; a
+recommendation that the device does not follow is no failure
 
 Each check has a degree: required of every device, optional (a device without the service is "not
 applicable"), recommended. Where the device leaves OPERATIONAL by an error of its own, or answers no
@@ -106,8 +106,9 @@ def run(args: argparse.Namespace) -> int:
     with open_network(args, config) as opened:
         wire = Wire(opened.network.bus, opened.network.now)
         dut = DeviceUnderTest(wire, node_id, objects, args.patience)
-        if not _answers(dut, opened):
-            return ExitCode.CHECK_FAILED
+        code = _hear(dut, opened)
+        if code is not ExitCode.DONE:
+            return code
         results = []
         checks = Work("conformance", unit="checks")
         with _reset_afterwards(dut, allowed), shown_work(args, checks, prints=not args.json):
@@ -190,8 +191,8 @@ def _eds(args: argparse.Namespace, config: BenchConfig) -> Path:
     )
 
 
-def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
-    """Return True if the device answers; print advice where it does not."""
+def _hear(dut: DeviceUnderTest, opened: OpenNetwork) -> ExitCode:
+    """Return the exit code of a first question; print advice where it is not answered."""
     opened.network.pump(dut.patience if opened.virtual is None else 0.1)
     try:
         dut.sdo.upload(0x1000)
@@ -201,8 +202,9 @@ def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
             "is it powered, not STOPPED, and the bit rate right? hil-bench scan shows who is there",
             file=sys.stderr,
         )
-        return False
-    return True
+        is_silent = isinstance(deviation, Silence)
+        return ExitCode.INCONCLUSIVE if is_silent else ExitCode.CHECK_FAILED
+    return ExitCode.DONE
 
 
 def _description(dut: DeviceUnderTest) -> str:

@@ -88,6 +88,14 @@ def test_what_the_eds_says_may_be_given_otherwise(plan_of):
     assert slave.identity == (5, 0x408, 0, 0)
 
 
+def test_an_eds_without_an_entry_of_identity_asks_for_none(plan_of, tmp_path):
+    eds = tmp_path / "valve.eds"
+    text = VALVE_408.read_text(encoding="utf-8").replace("[1018sub4]", "[2FFF]")
+    eds.write_text(text, encoding="utf-8")
+    (slave,) = plan_of(f'[slaves.valve]\nnode_id = 1\neds = "{eds}"\n').slaves
+    assert slave.identity == (0, 0x408, 0x10000, 0)
+
+
 def test_objects_follow_the_procedure_of_pdos(plan_of):
     (slave,) = plan_of(f"""
 [slaves.valve]

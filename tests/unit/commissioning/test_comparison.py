@@ -129,8 +129,9 @@ def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, load
     bench, network = open_bench(MACHINE.format(more=""))
     objects = next(node for node in bench.bench.nodes if node.node_id == 2).object_dictionary
     right = objects.number(0x1A00, 1)
-    for subindex, value in ((0, 1), (1, 0x10010008)):
-        objects.variable(0x1A00, subindex).value = value
+    kind = objects.number(0x1800, 2)
+    for index, subindex, value in ((0x1A00, 0, 1), (0x1A00, 1, 0x10010008), (0x1800, 2, 7)):
+        objects.variable(index, subindex).value = value
     config = load_bench(MACHINE.format(more=""))
     differences = compare(network, config)
     assert (0x1A00, 1) in keys(differences)
@@ -142,8 +143,7 @@ def test_a_changed_mapping_is_found_and_mended_by_the_procedure(open_bench, load
     # CiA 301: disable the PDO, number of entries 0, the entries, their number, enable the PDO.
     identifier = objects.number(0x1800, 1)
     assert order[0] == ((0x1800, 1), identifier | 1 << 31)
-    assert order[1] == ((0x1A00, 0), 0)
-    assert order[2] == ((0x1A00, 1), right)
+    assert order[1:4] == [((0x1800, 2), kind), ((0x1A00, 0), 0), ((0x1A00, 1), right)]
     assert order[-1] == ((0x1800, 1), identifier)
     apply(network, plan, store=False)
     assert compare(network, config) == []

@@ -11,7 +11,7 @@ import pytest
 
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.procedure import Procedure
-from hil_bench.abilities.commissioning.responses import chirp, steps
+from hil_bench.abilities.commissioning.responses import chirp, direction, steps
 from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
@@ -110,6 +110,10 @@ def measured():
 
 def test_each_way_of_a_step_has_its_speed_and_the_spool_its_time(measured):
     found = measured(steps, StepKind.STEPS, opening=0.5, duration=0.4)
+    sheet = expected_speed(0.5, measured.machine.parameters)
+    for way in ("extending", "retracting"):  # 10 % each side of the data sheet
+        limits = found[f"speed, {way}"].low, found[f"speed, {way}"].high
+        assert limits == pytest.approx((0.9 * sheet, 1.1 * sheet))
     assert found["speed, extending"].value == pytest.approx(0.30 * 0.3, rel=1e-3)
     assert found["speed, retracting"].value == pytest.approx(0.20 * 0.4, rel=1e-3)
     assert found["spool: time to 63 %"].value == pytest.approx(LAG, abs=PERIOD)
@@ -118,6 +122,18 @@ def test_each_way_of_a_step_has_its_speed_and_the_spool_its_time(measured):
     setpoint = measured.trace["spool_setpoint"]
     for sign in (1.0, -1.0):  # 0.4 s each way
         assert np.sum(setpoint == sign * 0.5) * PERIOD == pytest.approx(0.4, abs=2 * PERIOD)
+
+
+def test_a_short_motion_each_way_tells_the_direction(measured):
+    """The force turns by twice the friction of standing, and by that of both speeds."""
+    found = measured(direction, StepKind.DIRECTION, opening=0.5, duration=0.3)
+    speeds = 0.30 * 0.3, -0.20 * 0.4
+    for sign, speed in zip(("positive", "negative"), speeds, strict=True):
+        assert found[f"speed with {sign} set-point"].value == pytest.approx(speed, rel=1e-3)
+    change = found["change of force between both"].value
+    assert change == pytest.approx(2 * COULOMB + VISCOUS * (speeds[0] - speeds[1]), rel=1e-3)
+    spool = found["spool with positive set-point"]
+    assert (spool.low, spool.value, spool.high) == pytest.approx((0.45, 0.5, 0.55))
 
 
 def test_a_ramp_finds_gains_and_friction_again(measured):
@@ -221,7 +237,7 @@ def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     modulus = load_config().axes[0].parameters.E * 1e-6 * share**2
     assert found["effective bulk modulus"].value == pytest.approx(modulus, rel=0.04)
     assert found["coherence, mean"].value > 0.95
-    assert measured.curves
+    assert [curve.is_frequency for curve in measured.curves] == [True, True]
     soft = [finding.name for finding in measured.findings]
     assert soft == (["air in the oil"] if share < 0.85 else [])
 

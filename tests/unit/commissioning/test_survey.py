@@ -88,7 +88,7 @@ def test_a_quiet_bus_is_asked(open_bench):
     network.pump(0.1)
     sent = of_nodes(bench)
     found = survey(network, Method.SDO)
-    assert found.operation == ()
+    assert (found.operation, found.unconfigured) == ((), None)
     assert [node.device_type is not None for node in found.nodes] == [True] * 4
     assert 0x601 in sent()
 

@@ -214,6 +214,8 @@ def test_what_survives_a_cut_passes_every_beginning_of_a_passed_run(text):
         ("flag = 1", 1, 6, "write == to compare"),
         ("always axis1.P_A", 1, 8, "needs a condition"),
         ("abs(flag > 1) > 2", 1, 5, "needs a value, and this is a condition"),
+        ('abs("HOLD") > 2', 1, 5, "needs a value, and this is a text"),
+        ("abs(valve.state) > 2", 1, 5, "needs a value, and this is the state valve.state"),
         ("within 5 bar flag > 0", 1, 8, "is a value in bar, not a time"),
         ("within target flag > 0", 1, 8, "is a signal, not a time"),
         ("always from 2 s to 1 s flag > 0", 1, 8, "ends before it begins"),
@@ -600,8 +602,9 @@ def test_numbers_have_the_digits_that_matter(value, apart, unit, text):
     assert show_reading(value, apart, find_unit(unit).unit if unit else ONE) == text
 
 
-def test_a_gap_has_four_digits():
+def test_a_gap_has_four_digits_and_a_constant_six():
     assert show_gap(123_456.0, BAR) == "1.235 bar"
+    assert show_number(1_234_567.0, BAR) == "12.3457 bar"
 
 
 def test_nothing_to_judge_is_inconclusive():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.scenario import stage
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import PlayOptions, play, prepare, prepare_on
@@ -364,3 +365,8 @@ def test_a_sync_that_is_on_already_is_refused(tmp_path):
     text = HEAD + EXAMPLE + step(0.1, "sync = true") + expect("always axis1.position < 1 m")
     (problem,) = problems(tmp_path, text)
     assert "SYNC is on already" in problem
+
+
+def test_a_value_moves_in_straight_lines_and_leaps_where_two_points_are_of_one_tick():
+    move = stage.Move(None, ((1, 0.0), (3, 2.0), (3, 5.0), (5, 9.0)))
+    assert [move.at(tick) for tick in range(1, 8)] == [0.0, 1.0, 5.0, 7.0, 9.0, 9.0, 9.0]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 from hil_bench.abilities.live.messages import check_version, encode, patience, value_of
-from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, place_of
+from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, place_of, where_looked
 from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
 
 TIMEOUT = 5.0
@@ -191,7 +191,7 @@ def connect(name: str | None = None, timeout: float = TIMEOUT) -> FeedClient:
         connection.connect(str(place_of(name)))
     except (FileNotFoundError, ConnectionRefusedError) as error:
         connection.close()
-        raise BusError(f'no bench with the name "{name}" runs') from error
+        raise BusError(f'no bench with the name "{name}" runs ({where_looked()})') from error
     except OSError as error:
         connection.close()
         raise BusError(f"bench {name}: {error.strerror or error}") from error
@@ -206,7 +206,7 @@ def only_one(names: Sequence[str]) -> str:
         ConfigError: there are several.
     """
     if not names:
-        raise BusError("no bench runs; start one with hil-bench run")
+        raise BusError(f"no bench runs; start one with hil-bench run ({where_looked()})")
     if len(names) > 1:
         raise ConfigError(f"{len(names)} benches run; name one of {', '.join(names)}")
     return names[0]

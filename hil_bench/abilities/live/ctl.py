@@ -12,7 +12,7 @@ from hil_bench.abilities.common.terminal import (
     node_text,
 )
 from hil_bench.abilities.live.client import FeedClient, connect
-from hil_bench.abilities.live.places import HAS_SOCKETS, find_names
+from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, where_looked
 from hil_bench.ability import given_to
 from hil_bench.cli.arguments import parse_value
 from hil_bench.cli.exit_codes import ExitCode
@@ -124,7 +124,8 @@ def list_benches(args: argparse.Namespace) -> int:
                 found.append({key: client.hello.get(key) for key in ("name", "pid", "bench")})
         except HilBenchError as error:
             found.append({"name": name, "error": str(error)})
-    lines = [_bench_line(bench) for bench in found] or ["no bench runs"]
+    place = f" ({where_looked()})" if HAS_SOCKETS else ""
+    lines = [_bench_line(bench) for bench in found] or [f"no bench runs{place}"]
     print_results(args, lines, {"benches": found})
     return ExitCode.DONE
 

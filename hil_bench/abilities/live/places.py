@@ -118,6 +118,21 @@ def find_names() -> list[str]:
         return []
 
 
+def where_looked() -> str:
+    """Return the place where benches were looked for, or why none is found there.
+
+    Another user, or another session without XDG_RUNTIME_DIR, has another one.
+    """
+    folder = runtime_folder()
+    try:
+        check_folder(folder)
+    except BusError as error:
+        return str(error)
+    except FileNotFoundError:
+        pass
+    return f"looked in {folder}"
+
+
 def is_held(path: Path) -> bool:
     """Return True if the bench of a socket runs."""
     lock = _take_lock(path)

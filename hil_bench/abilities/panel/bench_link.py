@@ -12,7 +12,7 @@ from hil_bench.abilities.faults.live import fault_keys
 from hil_bench.abilities.faults.registry import LASTS_KEY, all_kinds
 from hil_bench.abilities.live.client import TIMEOUT
 from hil_bench.abilities.live.messages import check_version, encode, patience, value_of
-from hil_bench.abilities.live.places import HAS_SOCKETS, place_of
+from hil_bench.abilities.live.places import HAS_SOCKETS, place_of, where_looked
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice
 from hil_bench.errors import BusError, WaitTimeoutError, printable
@@ -167,7 +167,7 @@ async def open_link(name: str) -> BenchLink:
                 str(place_of(name)), limit=_MOST_LINE
             )
     except (FileNotFoundError, ConnectionRefusedError):
-        raise BusError(f'no bench with the name "{name}" runs') from None
+        raise BusError(f'no bench with the name "{name}" runs ({where_looked()})') from None
     except OSError as error:
         raise BusError(f"bench {name}: {error.strerror or error}") from error
     link = BenchLink(name, reader, writer)

@@ -50,7 +50,7 @@ def test_the_benches_are_listed(ask, monkeypatch, capsys):
     assert capsys.readouterr().out == "bench  bench  bench bench: gone\n"
     monkeypatch.setattr(ctl, "find_names", list)
     assert main(["ctl", "list"]) == 0
-    assert capsys.readouterr().out == "no bench runs\n"
+    assert capsys.readouterr().out.startswith("no bench runs (looked in ")
 
 
 def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, capsys):
@@ -196,7 +196,14 @@ def test_no_bench_is_said(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     assert main(["ctl", "status"]) == 3
     assert capsys.readouterr().err == (
-        "hil-bench: error: no bench runs; start one with hil-bench run\n"
+        "hil-bench: error: no bench runs; start one with hil-bench run "
+        f"(looked in {tmp_path}/hil-bench)\n"
+    )
+    (tmp_path / "hil-bench").mkdir(mode=0o755)
+    assert main(["ctl", "--bench", "x", "status"]) == 3
+    assert capsys.readouterr().err == (
+        f'hil-bench: error: no bench with the name "x" runs ({tmp_path}/hil-bench: must be a '
+        "folder that only its owner may enter (0700))\n"
     )
 
 

@@ -7,7 +7,13 @@ import pytest
 
 from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import find_unit
-from hil_bench.abilities.scenario.judgement import RequirementOutcome, judge, show_gap, show_reading
+from hil_bench.abilities.scenario.judgement import (
+    RequirementOutcome,
+    judge,
+    show_gap,
+    show_number,
+    show_reading,
+)
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import (
     All,

@@ -3,6 +3,7 @@ import hashlib
 import importlib.util
 import json
 import logging
+import re
 import tomllib
 from pathlib import Path
 
@@ -262,24 +263,28 @@ def test_each_pattern_names_a_file(key):
     assert [glob for glob in settings()[key] if not any(ROOT.glob(glob))] == []
 
 
-@pytest.mark.long
 def test_no_class_that_stays_python_derives_from_one_that_is_compiled():
     """Python refuses that of a compiled class when the module is imported."""
     names = {
         key: {path for glob in settings()[key] for path in ROOT.glob(glob)} for key in settings()
     }
-    machine_code = names["modules"] - names["uncompiled"]
-    trees = {path: ast.parse(path.read_text("utf-8")) for path in ROOT.glob("hil_bench/**/*.py")}
-    places = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in trees}
+    machine_code = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+        for path in names["modules"] - names["uncompiled"]
+    }
     native = {
-        f"{places[path]}.{node.name}"
-        for path in machine_code
-        for node in ast.walk(trees[path])
+        f"{name}.{node.name}"
+        for name, path in machine_code.items()
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
         if isinstance(node, ast.ClassDef)
     }
     derived = []
-    for path in trees.keys() - machine_code:
-        nodes = list(ast.walk(trees[path]))
+    for path in {*ROOT.glob("hil_bench/**/*.py")} - {*machine_code.values()}:
+        text = path.read_text("utf-8")
+        known = machine_code.keys() & re.findall(r"^ *from (\S+) import", text, re.MULTILINE)
+        if not known or not re.search(r"^ *class \w+\(", text, re.MULTILINE):
+            continue  # without the time that it takes to parse all
+        nodes = list(ast.walk(ast.parse(text)))
         imported = {
             alias.asname or alias.name: f"{node.module}.{alias.name}"
             for node in nodes
@@ -287,11 +292,11 @@ def test_no_class_that_stays_python_derives_from_one_that_is_compiled():
             for alias in node.names
         }
         derived += [
-            f"{places[path]}.{node.name}"
+            f"{path}: {node.name}"
             for node in nodes
             if isinstance(node, ast.ClassDef)
             for base in node.bases
-            if imported.get(ast.unparse(base)) in native
+            if imported.get(ast.unparse(base).partition("[")[0]) in native
         ]
 
     assert derived == []

@@ -68,7 +68,7 @@ class Controller(Protocol):
         """
 
     def reset(self) -> None:
-        """Switch power off and on again: it begins anew at the next `advance`."""
+        """Take its power away at once; a `close` follows."""
 
     def tail(self) -> str:
         """The end of what it has printed, for messages and reports; empty for nothing."""

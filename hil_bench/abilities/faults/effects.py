@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from hil_bench.abilities.faults.stages import Growth, SensorStage
 from hil_bench.devices.axis import SignalPath, Stage
@@ -189,7 +189,7 @@ class Acts(NamedTuple):
 
     begin: Act
     end: Act
-    item: object = None
+    item: Any = None  # of `object` mypyc makes a class that it cannot import
 
     @property
     def has_acted(self) -> bool:

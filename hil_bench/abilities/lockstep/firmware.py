@@ -21,6 +21,7 @@ from hil_bench.bench.paced import frames_per_tick
 from hil_bench.bench.session import Session
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
+from hil_bench.outside.processes.turns import Turns
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport
@@ -57,6 +58,10 @@ class LockStepLink:
         transport: the bus.
         patience: with its controller.
         clock: the machine's clock; None is the monotonic one.
+        partners: returns the processes that live while the bench waits for them.
+
+    Attributes:
+        turns: of the bench and these.
     """
 
     def __init__(
@@ -66,10 +71,13 @@ class LockStepLink:
         patience: Patience = USUAL_PATIENCE,
         *,
         clock: Clock | None = None,
+        partners: Callable[[], Sequence[int]] = tuple,
     ) -> None:
         self._lockstep = lockstep
         self._bus = LockStepBus(lockstep, transport)
         self._silence = Silence(patience, clock)
+        self._partners = partners
+        self.turns = Turns()
 
     @property
     def now(self) -> int:
@@ -84,7 +92,10 @@ class LockStepLink:
         syncs = self._lockstep.syncs
         self._silence.begin()
         has_come = self._bus.step()
-        self._silence.end(has_come=has_come, has_synced=self._lockstep.syncs != syncs)
+        has_synced = self._lockstep.syncs != syncs
+        self._silence.end(has_come=has_come, has_synced=has_synced)
+        if has_synced:
+            self.turns.take(self._partners)
         return has_come
 
     def drain(self) -> None:
@@ -143,6 +154,7 @@ def join(
     *,
     pacer: Pacer | None = None,
     patience: Patience = USUAL_PATIENCE,
+    partners: Callable[[], Sequence[int]] = tuple,
     check: Callable[[], None],
 ) -> ControllerLink:
     """Put a bench on a bus where another program controls it, in place of its own `buses`.
@@ -155,6 +167,7 @@ def join(
         transport: the bus, or a `JoinedTransport`; it stays the caller's.
         pacer: paces the bench in real time; None is lock-step.
         patience: with a controller in lock-step.
+        partners: returns the processes that live only while a bench in lock-step waits for them.
         check: called in `run` and `run_until` when nothing came from the bus; raises where nothing
             will come any more.
 
@@ -168,7 +181,7 @@ def join(
     link: ControllerLink
     if pacer is None:
         lockstep = LockStep(session, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync)
-        link = LockStepLink(lockstep, transport, patience)
+        link = LockStepLink(lockstep, transport, patience, partners=partners)
     else:
         link = RealTimeLink(session, transport, pacer)
     return link
@@ -215,7 +228,14 @@ class FirmwareBus:
         )
         self.variables = environment(self.address)
         pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
-        self.link = join(bench, self._transport, pacer=pacer, patience=patience, check=self._check)
+        self.link = join(
+            bench,
+            self._transport,
+            pacer=pacer,
+            patience=patience,
+            partners=self._partners,
+            check=self._check,
+        )
 
     def start(self, command: Sequence[str | Path], directory: Path) -> "Firmware":
         """Start a program; see the `firmware` fixture."""
@@ -226,6 +246,8 @@ class FirmwareBus:
 
     def close(self) -> None:
         """End all programs, the last first, and close the bus."""
+        if isinstance(self.link, LockStepLink):
+            self.link.turns.end()
         for program in reversed(self._programs):
             program.stop()
         self._transport.close()
@@ -235,6 +257,11 @@ class FirmwareBus:
     def report(self) -> str:
         """Return the state of each program, with its exit code, and the end of its output."""
         return "\n".join(program.epitaph() for program in self._programs)
+
+    def _partners(self) -> list[int]:
+        """Return the process of the only program; several may run beside each other."""
+        running = [program.process.pid for program in self._programs if program.is_running]
+        return running if len(running) == 1 else []
 
     def _check(self) -> None:
         """Say so where no program is left that could let time pass, or no bus.

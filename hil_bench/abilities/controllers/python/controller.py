@@ -124,12 +124,8 @@ class PythonController:
             raise ControllerError(_place(error, self._call)) from error
 
     def reset(self) -> None:
-        """Forget it; it is called again at the next `advance`."""
+        """Take its power away."""
         self.close()
-        self.has_begun = True
-        self._is_cyclic = self._is_closing = False
-        self._stack = self._made = self._failure = self._leftover = None
-        self._is_waiting = False
 
     def tail(self) -> str:
         """Return nothing: what it prints goes to the output of the bench."""
@@ -138,8 +134,9 @@ class PythonController:
     def close(self) -> None:
         """End it where it waits; its own cleaning up can wait no longer."""
         self._is_closing = True
-        if self._made is not None:
-            self._made.close()
+        made, self._made = self._made, None
+        if made is not None:
+            made.close()
         if self._stack is not None and not self._stack.dead:
             logging.disable()  # it has no power any more, and its cleaning up nothing to say
             with contextlib.suppress(Exception):

@@ -6,11 +6,11 @@ Its own tests are run by tests/test_ci_recipes.py.
 import shutil
 
 import pytest
+from hil_bench.outside.processes.turns import Turns
 from support.firmware import build_controller, run_session
 
 from hil_bench.abilities.lockstep import firmware
 from hil_bench.abilities.lockstep.firmware import HUB
-from hil_bench.outside.processes.turns import Turns
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("make") and shutil.which("cc")),

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.abilities.common.page import render_page
 from hil_bench.abilities.evidence.pack import sha256_of
+from hil_bench.config.values import quote
 from hil_bench.errors import ConfigError, about_file
 
 # The content of a pack in a form for JSON; the page shows the same.
@@ -236,7 +237,7 @@ def _run_rows(name: str, run: dict[str, Any], file: ResultsFile) -> Iterator[Row
             outcome = "failed" if problem else "not exercised"
             why = problem or "the scenario names it and judged nothing for it"
             yield Row(str(requirement), "", name, outcome, why, str(file.path))
-    if problem and not declared:
+    if problem and (found or not declared):
         yield Row("", "", name, "failed", problem, str(file.path))
 
 
@@ -271,6 +272,7 @@ def _junit_rows(file: ResultsFile) -> Iterator[Row]:
         raise ConfigError(f"--results {file.path}: is no JUnit XML; {_RIGHT}") from None
     if root.tag not in {"testsuites", "testsuite"}:
         raise ConfigError(f"--results {file.path}: begins with <{root.tag}>; {_RIGHT}")
+    _check_counts(root, file.path)
     for case in root.iter("testcase"):
         properties = {each.get("name", ""): each.get("value", "") for each in case.iter("property")}
         outcome, reason = _junit_outcome(case)
@@ -282,6 +284,25 @@ def _junit_rows(file: ResultsFile) -> Iterator[Row]:
             reason or properties.get("deciding", ""),
             str(file.path),
         )
+
+
+_COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
+_MOST_DIGITS = 10
+
+
+def _check_counts(root: ET.Element, path: Path) -> None:
+    """Refuse a file whose suites count more than their cases: some are not there.
+
+    Raises:
+        ConfigError: a suite does, or counts with what is no number.
+    """
+    for suite in (root, *root.iter("testsuite")):
+        for name, tag in _COUNTED.items():
+            count = suite.get(name, "0")
+            cases = sum(next(each.iter(tag), None) is not None for each in suite.iter("testcase"))
+            if not (count.isdecimal() and len(count) < _MOST_DIGITS and int(count) <= cases):
+                wrong = f"a suite says {name}={quote(count)}, and {cases} of its cases say so"
+                raise ConfigError(f"--results {path}: {wrong}; give the whole file")
 
 
 def _junit_outcome(case: ET.Element) -> tuple[str, str]:

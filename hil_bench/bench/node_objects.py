@@ -54,12 +54,12 @@ class NodeObjects:
 
     def __getitem__(self, name: str) -> Value | None:
         """Return the present value of an object; None where it has no data."""
-        value: Value | None = self._find(name).value
+        value: Value | None = self._reach(name).value
         return value
 
     def __setitem__(self, name: str, value: Value) -> None:
         """Set an object, and let the TPDOs that carry it know where that is a change."""
-        variable = self._find(name)
+        variable = self._reach(name)
         bound = self._bound.get((variable.index, variable.subindex))
         if bound is not None:
             self._refuse(variable, bound)
@@ -74,6 +74,13 @@ class NodeObjects:
         self._set(variable, new)
         if variable.value != before:
             TpdoTrigger(self._node, (variable.index, variable.subindex)).pull()
+
+    def _reach(self, name: str) -> Variable:
+        """Return an object of a node that has power."""
+        variable = self._find(name)
+        if not self._node.has_power:
+            self._refuse(variable, "is out of reach: the node has no power")
+        return variable
 
     def _find(self, name: str) -> Variable:
         try:

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import re
 import shutil
 import sys
 from collections.abc import Callable, Sequence
@@ -201,6 +202,10 @@ PERIOD = 60_000_000_000
 """Time between two lines of a run, on the machine's clock [ns]."""
 
 
+_MOST_TEXT = 120
+_GAP = re.compile(r"  +(?=[^\W\d])")  # before the name of a value
+
+
 class Progress:
     """Says how a run goes.
 
@@ -230,4 +235,11 @@ class Progress:
         present = self._clock()
         if present >= self._due:
             self._due = present + PERIOD
-            self._say(f"{now / 1e9:.3f} s: {'  '.join(self._lines(now))}")
+            self._say(f"{now / 1e9:.3f} s: {'  '.join(map(_shortened, self._lines(now)))}")
+
+
+def _shortened(text: str) -> str:
+    """Return a status line with the values for which it has room, and how many it leaves out."""
+    begins = [0, *(gap.start() for gap in _GAP.finditer(text)), len(text)]
+    left_out = sum(end > _MOST_TEXT for end in begins)
+    return f"{text[: begins[-left_out - 1]]}  and {left_out} more" if left_out else text

@@ -9,6 +9,7 @@ import can
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.live.session_feed import GetObject
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError
@@ -196,3 +197,18 @@ def test_a_valve_obeys_a_control_word_from_python():
         bench.run(0.001)
         # Bits R M H D: 1001 is DISABLED, where D = 1 leads from INIT (CiA 408).
         assert bench.nodes["valve"]["0x6041"] & 0xF == 0b1001
+
+
+def test_a_node_without_power_answers_nothing(io):
+    with io.faults.reset("io"):
+        io.run(0.001)
+        for reach in (
+            lambda: io.nodes["io"]["0x6401.01"],
+            lambda: GetObject("io", "0x1018.01").act(io.session.controls, 0),
+        ):
+            with pytest.raises(ConfigError, match="is out of reach: the node has no power"):
+                reach()
+        with pytest.raises(ConfigError, match="is out of reach: the node has no power"):
+            io.nodes["io"]["0x6401.01"] = 1
+    io.run(0.001)
+    assert io.nodes["io"]["0x6401.01"] == 0

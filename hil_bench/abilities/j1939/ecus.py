@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any, Protocol
 
 from hil_bench.abilities.j1939.kinds.ecu import EcuConfig
+from hil_bench.abilities.j1939.protocol.address_claim import ClaimState
 from hil_bench.abilities.j1939.protocol.diagnostics import TroubleCode
 from hil_bench.abilities.j1939.protocol.ecu import Ecu
 from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
@@ -200,11 +201,11 @@ class EcuHandle:
 
     def __getitem__(self, name: str) -> float:
         """Return a signal in its own unit; NaN for an error or "not available"."""
-        return self._find(name).read()
+        return self._reach(name).read()
 
     def __setitem__(self, name: str, value: float) -> None:
         """Set a signal that nothing else moves, in its own unit; NaN shows the error indicator."""
-        found = self._find(name)
+        found = self._reach(name)
         self.check(name, value)
         if found.takes is not None:
             found.takes(float(value))
@@ -224,6 +225,17 @@ class EcuHandle:
             unit = "" if found.unit == ONE.symbol else f" {found.unit}"
             right = f"give {found.low:g} to {found.high:g}{unit}"
             raise ConfigError(f"{place} cannot be {value!r}; {right}")
+
+    def _reach(self, name: str) -> EcuValue:
+        """Return a value of a device that has power.
+
+        Raises:
+            ConfigError: it has no power, or no such value.
+        """
+        found = self._find(name)
+        if self._station.ecu.state is ClaimState.OFF:
+            raise ConfigError(f"j1939.{self._station.name}: {name}: the device has no power")
+        return found
 
     def _find(self, name: str) -> EcuValue:
         known = self._station.values

@@ -32,6 +32,20 @@ def test_a_line_a_minute_of_the_machines_time():
     assert said == ["120.000 s: x +1.00 mm  in 3", "240.000 s: x +1.00 mm  in 3"]
 
 
+def test_a_line_of_many_axes_is_for_a_terminal():
+    said, clock = [], [0]
+    axes = "  ".join(f"axis{number} x   +1.00 mm  P_A  48.5" for number in range(24))
+    shown = Progress(said.append, lambda _now: [axes, "in 3  out 4"], lambda: clock[0])
+    clock[0] = PERIOD
+    shown.look(0)
+    three = "  ".join(f"axis{number} x   +1.00 mm  P_A  48.5" for number in range(3))
+    assert said == [f"0.000 s: {three}  axis3 x   +1.00 mm  and 41 more  in 3  out 4"]
+    said.clear()
+    axes, clock[0] = "x" * 200, 2 * PERIOD
+    shown.look(0)
+    assert said == ["0.000 s:   and 1 more  in 3  out 4"]
+
+
 def test_a_line_every_ten_seconds_of_work():
     said, clock = [], [0]
     work = Work("campaign", 64, "runs")

@@ -59,3 +59,10 @@ def test_frames_are_named_by_device_and_group(page):
     senders = page.locator("#view-bus").get_by_role("region", name="who sends what")
     expect(senders).to_contain_text("joystick PGN 64982")
     expect(senders).to_contain_text("valve PGN 65040")
+
+
+def test_an_axis_of_a_j1939_valve_has_its_valve_and_lines(page):
+    page.locator("#tab-machine").click()
+    drawing = page.locator("#view-machine .drawing")
+    expect(drawing.get_by_role("button", name="valve", exact=True)).to_be_visible()
+    assert drawing.locator("path.pipe").count() >= 2

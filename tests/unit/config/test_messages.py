@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
@@ -246,3 +247,9 @@ def test_a_bad_value_on_the_command_line_names_the_option():
         "--bus-kwargs channe: unknown key; the nearest known key is channel",
         '--interface: python-can has no interface "socketcn"; the nearest is "socketcan"',
     ]
+
+
+def test_long_names_that_differ_at_their_ends_stay_apart():
+    alike = "an_axis_of_the_press_with_a_name_that_is_far_too_long"
+    told = {describe(f"{begin}{alike}{end}") for begin in "lr" for end in ("_front", "_rear")}
+    assert len(told) == 4

@@ -11,9 +11,9 @@ export class Axis {
     this.machine = model.hello.machines[name] ?? {};
     this.circuit = this.machine.circuit ?? null;
     this.supply = this.machine.supply ?? "";
-    const { devices = {}, fault_targets: targets = {} } = model.hello;
-    this.devices = devices;
-    this.names = Object.keys(devices);
+    const { devices, ecus, fault_targets: targets = {} } = model.hello;
+    this.devices = { ...devices, ...ecus };
+    this.names = Object.keys(this.devices);
     this.targets = targets;
     this.valve = (targets.valves ?? []).find((each) => this.isOurs(each)) ?? "";
     this.sensors = (targets.sensors ?? []).filter((each) => this.isOurs(each) || (!this.circuit && this.isFree(each)));

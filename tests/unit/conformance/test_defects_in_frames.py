@@ -58,7 +58,7 @@ def is_end_of_block_upload(data):
     return data[0] & 0xE3 == 0xC1
 
 
-SECOND_BLOCK_SEGMENT = "82"  # the last one of eleven bytes
+SECOND_SEGMENT = "82"  # the last one of eleven bytes
 
 
 def every_second(can_id):
@@ -83,14 +83,14 @@ def emergency_after(beginning):
     return says
 
 
+UPLOADS = "upload block_size_change lost_segments"
+SEGMENTS = "segmented toggle client_abort time_out"
+
 # What is wrong: the checks that need what it breaks, and the defect; by their chapter.
 SAYS = {
     "NMT": {
         "no boot-up": ("reset_node reset_communication", lost(HEARTBEAT, "00")),
-        "boot-up with a wrong byte": (
-            "reset_node reset_communication",
-            begun_otherwise(HEARTBEAT, "00", "7f"),
-        ),
+        "wrong boot-up": ("reset_node reset_communication", begun_otherwise(HEARTBEAT, "00", "7f")),
         "wrong state": ("commands broadcast", begun_otherwise(HEARTBEAT, "04", "7f")),
         "heartbeat of two bytes": (
             (
@@ -123,10 +123,7 @@ SAYS = {
     },
     "Object dictionary": {
         "wrong device type": ("device_type", answers("43001000", 4, 1)),
-        "five entries of identity": (
-            "identity constants highest_subindex",
-            answers("4f181000", 4, 1),
-        ),
+        "five of identity": ("identity constants highest_subindex", answers("4f181000", 4, 1)),
         "another product": ("identity constants", answers("43181002", 4, 1)),
         "another revision": ("identity constants", answers("43181003", 4, 1)),
         "four bytes for one": ("error_register everything_readable", answers("4f011000", 0, 0x0C)),
@@ -136,10 +133,7 @@ SAYS = {
         "limit confirmed": ("limits", confirms(0x2026)),
     },
     "SDO upload": {
-        "every answer twice": (
-            "expedited segmented toggle client_abort time_out burst",
-            twice(ANSWER),
-        ),
+        "answers twice": ("expedited segmented toggle client_abort time_out burst", twice(ANSWER)),
         "another object in the answer": (
             "expedited segmented toggle client_abort time_out bystander burst",
             altered(ANSWER, flips(3, 1, lambda d: d[0] >> 5 == 2)),
@@ -151,13 +145,10 @@ SAYS = {
             ),
             altered(ANSWER, lambda d: d[:7]),
         ),
-        "wrong length of a segmented upload": (
-            "segmented toggle client_abort time_out",
-            answers("41", 4, 1),
-        ),
+        "wrong length of segments": (SEGMENTS, answers("41", 4, 1)),
         "another object in an abort": ("toggle", answers("80", 1, 1)),
         "no toggle in upload segments": (
-            "segmented toggle client_abort time_out",
+            SEGMENTS,
             altered(ANSWER, lambda d: bytes([d[0] & 0xEF]) + d[1:] if is_segment(d) else d),
         ),
     },
@@ -174,32 +165,20 @@ SAYS = {
             "expedited without_size toggle more_than_announced fewer_than_announced client_abort",
             answers("601710", 0, 1),
         ),
-        "wrong toggle in a confirmation": (
+        "wrong toggle": (
             "segmented_short segmented_without_size segmented_long",
             answers("20", 0, 0x10),
         ),
     },
     "SDO block transfer": {
-        "upload without its last segment": (
-            "upload lost_segments",
-            lost(ANSWER, SECOND_BLOCK_SEGMENT),
-        ),
-        "upload segment out of sequence": (
-            "upload lost_segments",
-            answers(SECOND_BLOCK_SEGMENT, 0, 1),
-        ),
+        "upload without its last": ("upload lost_segments", lost(ANSWER, SECOND_SEGMENT)),
+        "upload out of sequence": ("upload lost_segments", answers(SECOND_SEGMENT, 0, 1)),
         "upload with a wrong end": (
-            "upload block_size_change lost_segments",
+            UPLOADS,
             altered(ANSWER, flips(0, 0x20, is_end_of_block_upload)),
         ),
-        "upload with a wrong CRC": (
-            "upload block_size_change lost_segments",
-            altered(ANSWER, flips(1, 1, is_end_of_block_upload)),
-        ),
-        "upload with a wrong length": (
-            "upload block_size_change lost_segments",
-            answers("c6", 4, 1),
-        ),
+        "upload with a wrong CRC": (UPLOADS, altered(ANSWER, flips(1, 1, is_end_of_block_upload))),
+        "upload of a wrong length": (UPLOADS, answers("c6", 4, 1)),
         "upload with a wrong beginning": (
             "upload block_size_change lost_segments sequence_beyond",
             answers("c6", 0, 0x18),
@@ -253,14 +232,8 @@ SAYS = {
         "another answer to a bit timing": ("bit_timing", begun_otherwise(LSS_ANSWER, "13", "12")),
         "another identification": ("identify", begun_otherwise(LSS_ANSWER, "4f", "4e")),
         "wrong LSS node-ID": ("inquire", altered(LSS_ANSWER, flips(1, 2, lambda d: d[0] == 0x5E))),
-        "LSS takes any node-ID": (
-            "node_id",
-            begun_otherwise(LSS_ANSWER, "11", "11 00000000000000"),
-        ),
-        "LSS takes a reserved bit timing": (
-            "bit_timing",
-            begun_otherwise(LSS_ANSWER, "13", "13 00000000000000"),
-        ),
+        "takes any node-ID": ("node_id", begun_otherwise(LSS_ANSWER, "11", "11 00000000000000")),
+        "any bit timing": ("bit_timing", begun_otherwise(LSS_ANSWER, "13", "13 00000000000000")),
     },
 }
 
@@ -313,33 +286,21 @@ def with_own_serial_number(*specifiers):
 HEARS = {
     "NMT": {
         "obeys commands to others": ("other_node", hears_any_node),
-        "obeys short commands": (
-            "malformed",
-            altered(0, lambda d: d + b"\x05" if len(d) == 1 else d),
-        ),
-        "ignores commands to all": (
-            "broadcast",
-            altered(0, lambda d: None if d[1:] == b"\0" else d),
-        ),
-        "does not restore by a reset": (
+        "obeys short ones": ("malformed", altered(0, lambda d: d + b"\x05" if len(d) == 1 else d)),
+        "ignores those to all": ("broadcast", altered(0, lambda d: None if d[1:] == b"\0" else d)),
+        "a reset restores nothing": (
             "reset_communication reset_restores",
             begun_otherwise(0, "8205", "8005"),
         ),
     },
     "Error control": {
-        "heartbeat cannot be switched off": (
-            "heartbeat_off",
-            writes("2b171000 0000", "2b171000 0a00"),
-        ),
+        "heartbeat is never off": ("heartbeat_off", writes("2b171000 0000", "2b171000 0a00")),
         "does not know 1029h": ("error_behaviour", writes("2f291001 02", "2f291001 00")),
         "does not guard": ("guarding", lost(HEARTBEAT)),
         "does not watch heartbeats": ("heartbeat_consumer error_behaviour", lost(0x77F)),
     },
     "EMCY": {
-        "cannot be switched off": (
-            "switched_off",
-            writes("23141000 85000080", "23141000 85000000"),
-        ),
+        "is never off": ("switched_off", writes("23141000 85000080", "23141000 85000000")),
         "knows no inhibit time": ("inhibit_time", writes("2b151000 d007", "2b151000 0000")),
     },
     "SDO upload": {
@@ -365,14 +326,11 @@ HEARS = {
     },
     "TPDO": {
         "takes a reserved type": ("reserved_types", writes("2f001802 f1", "2f001802 01")),
-        "answers remote frames by type 252 alone": (
-            "remote_request",
-            writes("2f001802 fd", "2f001802 f0"),
-        ),
+        "remote frames by type 252 alone": ("remote_request", writes("2f001802 fd", "2f001802 f0")),
         "does not leave OPERATIONAL": ("operational_only", begun_otherwise(0, "8005", "0105")),
     },
     "RPDO": {
-        "deaf to RPDO": (
+        "hears none": (
             "asynchronous synchronous synchronous_window too_short too_long",
             lost(RPDO),
         ),
@@ -386,10 +344,7 @@ HEARS = {
     },
     "Store and restore": {
         "stores another value": ("store restore", writes("2b171000 e110", "2b171000 0000")),
-        "forgets what it stores": (
-            "store restore",
-            writes("23101001 73617665", "40101001 00000000"),  # "save"
-        ),
+        "forgets": ("store restore", writes("23101001 73617665", "40101001 00000000")),
     },
     "LSS": {
         "answers to any address": ("select_other", with_own_serial_number(0x43)),

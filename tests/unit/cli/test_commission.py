@@ -1,10 +1,14 @@
 """`hil-bench commission`."""
 
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.direct_lockstep import DirectLockStep
 
+from hil_bench.abilities.commissioning.plan import load_plan
+from hil_bench.abilities.commissioning.verbs import commission
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
@@ -255,3 +259,16 @@ def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
 def test_arguments_that_cannot_be_meant(arguments, message, capsys):
     assert main(["commission", *arguments]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(("said", "moves"), [("yes", 1), (" YES ", 1), ("y", 0), ("", 0)])
+def test_who_is_asked_sees_the_limits_of_each_motion(said, moves, capsys, monkeypatch):
+    monkeypatch.setattr("builtins.input", lambda _text: said)
+    plan = load_plan(Path("plan.toml"))
+    assert commission._confirmed(SimpleNamespace(description="can0"), plan) == moves
+    assert capsys.readouterr().err == (
+        "The axis on can0 is going to move:\n"
+        "  direction: position -150 to 150 mm, speed to 400 mm/s, pressure -1 to 110 bar, "
+        "time to 60 s\n"
+    )

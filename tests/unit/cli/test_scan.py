@@ -120,6 +120,8 @@ def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "4 nodes found; twice on the bus: 1, 4" in out
     assert out.count("twice on the bus\n") == 2
+    assert out.count("more than one device answers under this node-ID") == 2
+    assert out.count("more than one device answers under this node-ID") == 2
     assert "give each a node-ID of its own" in out
 
 

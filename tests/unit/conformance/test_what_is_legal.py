@@ -75,12 +75,6 @@ def test_a_value_beyond_its_limits_may_be_refused_in_general(laboratory):
     assert laboratory.failed("Object dictionary") == []
 
 
-def test_the_period_of_a_sync_producer_is_shown(laboratory):
-    """Asked for: 20 ms."""
-    found = laboratory.result("SYNC and TIME", "a SYNC producer has the period of 1006h")
-    assert found == (Outcome.PASSED, "20.0 ms")
-
-
 def test_a_text_that_takes_nothing_is_not_judged(laboratory):
     text = laboratory.node.object_dictionary.variable(TEXT)
     text.default = text.value = ""
@@ -258,6 +252,12 @@ def test_lss_without_bit_timing(laboratory):
         Outcome.NOT_APPLICABLE,
         "no answer: the device does not have this service",
     )
+
+
+def test_a_device_may_have_one_event_driven_type(laboratory):
+    """254 is of the maker, 255 of the profile (7.5.2.37)."""
+    laboratory.hears = begun_otherwise(REQUEST, "2f001802 fe", "2f001802 f1")  # reserved: refused
+    assert laboratory.failed_checks("TPDO") == []
 
 
 def test_a_block_upload_may_come_without_its_size(laboratory):

@@ -1,6 +1,7 @@
 """Controllers on the buses of a session: what each hears, and when what it sends acts."""
 
 import logging
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -135,7 +136,7 @@ class Desk:
                 received = self._start(received)
             if self._controller is None:
                 return ()
-            sent = self._controller.advance(until, received)
+            sent = self._advance(self._controller, until, received)
         except ControllerEnd as end:
             sent, self.ending = end.sent, str(end)
             self.switch_off()
@@ -188,6 +189,20 @@ class Desk:
     def tail(self) -> str:
         """The end of what it has printed."""
         return self._controller.tail() if self._controller is not None else ""
+
+    def _advance(
+        self, controller: Controller, until: int, received: Sequence[TimedFrame]
+    ) -> Sequence[TimedFrame]:
+        """Let the controller live; a copy of this process that it makes by fork ends here."""
+        own = os.getpid()
+        try:
+            return controller.advance(until, received)
+        finally:
+            if os.getpid() != own:
+                logger.warning(
+                    "%sthe controller has forked; the copy of the bench ends", self.place
+                )
+                os._exit(1)
 
     def _take(self, sent: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Return frames that it has sent as those of the bench, in order of time."""

@@ -44,6 +44,9 @@ int hil_controller_advance(struct hil_controller *self, int64_t until, const str
                            size_t count, struct hil_frame *out, size_t room, size_t *sent)
 {
     *sent = 0;
+#ifdef LEAVES
+    exit(0);
+#endif
     if (self->calls++ == 0)
         return HIL_STARTING;
     for (size_t i = 0; i < count && i < room; i++) {
@@ -206,6 +209,29 @@ def test_what_is_no_library_is_one_line(tmp_path, echo):
         assert "\n" not in str(error.value)
     with pytest.raises(ControllerError, match="makes no instance: side: left is right"):
         LibraryController(echo, {"side": "right"})
+
+
+ONE_CALL = """
+import sys
+from pathlib import Path
+from hil_bench.abilities.controllers.library.controller import LibraryController
+LibraryController(Path(sys.argv[1]), {}).advance(1, ())
+"""
+
+
+@pytest.mark.parametrize(
+    ("definitions", "code", "words"),
+    [
+        (["-DLEAVES"], 1, "hil-bench: error: a controller's library has called exit()\n"),
+        (["-DSTAYS"], 0, ""),
+    ],
+)
+def test_a_library_that_exits_does_not_end_the_run_as_passed(build, definitions, code, words):
+    path = build(f"lib{definitions[0][2:]}.so", *definitions)
+    ended = subprocess.run(
+        [sys.executable, "-c", ONE_CALL, path], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (code, words)
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,19 @@
 """Controllers in Python: a function that waits, a generator, an object, and what goes wrong."""
 
+import os
+import re
+
 import pytest
 
-from hil_bench.abilities.controllers.python.kind import find_call
+from hil_bench.abilities.controllers.python.kind import KIND, find_call
+from hil_bench.abilities.controllers.seam import Surroundings
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
 
 FILE = """
 import can
+import os
 
 def message(number):
     return can.Message(arbitration_id=number, data=[], is_extended_id=False)
@@ -46,6 +51,49 @@ def fails(rig):
 def leaves(rig):
     rig.sleep(0.25)
     raise SystemExit("all done")
+
+class Odd(BaseException): pass
+
+def is_odd(rig):
+    rig.sleep(0.25)
+    raise Odd("no exception")
+
+def never_ends(rig):
+    while True:
+        try:
+            rig.sleep(0.01)
+        except:
+            pass
+
+def forks(rig):
+    if pid := os.fork():
+        with open(__file__ + ".pid", "w") as file:
+            file.write(str(pid))
+    rig.sleep(1)
+
+class Partial:
+    has_begun = True
+    def __init__(self, rig): pass
+    def advance(self, until, received): return ()
+
+class Given(Partial):
+    given = ()
+    def advance(self, until, received): return self.given
+    def reset(self): pass
+    def tail(self): return ""
+    def close(self): raise OSError("no end")
+
+class Starts(Given):
+    has_begun = False
+
+class GivesWords(Given):
+    given = ["abc"]
+
+class GivesNumber(Given):
+    given = 5
+
+class GivesNothing(Given):
+    given = None
 
 def unheard(rig):
     rig.bus.recv(None)
@@ -97,6 +145,7 @@ def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
         ("fails", "RuntimeError: gone wrong"),
         ("Echo", "OSError: no memory"),
         ("leaves", "SystemExit: all done"),  # it does not end the bench with exit code 0
+        ("is_odd", "Odd: no exception"),
     ],
 )
 def test_an_exception_is_a_line_with_its_place(folder, call, words):
@@ -119,16 +168,64 @@ def test_an_exception_is_a_line_with_its_place(folder, call, words):
         ("none.py:call", "there is no such file"),
         ("bad.py:call", "bad.py: cannot be imported: SyntaxError"),
         ("over.py:call", "over.py: cannot be imported: SystemExit: 0"),
+        ("odd.py:call", "odd.py: cannot be imported: GeneratorExit: "),
+        ("lone.py:call", "lone.py: call() does not fit; it is called with the rig, as in"),
         ("no_such_module:call", "no_such_module: cannot be imported: ModuleNotFoundError"),
     ],
 )
 def test_what_is_no_callable_is_one_line(folder, call, words):
     (folder / "bad.py").write_text("def call(:\n")
     (folder / "over.py").write_text("import sys\nsys.exit(0)\n")
+    (folder / "odd.py").write_text("raise GeneratorExit\n")
+    (folder / "lone.py").write_text("def call(): pass\n")
     with pytest.raises(ConfigError) as error:
         find_call(call, folder)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ("Partial", "Partial has no reset; a controller's object has advance, reset, tail, close"),
+        ("GivesWords", "advance gives 'abc'; a sequence of TimedFrame is right"),
+        ("GivesNumber", "advance gives 5; a sequence of TimedFrame is right"),
+    ],
+)
+def test_an_object_that_is_no_controller_is_one_line(folder, call, words):
+    with (
+        make_bench(folder, f"mine.py:{call}") as bench,
+        pytest.raises(ControllerError, match=re.escape(words)),
+    ):
+        bench.run(0.01)
+
+
+def test_what_fails_as_it_is_closed_has_nothing_to_say(folder):
+    with make_bench(folder, "mine.py:GivesNothing") as bench:
+        bench.run(0.01)
+
+
+def test_an_object_says_whether_it_has_begun(folder):
+    for call, has_begun in (("GivesNothing", True), ("Starts", False)):
+        surroundings = Surroundings("", "", folder, folder, ("can",), None, {}, 1_000_000)
+        controller = KIND.build({"call": f"mine.py:{call}"}, surroundings)
+        assert controller.advance(1_000_000, ()) == []
+        assert controller.advance(2_000_000, ()) == []
+        assert controller.has_begun is has_begun
+        controller.close()
+
+
+def test_one_that_takes_every_exception_for_its_own_does_not_hold_the_bench(folder):
+    with make_bench(folder, "mine.py:never_ends") as bench:
+        bench.run(0.1)
+    assert bench.now() == pytest.approx(0.1)
+
+
+def test_a_copy_of_the_bench_that_a_controller_forks_ends(folder):
+    with make_bench(folder, "mine.py:forks") as bench:
+        bench.run(0.01)
+    pid = int((folder / "mine.py.pid").read_text())
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
 
 
 def test_the_same_bench_gives_the_same_frames_twice(folder):

@@ -11,6 +11,7 @@ from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.recording.channels import LoggedFrame
 
 BITRATE = 500_000
 CAR = (
@@ -99,6 +100,15 @@ def test_eight_bytes_at_the_identifier_of_an_emcy_are_none_by_themselves():
 def test_a_request_without_an_answer_is_a_dead_node_and_no_foreign_bus():
     (finding,) = explained(*[Frame(0x605, bytes.fromhex("4000100000000000"))] * 3).findings
     assert finding.cause is Cause.NO_BOOT_UP
+
+
+@pytest.mark.parametrize(("after_ms", "is_missing"), [(1000, False), (1001, True)])
+def test_a_last_request_has_no_time_for_an_answer(after_ms, is_missing):
+    """A node-guarding request in the last second of a recording."""
+    request = Frame(0x704, b"", is_remote=True)
+    frames = [(0, Frame(0x181, bytes(8))), (10, request), (10 + after_ms, Frame(0x181, bytes(8)))]
+    log = [LoggedFrame(frame, time * 1_000_000, None) for time, frame in frames]
+    assert bool(explain(log, [], 1_000_000).findings) is is_missing
 
 
 def test_nodes_that_are_known_are_judged_all_the_same():

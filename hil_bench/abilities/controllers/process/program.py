@@ -35,8 +35,11 @@ def _why_unstarted(program: str, error: OSError) -> str:
     wrong = f"{program}: cannot be started: {error.strerror or error}"
     if Path(program).is_absolute() or not isinstance(error, FileNotFoundError):
         return wrong
-    is_path = len(Path(program).parts) > 1
-    right = f"a relative path counts from {Path.cwd()}" if is_path else "it is not on the PATH"
+    right = "it is not on the PATH"
+    if Path(program).exists():
+        right = "the interpreter of its first line is not there"
+    elif os.sep in program:
+        right = f"a relative path counts from {Path.cwd()}"
     return f"{wrong}; {right}"
 
 

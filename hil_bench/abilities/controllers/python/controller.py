@@ -8,9 +8,9 @@ import contextlib
 import inspect
 import logging
 import traceback
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import can
 from greenlet import greenlet
@@ -23,6 +23,17 @@ from hil_drivers import DriverError, Network
 
 if TYPE_CHECKING:
     from hil_bench.bench.configuration import BenchConfig
+
+
+_PARTS = ("advance", "reset", "tail", "close", "has_begun")
+_MOST_REFUSALS = 1000
+"""How often a controller that is closed may wait, as its cleaning up does."""
+
+_LONGEST = 1000
+"""Characters of an exception that messages show."""
+
+_UNENDING: list[greenlet] = []
+"""Stacks that take every exception for their own and never end; without power, each stays there."""
 
 
 class Rig:
@@ -88,16 +99,23 @@ class PythonController:
         self._failure: BaseException | None = None
         self._leftover: Sequence[Frame] | None = None
         self._is_waiting = False
+        self._refusals = 0
 
     def prepare(self) -> None:
-        """Run it until it first waits or reads a bus: imports, drivers, a model in a process."""
+        """Run it until it first waits or reads a bus: imports, drivers, a model in a process.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C, here and in `advance`.
+        """
         self._bench = greenlet.getcurrent()
         rig = self._make_rig(self._surroundings.tick_ns, ())
         rig.bus.begin_later(partial(self._wait_for_power, rig.bus))
         self._stack = greenlet(self._live)
         try:
             sent: Sequence[Frame] = self._stack.switch(rig)
-        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever ends it, it is its end, not ours
             self._failure = error
         else:
             self._leftover = sent if self._stack.dead else None
@@ -108,7 +126,7 @@ class PythonController:
 
         Raises:
             ControllerEnd: it has returned, or a device has ended it in its work.
-            ControllerError: it has failed; where.
+            KeyboardInterrupt: Ctrl-C; every other exception is a `ControllerError` that says where.
         """
         if self._made is None:
             timed = [TimedFrame(until, frame) for frame in self._run(until, received)]
@@ -117,11 +135,13 @@ class PythonController:
             if self._made is None:
                 raise ControllerEnd("it has returned", timed)
         try:
-            return self._made.advance(until, received)
-        except (ControllerEnd, ControllerError):
+            sent = _timed(self._made.advance(until, received))
+            self.has_begun = bool(self._made.has_begun)
+        except (ControllerEnd, KeyboardInterrupt):
             raise
-        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
-            raise ControllerError(_place(error, self._call)) from error
+        except BaseException as error:  # whatever ends it, it is its end, not ours
+            raise self._ending(error, until) from error
+        return sent
 
     def reset(self) -> None:
         """Take its power away."""
@@ -135,22 +155,30 @@ class PythonController:
         """End it where it waits; its own cleaning up can wait no longer."""
         self._is_closing = True
         made, self._made = self._made, None
-        if made is not None:
-            made.close()
-        if self._stack is not None and not self._stack.dead:
-            logging.disable()  # it has no power any more, and its cleaning up nothing to say
-            with contextlib.suppress(Exception):
+        self._bench = greenlet.getcurrent()
+        logging.disable()  # it has no power any more, and its cleaning up nothing to say
+        with contextlib.suppress(Exception, SystemExit):
+            if made is not None:
+                made.close()
+            if self._stack is not None and not self._stack.dead:
                 self._stack.throw()
-            logging.disable(logging.NOTSET)
+                _UNENDING.extend(() if self._stack.dead else (self._stack,))
+        logging.disable(logging.NOTSET)
         for bus in self._rig.buses.values() if self._rig is not None else ():
             bus.shutdown()
 
     def _run(self, until: int, received: Sequence[TimedFrame]) -> Sequence[Frame]:
-        """Enter the stack until it is left; forget it where it has come to its end."""
+        """Enter the stack until it is left; forget it where it has come to its end.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C.
+        """
         self._bench = greenlet.getcurrent()
         try:
             sent = self._enter(until, received)
-        except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever ends it, it is its end, not ours
             raise self._ending(error, until) from error
         if self._stack is not None and self._stack.dead:
             self._stack = None
@@ -201,17 +229,18 @@ class PythonController:
                 for _ in made:
                     self.has_begun = True
         elif hasattr(made, "advance"):
+            lacking = [part for part in _PARTS if not hasattr(made, part)]
+            if lacking:
+                right = f"a controller's object has {', '.join(_PARTS)}"
+                wrong = f"{type(made).__name__} has no {lacking[0]}; {right}"
+                raise ControllerError(wrong)
             self._made = made
         return rig.bus.take_sent()
 
     def _wait_for_power(self, bus: EmbeddedBus) -> int:
-        """Leave the stack until bench time begins; return when that is [ns].
-
-        Raises:
-            can.CanOperationError: the run is over.
-        """
+        """Leave the stack until bench time begins; return when that is [ns]."""
         if self._is_closing or self._bench is None:
-            raise can.CanOperationError("the run is over")
+            self._refuse()
         self._is_waiting = True
         until: int
         until, received = self._bench.switch(())
@@ -219,15 +248,40 @@ class PythonController:
         return until - self._surroundings.tick_ns
 
     def _exchange(self, frames: Sequence[Frame], _now: int) -> Sequence[Frame]:
-        """Leave the stack until the bench has ticked; return what came then.
-
-        Raises:
-            can.CanOperationError: the run is over.
-        """
+        """Leave the stack until the bench has ticked; return what came then."""
         if self._is_closing or self._bench is None:
-            raise can.CanOperationError("the run is over")
+            self._refuse()
         received: Sequence[Frame] = self._bench.switch(frames)
         return received
+
+    def _refuse(self) -> NoReturn:
+        """Say that the run is over; what takes no notice of that is left where it waits.
+
+        Raises:
+            can.CanOperationError: always.
+        """
+        self._refusals += 1
+        while self._refusals > _MOST_REFUSALS and self._bench is not None:
+            self._bench.switch(())
+        raise can.CanOperationError("the run is over")
+
+
+def _timed(given: object) -> Sequence[TimedFrame]:
+    """Return the frames that `advance` has given, each with its time; for None an empty list.
+
+    Raises:
+        ControllerError: it is something else.
+    """
+    frames: list[TimedFrame] = []
+    each: object
+    for each in () if given is None else given if isinstance(given, Iterable) else (given,):
+        match each:
+            case (int(time), Frame() as frame):
+                frames.append(TimedFrame(time, frame))
+            case _:
+                right = "a sequence of TimedFrame is right"
+                raise ControllerError(f"advance gives {each!a:.60}; {right}")
+    return frames
 
 
 def _place(error: BaseException, call: Callable[[Rig], object]) -> str:
@@ -236,4 +290,4 @@ def _place(error: BaseException, call: Callable[[Rig], object]) -> str:
     trace = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in trace if frame.filename == file] or trace
     what = " ".join(f"{type(error).__name__}: {error}".split())
-    return f"{own[-1].filename}:{own[-1].lineno}: {what}"
+    return f"{own[-1].filename}:{own[-1].lineno}: {what[:_LONGEST]}"

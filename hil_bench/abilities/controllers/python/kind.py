@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -71,6 +72,15 @@ def find_call(place: str, folder: Path) -> Call:
     if not callable(found):
         wrong = "is not there" if found is None else f"is {type(found).__name__}"
         raise ConfigError(f"{file}: {name} {wrong}; give a function or a class")
+    try:
+        inspect.signature(found).bind(None)
+    except TypeError:
+        right = f"it is called with the rig, as in def {name}(rig)"
+        raise ConfigError(
+            f"{file}: {name}{inspect.signature(found)} does not fit; {right}"
+        ) from None
+    except ValueError:
+        pass  # of machine code, which says nothing of its arguments
     call: Call = found
     return call
 
@@ -103,10 +113,13 @@ def _import(name: str, load: Callable[[str], object]) -> object:
 
     Raises:
         ConfigError: it fails.
+        KeyboardInterrupt: Ctrl-C.
     """
     try:
         return load(name)
-    except (Exception, SystemExit) as error:  # sys.exit() is its end, not ours
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever ends it, it is its end, not ours
         raise ConfigError(f"{name}: cannot be imported: {type(error).__name__}: {error}") from error
 
 

@@ -339,6 +339,11 @@ def seconds(time: int) -> str:
     return f"{time * 1e-9:.3f} s"
 
 
+_LONG = 10_000_000_000
+
+
 def milliseconds(duration: float) -> str:
-    """Return a duration [ns] for people."""
-    return f"{duration * 1e-6:.4g} ms"
+    """Return a duration [ns] for people; from ten seconds on in seconds."""
+    if duration < _LONG:
+        return f"{duration * 1e-6:.4g} ms"
+    return f"{duration * 1e-9:.{1 if duration < 100 * _LONG else 0}f} s"

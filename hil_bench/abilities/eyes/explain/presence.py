@@ -150,7 +150,10 @@ class Presence:
         strange = [key for key in missing if key not in self._known]
         is_scan = len(strange) >= _SCAN
         for key, life in missing.items():
-            if is_scan and key in strange and life.requests.total <= _LOOKS:
+            is_scanned = is_scan and life.requests.total <= _LOOKS
+            # One request at the end of the log has had no time for an answer.
+            is_last = life.requests.total == 1 and end - life.requests[0].now <= _PATIENCE
+            if key in strange and (is_scanned or is_last):
                 self.scanned.add(life.node.name)
             else:
                 yield _absence(life)

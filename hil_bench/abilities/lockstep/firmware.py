@@ -15,13 +15,13 @@ from hil_bench.abilities.controllers.process.program import (
     Silence,
     environment,
 )
+from hil_bench.abilities.controllers.turns import Turns
 from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepBus
 from hil_bench.bench.paced import frames_per_tick
 from hil_bench.bench.session import Session
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import BusError, ConfigError, ControllerError, HilBenchError, WaitTimeoutError
-from hil_bench.outside.processes.turns import Turns
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport

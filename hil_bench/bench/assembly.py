@@ -12,7 +12,6 @@ from typing import cast
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
-from hil_bench.bench.configuration.records import Joining, Peopled
 from hil_bench.bench.peers import Peers
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
@@ -69,8 +68,8 @@ def build_bench(config: BenchConfig) -> Bench:
         {axis.name: config.full_scale(axis) for axis in config.axes},
     )
     fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
-    peopled = (part for part in config.parts if isinstance(part, Peopled))
-    peers: Peers = next((part.peers(config, surroundings) for part in peopled), Peers())
+    built = (part.peers(config, surroundings) for part in config.parts)
+    peers: Peers = next((found for found in built if found is not None), Peers())
     parts = {**fittings, **peers.fittings}
     supplies = build_supplies(config)
     plants = build_plants(config, supplies)
@@ -91,8 +90,8 @@ def build_bench(config: BenchConfig) -> Bench:
         bench.extend(carrier.medium(config, devices))
     bench.extend(peers)
     for part in config.parts:
-        if isinstance(part, Joining):
-            bench.extend(part.extension(config, bench))
+        if (extension := part.extension(config, bench)) is not None:
+            bench.extend(extension)
     return bench
 
 

@@ -8,7 +8,6 @@ from itertools import groupby
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
-from hil_bench.bench.configuration.records import Joining
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.devices import read_devices
 from hil_bench.cli.exit_codes import ExitCode
@@ -87,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Check everything that can be checked without a bus, then print it or compare the bus."""
     config = load_bench_config(args)
     read_devices(config)
-    if any(isinstance(part, Joining) and part.is_fitted for part in config.parts):
+    if any(part.is_fitted for part in config.parts):
         from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
 
         build_bench(config)  # refuses parts that do not fit the devices

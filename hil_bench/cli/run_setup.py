@@ -13,7 +13,7 @@ from typing import IO, Any, NamedTuple, Protocol, Self
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.plausibility import find_doubts
-from hil_bench.bench.configuration.records import Served, Serving
+from hil_bench.bench.configuration.records import Served
 from hil_bench.bench.events import event_content
 from hil_bench.bench.paced import RunReport
 from hil_bench.bench.peers import peers_of
@@ -234,8 +234,8 @@ def set_up(
         bus = stack.enter_context(open_buses(args, config))
         served = []
         for part in config.parts:
-            if isinstance(part, Serving):
-                served.append(stack.enter_context(part.served(session, config)))
+            if (opened := part.served(session, config)) is not None:
+                served.append(stack.enter_context(opened))
             else:
                 stack.enter_context(part.attached(session, config))
         yield RunSetup(args, config, session, bus, served, companions, wish)

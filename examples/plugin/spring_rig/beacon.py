@@ -7,11 +7,13 @@ period_ms = 50
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from hil_bench.ability import Ability
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.records import Part
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config.document import Document, read_section
@@ -31,7 +33,8 @@ KEYS = (
 )
 
 
-class Beacon(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Beacon(Part):
     """A frame at a period: `config.of(Beacon)`.
 
     Attributes:

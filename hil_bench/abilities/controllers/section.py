@@ -2,14 +2,16 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.kinds import Chosen, files_of, read_controller
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.records import Part
 from hil_bench.bench.session import Session
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Problems, Settings
@@ -18,7 +20,8 @@ from hil_bench.config.values import find_nearest, quote
 TABLE = "controllers"
 
 
-class ControllersConfig(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ControllersConfig(Part):
     """The controllers of a bench.
 
     Attributes:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
@@ -27,7 +26,7 @@ from hil_bench.abilities.faults.registry import (
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.nodes import Bindings, places_of
 from hil_bench.bench.configuration.nodes_section import Whole
-from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration.records import BenchConfig, Part
 from hil_bench.config.document import Document
 from hil_bench.config.settings import (
     Given,
@@ -60,20 +59,17 @@ with the least pressure [bar].
 
 
 @dataclass(frozen=True, slots=True)
-class FaultsPart:
+class FaultsPart(Part):
     """The faults of a bench.
 
     Attributes:
         faults: in the order of the file, those of the command line last.
         sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
             None where faults have no key for it.
-        is_fitted: False: the section has checked the faults.
     """
 
     faults: tuple[FaultConfig, ...] = ()
     sensor_units: Mapping[str, Unit | None] = field(default_factory=dict, compare=False)
-
-    is_fitted: ClassVar[bool] = False
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -100,10 +96,6 @@ class FaultsPart:
         from hil_bench.abilities.faults.building import build_faults  # noqa: PLC0415 - takes long
 
         return build_faults(config, bench, self.faults)
-
-    def attached(self, session: object, config: BenchConfig) -> AbstractContextManager[object]:  # noqa: ARG002 - of every part
-        """Do nothing: the extension does it all."""
-        return nullcontext()
 
 
 def _text_of(fault: FaultConfig) -> str:

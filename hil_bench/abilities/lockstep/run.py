@@ -11,7 +11,6 @@ from hil_bench.abilities.hub.hosting import fd_speedups, hub_channels, join_line
 from hil_bench.abilities.lockstep.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.records import Serving
 from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
@@ -102,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     """
     config = load_bench_config(args)
     for part in config.parts:
-        if isinstance(part, Serving):
+        if part.real_time_only:
             raise ConfigError(f"--lockstep: {part.real_time_only}, or --lockstep")
     opens = open_bus if args.hub is None else host_bus
     with set_up(args, config, is_real_time=False, open_buses=opens) as setup:

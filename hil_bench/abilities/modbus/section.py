@@ -24,6 +24,7 @@ from hil_bench.abilities.modbus.protocol.register_map import (
 )
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.records import Part
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, Tables, read_section
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class ModbusPart(ModbusConfig):
+class ModbusPart(Part, ModbusConfig):
     """The part that the table ``[modbus]`` describes; `ModbusConfig` is its data.
 
     Attributes:
@@ -55,11 +56,6 @@ class ModbusPart(ModbusConfig):
         "Modbus clients ask in real time, and bench time would stand while they do; "
         "leave --modbus and [modbus] out"
     )
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """No line: where clients find the server is known once it is open."""
-        return ()
 
     def extension(self, config: BenchConfig, bench: Bench) -> ModbusBinding:
         """Return the binding of the registers to a bench; `ConfigError` where one has no source."""

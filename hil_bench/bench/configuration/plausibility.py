@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from hil_bench.bench.configuration.records import BenchConfig, Doubting
+from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.settings import Origin, Problems, Range, Setting, Settings, quote_name
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import find_assumed_supply
@@ -64,12 +64,7 @@ def find_doubts(config: BenchConfig) -> list[str]:
         *_unresolved(source, config),
         *_out_of_reach(source, config),
         *_unknown_names(source, config),
-        *(
-            f"{source}:{doubt}"
-            for part in config.parts
-            if isinstance(part, Doubting)
-            for doubt in part.find_doubts(config)
-        ),
+        *(f"{source}:{doubt}" for part in config.parts for doubt in part.find_doubts(config)),
     ]
 
 

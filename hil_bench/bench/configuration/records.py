@@ -1,10 +1,10 @@
 """The resolved configuration: frozen records, SI inside, checked while they were loaded."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from hil_bench.config.settings import Setting
 from hil_bench.devices.kinds.kind import NodeConfig
@@ -63,66 +63,8 @@ class BusConfig:
         return (self.data_bitrate or 0) / (self.bitrate or USUAL_BITRATE) or 1.0
 
 
-class Part(Protocol):
-    """A part of a bench that an ability's table describes."""
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The lines on it at the start of a run."""
-
-    def attached(self, session: Any, config: "BenchConfig") -> AbstractContextManager[object]:  # noqa: ANN401 - of a layer above
-        """Return the part at work on a session, from before its first tick to its end."""
-
-
-@runtime_checkable
-class Joining(Protocol):
-    """A `Part` that is there from the building of the bench on.
-
-    Attributes:
-        is_fitted: whether its extension is fitted to the devices, which may refuse it.
-    """
-
-    is_fitted: ClassVar[bool]
-
-    def extension(self, config: "BenchConfig", bench: Any) -> Any:  # noqa: ANN401 - of layers above
-        """Return the extension that joins the bench; `ConfigError` where it does not fit."""
-
-
-@runtime_checkable
-class Doubting(Protocol):
-    """A `Part` with which something may be implausible."""
-
-    def find_doubts(self, config: "BenchConfig") -> Iterable[str]:
-        """Return doubts, without the name of the file, a line each."""
-
-
-@runtime_checkable
-class Troubling(Protocol):
-    """A `Part` by which something goes wrong on the bench."""
-
-    def sound(self) -> "Part":
-        """Return the part by which nothing does."""
-
-
-@runtime_checkable
-class Peopled(Protocol):
-    """A `Part` with devices beside the CANopen nodes.
-
-    Attributes:
-        ecus: their configurations, each with a name, a bus and a kind.
-    """
-
-    ecus: tuple[Any, ...]
-
-    def peers(self, config: "BenchConfig", surroundings: Any) -> Any:  # noqa: ANN401 - of layers above
-        """Return the devices, built, as `hil_bench.bench.peers.Peers`."""
-
-    def seen_from(self, bus: str) -> "Part":
-        """Return the part reduced to the devices of one bus, which is then the first."""
-
-
 class Served(Protocol):
-    """The open ends of a `Serving` part in a run.
+    """The open ends of a part that serves others in a run.
 
     Attributes:
         lines: on where it is found, at the start of the run.
@@ -136,18 +78,61 @@ class Served(Protocol):
     def helpers(self) -> Sequence[Any]: ...  # noqa: D102
 
 
-@runtime_checkable
-class Serving(Protocol):
-    """A `Part` that serves others in real time, by processes beside the loop.
+class Part:
+    """A part of a bench that an ability's table describes; what it does not define, it does not do.
 
     Attributes:
-        real_time_only: why it can do so in real time only, and what else to leave out.
+        is_fitted: whether its extension is fitted to the devices, which may refuse it.
+        real_time_only: of one that serves others: why it cannot but in real time, and what else to
+            leave out.
+        ecus: devices beside the CANopen nodes: their configurations, each with a name, a bus and a
+            kind.
     """
 
-    real_time_only: str
+    __slots__ = ()
+    is_fitted: ClassVar[bool] = False
+    real_time_only: ClassVar[str] = ""
+    ecus: tuple[Any, ...] = ()
 
-    def served(self, session: Any, config: "BenchConfig") -> AbstractContextManager[Served]:  # noqa: ANN401
-        """Return the part at work on a session that runs by the clock, in place of `attached`."""
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines on it at the start of a run."""
+        return ()
+
+    def attached(self, session: Any, config: "BenchConfig") -> AbstractContextManager[object]:  # noqa: ANN401 - of a layer above
+        """Return the part at work on a session, from before its first tick to its end."""
+        return nullcontext()
+
+    def served(
+        self,
+        session: Any,  # noqa: ANN401 - of a layer above
+        config: "BenchConfig",
+    ) -> AbstractContextManager[Served] | None:
+        """Return the part at work on a session that runs by the clock, in place of `attached`.
+
+        It serves others by processes beside the loop; None for one that serves nobody.
+        """
+        return None
+
+    def extension(self, config: "BenchConfig", bench: Any) -> Any:  # noqa: ANN401 - of layers above
+        """Return the extension that joins the bench; `ConfigError` where it does not fit."""
+        return None
+
+    def peers(self, config: "BenchConfig", surroundings: Any) -> Any:  # noqa: ANN401 - of layers above
+        """Return the devices of `ecus`, built, as `hil_bench.bench.peers.Peers`."""
+        return None
+
+    def find_doubts(self, config: "BenchConfig") -> Iterable[str]:
+        """Return what may be implausible with it, without the name of the file, a line each."""
+        return ()
+
+    def sound(self) -> "Part":
+        """Return the part by which nothing goes wrong on the bench."""
+        return self
+
+    def seen_from(self, bus: str) -> "Part":
+        """Return the part reduced to the devices of one bus, which is then the first."""
+        return self
 
 
 PartT = TypeVar("PartT")
@@ -186,9 +171,9 @@ class BenchConfig:
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
     supplies: tuple[SupplyConfig, ...] = ()
-    parts: tuple["Part", ...] = ()
+    parts: tuple[Part, ...] = ()
 
-    def of(self, kind: type["PartT"]) -> "PartT | None":
+    def of(self, kind: type[PartT]) -> PartT | None:
         """Return the part of an ability's table; None where the file has no such table.
 
         Args:
@@ -199,13 +184,12 @@ class BenchConfig:
     @property
     def ecus(self) -> tuple[Any, ...]:
         """The devices beside the nodes, those on J1939, in the order of the file."""
-        return tuple(ecu for part in self.parts if isinstance(part, Peopled) for ecu in part.ecus)
+        return tuple(ecu for part in self.parts for ecu in part.ecus)
 
     @property
     def sound(self) -> "BenchConfig":
         """The same bench, on which nothing goes wrong by itself."""
-        parts = [part.sound() if isinstance(part, Troubling) else part for part in self.parts]
-        return replace(self, parts=tuple(parts))
+        return replace(self, parts=tuple(part.sound() for part in self.parts))
 
     @property
     def buses(self) -> dict[str, BusConfig]:
@@ -227,9 +211,7 @@ class BenchConfig:
     def seen_from(self, bus: str) -> "BenchConfig":
         """Return the configuration reduced to one of the buses, as its first, and its nodes."""
         nodes = tuple(replace(node, bus=FIRST_BUS) for node in self.nodes if node.bus == bus)
-        parts = tuple(
-            part.seen_from(bus) if isinstance(part, Peopled) else part for part in self.parts
-        )
+        parts = tuple(part.seen_from(bus) for part in self.parts)
         return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, parts=parts)
 
     def full_scale(self, axis: AxisConfig) -> float:

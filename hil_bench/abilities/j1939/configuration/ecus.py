@@ -1,7 +1,6 @@
 """The tables ``[j1939.NAME]``: devices on SAE J1939, with the signals of those by table."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -20,7 +19,7 @@ from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
 from hil_bench.abilities.j1939.protocol.signals import NULL, Name
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.nodes import OtherDrive
-from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig
+from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig, Part
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
@@ -32,7 +31,7 @@ from hil_bench.units import ONE, si_unit
 
 
 @dataclass(frozen=True, slots=True)
-class J1939Part:
+class J1939Part(Part):
     """The part that the tables ``[j1939.NAME]`` describe.
 
     Attributes:
@@ -40,15 +39,6 @@ class J1939Part:
     """
 
     ecus: tuple[EcuConfig, ...]
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """No line: the devices are listed with the nodes."""
-        return ()
-
-    def attached(self, session: object, config: BenchConfig) -> AbstractContextManager[object]:  # noqa: ARG002 - of every part
-        """Return a context without content: the devices act in the ticks of the bench."""
-        return nullcontext()
 
     def peers(self, config: BenchConfig, surroundings: Surroundings) -> EcuTable:
         """Return the devices, built."""

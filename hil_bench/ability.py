@@ -22,6 +22,7 @@ OWN = (
     "copper",
     "demo",
     "doctor",
+    "drive",
     "evidence",
     "eyes",
     "faults",

@@ -123,7 +123,7 @@ class Part:
         return None
 
     def find_doubts(self, config: "BenchConfig") -> Iterable[str]:
-        """Return what may be implausible with it, without the name of the file, a line each."""
+        """Return doubts about it, without the name of the file, a line each."""
         return ()
 
     def sound(self) -> "Part":

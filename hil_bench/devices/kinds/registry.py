@@ -1,10 +1,10 @@
-"""The kinds of devices: the bench's own, and those of the entry points ``hil_bench.kinds``."""
+"""The kinds of devices: the core's, abilities', those of the entry points ``hil_bench.kinds``."""
 
 from typing import Any, Final
 
+from hil_bench.ability import given_to
 from hil_bench.config.values import describe
 from hil_bench.devices.kinds.chains import CHAIN_TABLE
-from hil_bench.devices.kinds.drive_402 import DRIVE
 from hil_bench.devices.kinds.encoder_406 import ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER
 from hil_bench.devices.kinds.generic import GENERIC
 from hil_bench.devices.kinds.kind import DeviceKind
@@ -37,8 +37,9 @@ KINDS: Final = Registry[DeviceKind[Any]](
     {
         kind.name: kind
         for kind in (
-            *(VALVE, PRESSURE, TRANSDUCER, ENCODER),
-            *(REDUNDANT_ENCODER, ROTARY_ENCODER, DRIVE, GENERIC),
+            *(VALVE, PRESSURE, TRANSDUCER, ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER),
+            *(kind for module in given_to("kinds") for kind in module.KINDS),
+            GENERIC,
         )
     },
     _find_fault,

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from device_profiles import DRIVE_402
+from hil_bench.abilities.drive.drive_402 import DriveDevice
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
-from hil_bench.devices.drive_402 import DriveDevice
 from hil_bench.devices.kinds.kind import require_quantities
 from hil_bench.devices.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
 from hil_bench.devices.kinds.surroundings import Surroundings
@@ -69,4 +69,5 @@ class DriveKind(SpoolKind[DriveConfig]):
         )
 
 
-DRIVE: Final = DriveKind()
+KINDS: Final = (DriveKind(),)
+"""The kinds of devices of this ability."""

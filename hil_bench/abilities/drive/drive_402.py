@@ -26,6 +26,13 @@ text of CiA 402 was not at hand. Gains, units and the refusals are this device's
 import math
 from typing import Final
 
+from hil_bench.abilities.drive.state_machine import (
+    MOVING,
+    STATUS,
+    DriveState,
+    DriveStateMachine,
+    Homing,
+)
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import (
     INTEGER8,
@@ -40,13 +47,6 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.devices.drive_state_machine import (
-    MOVING,
-    STATUS,
-    DriveState,
-    DriveStateMachine,
-    Homing,
-)
 from hil_bench.devices.motion_profiles import Motion
 from hil_bench.devices.profile_objects import TpdoTrigger, optional, required, saturate
 from hil_bench.errors import SdoAbort
@@ -175,7 +175,7 @@ class DriveDevice:
     def publish(self, answer: float, now: int) -> None:
         """Take the position of the spool, which the drive does not need."""
 
-    def measure(self, angle: float, speed: float, now: int) -> None:  # noqa: ARG002 - no delay
+    def measure(self, angle: float, speed: float, now: int) -> None:
         """Take what the drive's encoder measures, and show it.
 
         Args:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.devices.drive_state_machine import STATUS, DriveState, DriveStateMachine
+from hil_bench.abilities.drive.state_machine import STATUS, DriveState, DriveStateMachine
 
 S = DriveState
 

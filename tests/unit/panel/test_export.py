@@ -78,7 +78,8 @@ def post(port, content, secret=SECRET):
         with urllib.request.urlopen(request) as answer:  # noqa: S310 - likewise
             return answer.status, answer.read()
     except urllib.error.HTTPError as error:
-        return error.code, error.read()
+        with error:
+            return error.code, error.read()
 
 
 def test_a_page_with_the_secret_gets_the_file(port):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hil_bench.errors import about_file, check_replaceable
+from hil_bench.errors import ConfigError, about_file, check_replaceable
 from hil_bench.scratch import ScratchFolder
 
 
@@ -32,6 +32,22 @@ def whole_file(path: Path, *, replaces: bool = False) -> Iterator[Path]:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def check_place(option: str, path: Path) -> None:
+    """Refuse, before anything runs, a file that could not be written at the end.
+
+    Raises:
+        ConfigError: its folder is missing or read-only, or somebody else's file is there.
+    """
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise ConfigError(f"{option} {path}: there is no folder {path.parent}; make it first")
+    if path.is_dir():
+        raise ConfigError(f"{option} {path}: is a directory; give the name of a file")
+    if (path.is_file() or not path.exists()) and not os.access(folder, os.W_OK):
+        raise ConfigError(f"{option} {path}: its folder is read-only; give a file in one of yours")
+    check_replaceable(path)
 
 
 @contextmanager

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from hil_bench.abilities.common.files import whole_file
 from hil_bench.config.document import Sort, read_document
 from hil_bench.config.values import find_nearest
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 SUFFIX: Final = ".layout.toml"
 COLUMNS: Final = 12
@@ -173,19 +174,21 @@ def path_of(name: str, folder: Path) -> Path:
 
 
 def write_layout(layout: Mapping[str, Any], path: Path, *, replaces: bool) -> None:
-    """Write a checked layout.
+    """Write a checked layout; errors are those of `write_named`."""
+    text = "".join(f"{line}\n" for line in _lines(layout))
+    write_named(path, text, replaces=replaces)
+
+
+def write_named(path: Path, text: str, *, replaces: bool) -> None:
+    """Write a file under a name that a page gives; what is there stays until the new one is whole.
 
     Raises:
         ConfigError: a file of this name is there, or it cannot be written.
     """
-    text = "".join(f"{line}\n" for line in _lines(layout))
-    try:
-        with path.open("w" if replaces else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise ConfigError(f"{path} is there already; give another name, or replace it") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    if path.exists() and not replaces:
+        raise ConfigError(f"{path} is there already; give another name, or replace it")
+    with about_file(path), whole_file(path, replaces=True) as file:
+        file.write_text(text, encoding="utf-8")
 
 
 def _lines(layout: Mapping[str, Any]) -> Iterator[str]:

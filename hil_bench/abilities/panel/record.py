@@ -14,6 +14,7 @@ import numpy as np
 
 from hil_bench.abilities.common.files import scratch_folder
 from hil_bench.abilities.controllers.python.kind import EXAMPLES
+from hil_bench.abilities.panel.layouts import write_named
 from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
 from hil_bench.abilities.scenario.writing import JournalSteps, to_toml
@@ -136,19 +137,8 @@ def make_scenario(
 
 
 def write_test(scenario: Scenario, *, replaces: bool) -> None:
-    """Write a scenario to its path.
-
-    Raises:
-        ConfigError: a file of this name is there, or it cannot be written.
-    """
-    path = scenario.path
-    try:
-        with path.open("w" if replaces else "x", encoding="utf-8") as file:
-            file.write(to_toml(scenario))
-    except FileExistsError:
-        raise ConfigError(f"{path} is there already; give another name, or replace it") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    """Write a scenario to its path; errors are those of `write_named`."""
+    write_named(scenario.path, to_toml(scenario), replaces=replaces)
 
 
 async def play_test(path: Path) -> dict[str, Any]:

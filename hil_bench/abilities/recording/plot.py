@@ -24,7 +24,7 @@ from hil_bench.abilities.common.figure_style import (
 )
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.recording.reading import given_units
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,
@@ -175,12 +175,13 @@ def save_figure(draw: Callable[[], "Figure"], path: Path) -> None:
 
     def draw_and_write() -> "Figure":
         figure = draw()
-        try:
-            with whole_file(path) as file:
+        right = "give a file in a directory of yours"
+        with about_file(path, right=right), whole_file(path) as file:
+            try:
                 figure.savefig(file, dpi=150)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise ConfigError(f"{path}: cannot be written: {reason}; give a .png file") from None
+            except ValueError as error:
+                text = f"{path}: cannot be written: {error}; give a .png file"
+                raise ConfigError(text) from None
         return figure
 
     styled(draw_and_write, what=f"{path}: a plot")

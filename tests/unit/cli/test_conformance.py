@@ -128,7 +128,7 @@ def test_nobody_there_is_inconclusive_with_a_hint(tmp_path, capsys):
         (["--node-id", "9"], "no --eds, and the built-in bench has no such node"),
         (["--node-id", "1", "--store"], "--store: overwrites what the device has stored"),
         (["--node-id", "1", "--patience", "0"], "--patience 0: give more than 0"),
-        (["--node-id", "1", "--report", "nowhere/report.md"], "there is no such folder"),
+        (["--node-id", "1", "--report", "nowhere/report.md"], "there is no folder nowhere"),
         (["--node-id", "1", "--report", "."], "--report .: is a directory"),
         (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),
     ],

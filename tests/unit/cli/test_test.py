@@ -135,6 +135,20 @@ def test_a_junit_file_without_a_folder_is_refused_before_anything_is_played(tmp_
     assert "there is no folder" in found.err
 
 
+@pytest.mark.parametrize("option", ["--junit", "--report"])
+def test_a_read_only_folder_is_refused_before_anything_is_played(
+    option, tmp_path, capsys, monkeypatch
+):
+    """Root may write into all folders but those of a read-only disk."""
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar")
+    monkeypatch.setattr("os.access", lambda folder, _mode: Path(folder) != tmp_path)
+    file = str(tmp_path / "result.html")
+    assert main(["test", path, option, file]) == ExitCode.USAGE
+    found = capsys.readouterr()
+    assert found.out == ""
+    assert f"{option} {file}: its folder is read-only" in found.err
+
+
 def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
     path = scenario(
         tmp_path, "always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'

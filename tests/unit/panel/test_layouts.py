@@ -1,6 +1,8 @@
 """Layouts of the page: what is taken of a file, and what is refused in a line."""
 
+import errno
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,7 @@ from hil_bench.abilities.panel.layouts import (
 )
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, DiskError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PLACE = {"column": 1, "row": 1, "width": 6, "height": 2}
@@ -141,6 +143,22 @@ def test_what_is_written_is_read_back(tmp_path):
         (tmp_path / f"{number:03}.layout.toml").touch()
     (tmp_path / "other.toml").touch()
     assert list_layouts(tmp_path) == [f"{number:03}" for number in range(100)]
+
+
+def test_a_full_disk_leaves_the_layout_that_was_there(tmp_path, monkeypatch):
+    path = path_of("day", tmp_path)
+    write_layout(check(title="old"), path, replaces=False)
+
+    def fill(file, text, encoding):
+        with file.open("w", encoding=encoding) as opened:
+            opened.write(text[:5])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", fill)
+    with pytest.raises(DiskError, match="cannot be written: No space left on device"):
+        write_layout(check(title="new"), path, replaces=True)
+    assert read_layout(path)["title"] == "old"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_a_picture_that_cannot_be_written_says_why(tmp_path):
         plot.plot_result(recording("axis1"), tmp_path / "run.xyz")
 
     assert str(caught.value) == (
-        f"{path}: cannot be written: No such file or directory; give a .png file"
+        f"{path}: cannot be written: No such file or directory; give a file in a directory of yours"
     )
 
 

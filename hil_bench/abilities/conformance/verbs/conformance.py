@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
-from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.files import check_place, whole_file
 from hil_bench.abilities.common.progress import (
     Work,
     shown_work,
@@ -154,10 +154,8 @@ def _allowed(args: argparse.Namespace) -> Impact:
         raise ConfigError("--store: overwrites what the device has stored; give --write, too")
     if not 0.0 < args.patience < 60.0:
         raise ConfigError(f"--patience {args.patience:g}: give more than 0 and less than 60 s")
-    if args.report is not None and not args.report.absolute().parent.is_dir():
-        raise ConfigError(f"--report {args.report}: there is no such folder; make it first")
-    if args.report is not None and args.report.is_dir():
-        raise ConfigError(f"--report {args.report}: is a directory; give the name of a file")
+    if args.report is not None:
+        check_place("--report", args.report)
     if args.store:
         return Impact.STORE
     return Impact.WRITE if args.write else Impact.READ

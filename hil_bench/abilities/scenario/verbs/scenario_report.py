@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hil_bench
-from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.files import check_place, whole_file
 from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
@@ -30,7 +30,6 @@ from hil_bench.config.settings import Origin
 from hil_bench.errors import (
     ConfigError,
     about_file,
-    check_replaceable,
 )
 from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
 from hil_bench.units import ONE
@@ -80,12 +79,8 @@ def check_report_argument(args: argparse.Namespace) -> None:
         return
     if args.report.suffix.lower() != _SUFFIX:
         raise ConfigError(f"--report {args.report}: give the name of an {_SUFFIX} file")
-    if not args.report.parent.is_dir():
-        raise ConfigError(
-            f"--report {args.report}: there is no folder {args.report.parent}; make it first"
-        )
     for path in (args.report, args.report.with_suffix(".json")):
-        check_replaceable(path)
+        check_place("--report", path)
     if find_spec("jinja2") is None:
         raise ConfigError("--report needs Jinja2: pip install 'hil-bench[report]'")
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.files import check_place
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
@@ -30,7 +31,7 @@ from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
 from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
-from hil_bench.errors import ConfigError, check_replaceable
+from hil_bench.errors import ConfigError
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders
 
@@ -127,10 +128,7 @@ def _check_outputs(args: argparse.Namespace) -> None:
     """
     scenario_report.check_report_argument(args)
     if args.junit is not None:
-        if not args.junit.parent.is_dir():
-            missing = f"there is no folder {args.junit.parent}; make it first"
-            raise ConfigError(f"--junit {args.junit}: {missing}")
-        check_replaceable(args.junit)
+        check_place("--junit", args.junit)
     if args.jobs > 1 and is_on_machine(args):
         raise ConfigError(
             f"--jobs {args.jobs}: a machine plays one scenario at a time; leave it out"

@@ -12,7 +12,7 @@ from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import Asked, window_ticks
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import Atom, Condition, Window
-from hil_bench.abilities.scenario.reach import breadth, has_duration, names_in
+from hil_bench.abilities.scenario.reach import breadth, has_duration, names_in, walk
 from hil_bench.abilities.scenario.streams import Stream
 from hil_bench.abilities.scenario.syntax import DEEPEST
 from hil_bench.abilities.scenario.values import Block, Bounds, Floats, join
@@ -389,6 +389,16 @@ class Examination:
         edges = np.diff(found.astype(np.int8), prepend=0, append=0)
         starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
         return list(zip(starts.tolist(), ends.tolist(), strict=True))
+
+    def stillness(self) -> str:
+        """Say that no signal of a requirement about signals alone ever changed; else nothing."""
+        pieces = list(walk([self._requirement]))
+        names = sorted({each.name for each in pieces if isinstance(each, nodes.Reading)})
+        if not names or any(isinstance(each, nodes.StateIs | nodes.Event) for each in pieces):
+            return ""
+        columns = [self.values.columns[name][: self._seen] for name in names]
+        has_changed = any((column[1:] != column[:-1]).any() for column in columns)
+        return "" if has_changed or self._seen < 2 else f"{', '.join(names)} never changed"
 
     def idle_wait(self) -> str:
         """Say that a fulfilled requirement waits for what was so from the start; else nothing.

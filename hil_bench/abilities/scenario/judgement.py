@@ -272,9 +272,10 @@ def judge(
         deciding = replace(deciding, rank=_RANKS[monitor.is_met, asks_for(requirement)])
     if monitor.is_met:
         lacks = [f"the fault {fault} has changed nothing" for fault in idle]
-        lacks += ["its trigger never became true"] * (0 in times)
+        where = " where it was seen" if coverage.unknown else ""
+        lacks += [f"its trigger never became true{where}"] * (0 in times)
         outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
-        reason = "; ".join(lacks) or examination.idle_wait()
+        reason = "; ".join(lacks) or examination.idle_wait() or examination.stillness()
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found, duration = examination.first_violated, examination.violated_time
     begin = (cause.tick if found is None else found) * tick_ns / 1e9

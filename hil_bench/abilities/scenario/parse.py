@@ -156,6 +156,8 @@ class _Builder:
             given: list[syntax.Operand] = [node, *(self.build(_tree(each)) for each in rest[1:])]
         else:
             given = [self.build(_tree(each)) for each in rest]
+        if name in {nodes.EMCY, nodes.FRAME}:
+            _check_digits(tree)
         return CALLS[str(name)](given, position, self._known)
 
     def _negative(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
@@ -283,3 +285,16 @@ class _Builder:
 
 def _tree(child: object) -> "Tree[Token]":
     return cast("Tree[Token]", child)
+
+
+def _check_digits(tree: "Tree[Token]") -> None:
+    """Refuse a decimal number where everybody writes hexadecimal ones: 8130 is meant as 0x8130.
+
+    Raises:
+        ExpectationError: there is one of two digits or more.
+    """
+    for token in tree.scan_values(lambda each: each.type == "NUMBER" and each.isdecimal()):
+        if int(token) > 9:
+            position = nodes.Position(token.line, token.column)
+            right = f"write 0x{token}, or 0x{int(token):X} for the same number"
+            raise syntax.ExpectationError(position, f"{token} is decimal here; {right}")

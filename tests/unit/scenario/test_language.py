@@ -232,6 +232,8 @@ def test_what_survives_a_cut_passes_every_beginning_of_a_passed_run(text):
         ('valve.state < "HOLD"', 1, 1, "give == or !="),
         ("rises(valve.state)", 1, 1, 'rises(valve.state == "...")'),
         ("emcy(valv)", 1, 6, '"valv" is no node; the nearest is valve'),
+        ("not emcy(valve, 8130)", 1, 17, "8130 is decimal here; write 0x8130, or 0x1FC2 for the"),
+        ("frame(181)", 1, 7, "181 is decimal here; write 0x181, or 0xB5 for the same number"),
         ("emcy(5)", 1, 1, "emcy takes the name of a node"),
         ("emcy(5, 0x8110)", 1, 1, "emcy takes the name of a node"),
         ("emcy(valve, 0x8110, 1)", 1, 1, "emcy takes the name of a node"),

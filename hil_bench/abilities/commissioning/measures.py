@@ -27,6 +27,8 @@ class Verdict(StrEnum):
     """A measure is out of its limits."""
     STOPPED = "stopped"
     """It left a limit, or a device failed: the valve was closed and the step ended."""
+    INCONCLUSIVE = "inconclusive"
+    """A measure could not be told, and no other one is out of its limits."""
     NOT_RUN = "not run"
 
 
@@ -57,6 +59,11 @@ class Measure:
     def is_right(self) -> bool:
         """Return True within its limits or without any; with limits, unknown is not right."""
         return not self.is_judged or self.low <= self.value <= self.high
+
+    @property
+    def is_wrong(self) -> bool:
+        """Return True if it is known, and out of its limits."""
+        return not self.is_right and not math.isnan(self.value)
 
     def text(self) -> str:
         """Return the value for people; more digits where four would put it within its limits."""
@@ -157,9 +164,12 @@ class StepResult:
 
     def judge(self) -> None:
         """Set the verdict by measures and findings, unless the step was stopped or not run."""
-        is_right = all(measure.is_right for measure in self.measures) and not self.findings
-        if self.verdict in {Verdict.PASSED, Verdict.FAILED}:
-            self.verdict = Verdict.PASSED if is_right else Verdict.FAILED
+        if self.verdict is not Verdict.PASSED:
+            return
+        if self.findings or any(measure.is_wrong for measure in self.measures):
+            self.verdict = Verdict.FAILED
+        elif not all(measure.is_right for measure in self.measures):
+            self.verdict = Verdict.INCONCLUSIVE
 
 
 # Estimates from samples: slopes, dead band, friction, frequency response, second-order mode.

@@ -197,6 +197,12 @@ def check_against(plan: CommissioningPlan, axis: CylinderConfig) -> None:
                 f"may go from {low * 1e3:g} to {high * 1e3:g} mm, the stroke is "
                 f"{-half * 1e3:g} to {half * 1e3:g} mm; give position_mm {allowed}",
             )
+        opening, parameters = step.values.get("opening"), axis.parameters
+        if opening is not None and expected_speed(opening, parameters) <= 0.0:
+            dead = parameters.beta / parameters.full_opening
+            wrong = f"{100 * opening:g} is within the dead band of {100 * dead:.3g} %"
+            right = "the axis would not move by the data sheet; give more"
+            problems.add(problems.place(step.kind, "opening_percent"), f"{wrong}: {right}")
         travel = expected_travel(step, axis.parameters)
         room = high - low
         if travel > 0.9 * room:

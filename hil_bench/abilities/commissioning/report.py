@@ -233,7 +233,8 @@ def _hex(number: int | None) -> str:
 
 
 def _measure_row(measure: measures.Measure) -> Row:
-    mark = "" if not measure.is_judged else "pass" if measure.is_right else "FAIL"
+    known = "pass" if measure.is_right else "FAIL" if measure.is_wrong else "unknown"
+    mark = known if measure.is_judged else ""
     return measure.name, measure.text(), measure.range_text(), mark
 
 

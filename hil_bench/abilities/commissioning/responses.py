@@ -100,7 +100,8 @@ def chirp(procedure: Procedure, step: Step) -> StepResult:
         Measure("effective bulk modulus", modulus * 1e-6, "MPa"),
         Measure("coherence, mean", float(measured.coherence.mean()), "", low=0.5),
     ]
-    if mode.frequency < (1 - share) * sheet:
+    is_moved = not result.measures[-1].is_wrong  # else what was fitted is no response
+    if is_moved and mode.frequency < (1 - share) * sheet:
         result.findings.append(_soft_oil(mode.frequency, sheet, modulus, procedure.parameters.E))
     result.curves += _bode(measured, mode)
     return result

@@ -124,7 +124,7 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
         ),
         Measure("load force", found.load, "N", *_load_limits(procedure.axis, load, step)),
     ]
-    if not result.measures[-1].is_right:
+    if result.measures[-1].is_wrong:
         result.findings.append(_other_load(result.measures[-1], parameters.A_A))
     line = np.array([speed.min(), -slowest, math.nan, slowest, speed.max()])
     fit = found.load + np.sign(line) * found.coulomb + found.viscous * line
@@ -244,11 +244,11 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
                 "cm³/min",
             ),
         ]
-    if not all(measure.is_right for measure in result.measures):
-        evidence = ", ".join(f"{m.name} {m.text()}" for m in result.measures if not m.is_right)
+    wrong = [f"{measure.name} {measure.text()}" for measure in result.measures if measure.is_wrong]
+    if wrong:
         mend = (
             "look at the piston seal, the valve's edges and the fittings; a position sensor that "
             "drifts looks the same"
         )
-        result.findings.append(Diagnosis("leakage", evidence, mend))
+        result.findings.append(Diagnosis("leakage", ", ".join(wrong), mend))
     return result

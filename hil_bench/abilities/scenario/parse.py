@@ -293,8 +293,8 @@ def _check_digits(tree: "Tree[Token]") -> None:
     Raises:
         ExpectationError: there is one of two digits or more.
     """
-    for token in tree.scan_values(lambda each: each.type == "NUMBER" and each.isdecimal()):
-        if int(token) > 9:
-            position = nodes.Position(token.line, token.column)
+    for token in tree.scan_values(lambda each: getattr(each, "type", "") == "NUMBER"):
+        if token.isdecimal() and int(token) > 9:
+            position = nodes.Position(token.line or 1, token.column or 1)
             right = f"write 0x{token}, or 0x{int(token):X} for the same number"
             raise syntax.ExpectationError(position, f"{token} is decimal here; {right}")

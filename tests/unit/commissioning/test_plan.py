@@ -122,6 +122,14 @@ def test_what_is_wrong_with_a_plan(load, text, message):
                 "smaller opening_percent or a shorter duration_s"
             ),
         ),
+        (
+            # 3 of 13 mm of the built-in axis' spool do not open its valve.
+            LIMITS + "[communication]\n[direction]\nopening_percent = 23\n",
+            (
+                "direction.opening_percent: 23 is within the dead band of 23.1 %: the axis would "
+                "not move by the data sheet; give more"
+            ),
+        ),
     ],
 )
 def test_a_plan_that_would_leave_the_stroke(load, text, message):

@@ -127,6 +127,14 @@ def test_a_measure_is_right_within_its_limits(measure, is_right):
     assert measure.is_right is is_right
 
 
+def test_what_could_not_be_told_is_no_failure_and_no_pass():
+    unknown, wrong = Measure("x", float("nan"), "m", high=1.0), Measure("y", 2.0, "m", high=1.0)
+    for measures, verdict in (([unknown], "inconclusive"), ([unknown, wrong], "failed")):
+        result = StepResult("ramp", measures=measures)
+        result.judge()
+        assert result.verdict == verdict
+
+
 def test_a_step_fails_by_a_measure_or_a_finding_but_stays_stopped():
     wrong = Measure("x", 2.0, "m", high=1.0)
     for result, verdict in (

@@ -19,7 +19,6 @@ from hil_bench.abilities.identification.fit import (
     Clock,
     Fit,
     Problem,
-    require_startable,
     search,
 )
 from hil_bench.abilities.identification.identify import Options, make_coarse
@@ -30,7 +29,6 @@ from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.config.settings import Settings
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model.courses import states_without_start
 
 Values = npt.NDArray[np.float64]
 
@@ -144,7 +142,6 @@ def compare(
     Raises:
         ConfigError: the time was over before all causes were tried, or no strokes are alike.
     """
-    require_startable(states_without_start(axis.options))
     clock = Clock(monotonic() + options.seconds, options.tick)
     first, second = (
         make_coarse(record, axis, settings, options.jobs, clock) for record in (before, after)

@@ -7,19 +7,15 @@ from enum import Enum
 from pathlib import Path
 
 from hil_bench.abilities.identification.identify import Estimate, Identification
-from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG, STICTION
+from hil_bench.abilities.identification.ladder import ALIASES
+from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
 
 _HEADER = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]?\]\s*(#.*)?$")
 _DATA_SHEET = {key.name for key in DATA_SHEET_KEYS}
-_OF = {
-    "piston_side_volume_cm3": "dead_a",
-    "rod_side_volume_cm3": "dead_b",
-    "static_friction_n": STICTION,
-    "relief_gradient_l_min_bar": DROOP,
-}
+_OF = {**ALIASES, "relief_gradient_l_min_bar": DROOP}
 """The unknown behind a key that has another name."""
 
 

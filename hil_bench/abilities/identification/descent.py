@@ -40,7 +40,7 @@ def descend(
         slope, cost = slopes(here), float(off @ off)
         hessian, gradient = slope.T @ slope, slope.T @ off
         for _ in range(_TRIES):
-            there = here + _step(here, hessian, gradient, damping, bounds)
+            there = here + damped_step(here, hessian, gradient, damping, bounds)
             off_there = residuals(there)
             lowered = cost - float(off_there @ off_there)
             if lowered > 0.0:
@@ -55,7 +55,7 @@ def descend(
     return here
 
 
-def _step(
+def damped_step(
     here: Values, hessian: Values, gradient: Values, damping: float, bounds: tuple[Values, Values]
 ) -> Values:
     """Return one damped step; variables that would leave their bounds end there."""

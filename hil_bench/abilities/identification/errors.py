@@ -113,13 +113,11 @@ def _late(way: Values, way_model: Values) -> float:
 
 
 def _crossing(way: Values, share: float) -> float:
-    row = _reach(way, share)
-    if row == 0 or way[row] == way[row - 1]:
-        return float(row)
-    if way[row] < share:
+    farthest = np.maximum.accumulate(way)
+    if farthest[-1] < share:
         # It ends before: it would be there later, at the speed that it has had.
-        return len(way) * share / max(float(way.max()), 1e-3)
-    return float(row - 1 + (share - way[row - 1]) / (way[row] - way[row - 1]))
+        return len(way) * share / max(float(farthest[-1]), 1e-3)
+    return float(np.interp(share, farthest, np.arange(len(way))))
 
 
 def _reach(way: Values, share: float) -> int:

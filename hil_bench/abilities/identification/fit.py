@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.descent import descend
+from hil_bench.abilities.identification.descent import damped_step, descend
 from hil_bench.abilities.identification.logger import sense
 from hil_bench.abilities.identification.machine import Running, Template, Unknown, read_values
 from hil_bench.abilities.identification.record import FLOORS
 from hil_bench.abilities.identification.strokes import Course, Stroke
-from hil_bench.errors import ConfigError, ParameterError
+from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 
@@ -30,6 +30,7 @@ _MIDDLE, _FEW_ROWS, _LEAST_TRAVEL = (0.35, 0.65), 4, 2e-3  # of the travel, wher
 _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
+_HARDLY, _HALVES = 1e-9, 8  # damping of a step of Newton; times that it is halved at most
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
@@ -219,6 +220,10 @@ class Problem:
             else None
             for measured, one in zip(self._measured, bench.course.strokes, strict=True)
         ]
+        self.bounds = (
+            np.array([one.low for one in unknowns]),
+            np.array([one.high for one in unknowns]),
+        )
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
@@ -272,6 +277,26 @@ class Problem:
         with ThreadPoolExecutor(self.bench.jobs) as pool:
             return np.stack(list(pool.map(slope, range(len(steps)))), axis=1)
 
+    def without(self, variables: Values, folds: Sequence[Sequence[int]]) -> list[Values]:
+        """Return the variables of a fit without some of its strokes each, by one step of Newton.
+
+        A search from where these strokes count, too, would keep what only they show.
+        """
+        slopes, residuals = self.slopes(variables), self._residuals
+        owner = np.repeat(np.arange(len(self.lengths)), self.lengths)
+        owner = np.append(owner, np.full(len(variables), -1))  # expectations stay
+        left = []
+        for fold in folds:
+            part, off = (one[~np.isin(owner, fold)] for one in (slopes, residuals))
+            step = damped_step(variables, part.T @ part, part.T @ off, _HARDLY, self.bounds)
+            for _ in range(_HALVES):
+                try:
+                    self.bench.machine(read_values(self.unknowns, variables + step))
+                except ParameterError:
+                    step = 0.5 * step
+            left.append(np.asarray(variables + step))
+        return left
+
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.
         expected = self.doubt * (variables - self.start) / self.spread
@@ -322,13 +347,11 @@ def search(
         an infinite cost if nothing was run.
     """
     problem = Problem(bench, unknowns)
-    low = np.array([one.low for one in unknowns])
-    high = np.array([one.high for one in unknowns])
-    begin = np.clip(begin, low, high)
+    begin = np.clip(begin, *problem.bounds)
     problem.best = (math.inf, begin)
     is_whole = True
     try:
-        descend(problem.residuals, problem.slopes, begin, (low, high), rounds, exact)
+        descend(problem.residuals, problem.slopes, begin, problem.bounds, rounds, exact)
     except Stopped:
         is_whole = False
     cost, variables = problem.best
@@ -390,14 +413,3 @@ def _robust_size(values: Values) -> float:
         return 0.0
     most = 4.0 * float(np.quantile(np.abs(there), 0.8))
     return float(np.sqrt(np.square(np.clip(there, -most, most)).mean()))
-
-
-def require_startable(hidden: Sequence[str]) -> None:
-    """Refuse extensions whose states a start at rest does not determine.
-
-    Raises:
-        ConfigError: there are some.
-    """
-    if hidden:
-        what = " and ".join(hidden)
-        raise ConfigError(f"identification cannot carry {what} of this axis; switch that off")

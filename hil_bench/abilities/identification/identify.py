@@ -15,11 +15,10 @@ from hil_bench.abilities.identification.fit import (
     Clock,
     Fit,
     Problem,
-    require_startable,
     search,
 )
 from hil_bench.abilities.identification.ladder import Ladder, Wish, climb
-from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.machine import Template, Unknown
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.config.settings import Settings
@@ -122,7 +121,6 @@ def identify(
         options: how; None for the usual ones.
     """
     chosen = Options() if options is None else options
-    require_startable(states_without_start(axis.options))
     clock = Clock(monotonic() + chosen.seconds, chosen.tick)
     coarse = make_coarse(record, axis, settings, chosen.jobs, clock)
     ladder = climb(coarse, chosen.wish, chosen.say)
@@ -157,18 +155,26 @@ def identify(
 def make_coarse(
     record: AxisRecord, axis: CylinderConfig, settings: Settings, jobs: int, clock: Clock
 ) -> Bench:
-    """Return the plant beside a record, coarse, for the ladder; arguments as of `identify`."""
-    bench = Bench(
-        Template(axis, settings, len(record.sessions)),
-        make_course(record, _COARSE),
-        _COARSE_STEP,
-        jobs=jobs,
-        clock=clock,
-        blur=_BLUR,
-        has_middles=True,
+    """Return the plant beside a record, coarse, for the ladder; arguments as of `identify`.
+
+    Raises:
+        ConfigError: a start at rest does not determine all states of the machine, or its piston
+            leaves the configured stroke by more than a tenth.
+    """
+    if hidden := states_without_start(axis.options):
+        what = " and ".join(hidden)
+        raise ConfigError(f"identification cannot carry {what} of this axis; switch that off")
+    course = make_course(record, _COARSE)
+    h, worst = axis.parameters.h, float(np.abs(course.record.measured[:, 0]).max())
+    if worst > 1.1 * h:
+        raise ConfigError(
+            f"the position reaches {1e3 * worst:.4g} mm from mid-stroke, and stroke_mm allows "
+            f"{1e3 * h:g} mm; check its unit and offset (mid-stroke is 0), or stroke_mm"
+        )
+    template = Template(axis, settings, len(record.sessions))
+    return Bench(
+        template, course, _COARSE_STEP, jobs=jobs, clock=clock, blur=_BLUR, has_middles=True
     )
-    _require_reach(bench)
-    return bench
 
 
 def _refine(bench: Bench, found: Fit) -> tuple[Fit, Bench]:
@@ -219,39 +225,19 @@ def _estimates(fit: Fit, covariance: Values, strokes: int) -> tuple[Estimate, ..
     """Return the estimates, their intervals by Student's t: few strokes tell a spread badly."""
     from scipy.stats import t  # noqa: PLC0415 - an extra
 
-    times, estimates = float(t.ppf(0.975, max(strokes - 1, 1))), []
+    times = float(t.ppf(0.975, max(strokes - 1, 1)))
     expected = np.array([one.spread for one in fit.unknowns])  # no record makes that wider
     owns = np.minimum(np.sqrt(np.diag(covariance)), expected)
-    for unknown, variable, own in zip(
-        fit.unknowns, fit.variables.tolist(), owns.tolist(), strict=True
-    ):
-        reach = times * own
-        low, high = max(variable - reach, unknown.low), min(variable + reach, unknown.high)
-        value = unknown.value(variable)
-        estimates.append(
-            Estimate(
-                unknown.name,
-                value,
-                own * abs(unknown.slope(variable)),
-                (unknown.value(low), unknown.value(high)),
-                unknown.value(unknown.start),
-                own < min(_TOLD * unknown.spread, _TOLD_AT_MOST),
-            )
+
+    def estimate(unknown: Unknown, variable: float, own: float) -> Estimate:
+        ends = max(variable - times * own, unknown.low), min(variable + times * own, unknown.high)
+        return Estimate(
+            unknown.name,
+            unknown.value(variable),
+            own * abs(unknown.slope(variable)),
+            (unknown.value(ends[0]), unknown.value(ends[1])),
+            unknown.value(unknown.start),
+            own < min(_TOLD * unknown.spread, _TOLD_AT_MOST),
         )
-    return tuple(estimates)
 
-
-def _require_reach(bench: Bench) -> None:
-    """Refuse a record whose piston leaves the configured stroke by more than a tenth.
-
-    Raises:
-        ConfigError: it does.
-    """
-    x = bench.course.record.measured[:, 0]
-    h = bench.template.axis.parameters.h
-    worst = float(np.abs(x).max())
-    if worst > 1.1 * h:
-        raise ConfigError(
-            f"the position reaches {1e3 * worst:.4g} mm from mid-stroke, and stroke_mm allows "
-            f"{1e3 * h:g} mm; check its unit and offset (mid-stroke is 0), or stroke_mm"
-        )
+    return tuple(map(estimate, fit.unknowns, fit.variables.tolist(), owns.tolist()))

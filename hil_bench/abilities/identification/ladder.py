@@ -92,18 +92,14 @@ ALIASES = {
     "piston_side_volume_cm3": "dead_a",
     "rod_side_volume_cm3": "dead_b",
     "static_friction_n": STICTION,
-    "position_delay_ms": DELAY,
-    "pressure_lag_ms": LAG,
-    "supply_droop_bar_min_l": DROOP,
 }
 """The unknown behind a name that a user may fix or free."""
 
 
-def _logs(*ratios: float) -> tuple[tuple[float], ...]:
-    return tuple((math.log(one),) for one in ratios)
+def _logs(*ratios: float) -> tuple[float, ...]:
+    return tuple(map(math.log, ratios))
 
 
-_UNIT = ("pump_flow_l_min", "relief_pressure_bar", "accumulator_volume_l")
 _BEGIN = {
     "flow_saturation": 0.3,
     "entrained_air_percent": 0.5,
@@ -119,19 +115,19 @@ _BEGIN = {
 """Variables from which the search goes on where an unknown is at its bound of zero."""
 
 
-_GRIDS: Mapping[tuple[str, ...], Sequence[tuple[float, ...]]] = {
-    ("dead_a",): _logs(3.0, 10.0, 30.0),
-    ("dead_b",): _logs(3.0, 10.0, 30.0),
-    ("bulk_modulus_mpa",): _logs(1.4, 0.7, 0.5, 0.35, 0.2),
-    ("spool_natural_frequency_rad_s",): _logs(1.5, 0.7, 0.5, 0.35),
-    (SLEW,): _logs(1.0, 0.5, 0.3, 0.2),
-    (DELAY,): ((0.0,), (1.0,), (2.0,), (3.0,), (5.0,)),
-    (LAG,): ((0.0,), (1.0,), (2.0,), (5.0,)),
-    ("null_opening_um",): ((0.0,), (0.2,), (0.5,), (1.0,)),
-    ("internal_leakage_l_min_bar",): ((0.0,), (1.0,), (3.0,), (10.0,)),
-    (DROOP,): ((0.0,), (1.0,), (2.0,), (4.0,)),
+_GRIDS: Mapping[str, Sequence[float]] = {
+    "dead_a": _logs(3.0, 10.0, 30.0),
+    "dead_b": _logs(3.0, 10.0, 30.0),
+    "bulk_modulus_mpa": _logs(1.4, 0.7, 0.5, 0.35, 0.2),
+    "spool_natural_frequency_rad_s": _logs(1.5, 0.7, 0.5, 0.35),
+    SLEW: _logs(1.0, 0.5, 0.3, 0.2),
+    DELAY: (0.0, 1.0, 2.0, 3.0, 5.0),
+    LAG: (0.0, 1.0, 2.0, 5.0),
+    "null_opening_um": (0.0, 0.2, 0.5, 1.0),
+    "internal_leakage_l_min_bar": (0.0, 1.0, 3.0, 10.0),
+    DROOP: (0.0, 1.0, 2.0, 4.0),
 }
-"""Variables that are tried before the search, some together."""
+"""Variables that are tried before the search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,9 +209,7 @@ def climb(
     every = [*wish.free, *_offsets(few), *_stops(few)]
     names = find_free(few, [*STEADY, *_offsets(few)], wish)
     overlap = few.template.start("spool_overlap_mm")
-    width = _width(few) * few.template.start("orifice_width_mm")
-    begin = dict.fromkeys(OVERLAPS, overlap) | {"orifice_width_mm": width}
-    unknowns, variables = _pairs(few, names, begin)
+    unknowns, variables = _pairs(few, names, dict.fromkeys(OVERLAPS, overlap))
     variables = fit_plateaus(few, unknowns, variables)
     few = few.rescaled(read_values(unknowns, variables))
     first = search(few, unknowns, variables, 0)
@@ -264,16 +258,13 @@ def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
     if len(strokes) < 6:
         few = f"{len(strokes)} strokes, each left out once; record four each way at three openings"
         return [[place] for place in range(len(strokes))], (few,)
-    openings = np.array([one.opening for one in strokes])
-    folds = [part.tolist() for part in _by_amplitude(openings)]
-    notes: tuple[str, ...] = ()
     # What only the smallest opening shows, the overlap, no other one predicts.
-    folds = folds[1:]
-    if not folds:
-        notes = ("all strokes have one opening: no other amplitude was predicted",)
-        order = np.random.default_rng(5).permutation(len(strokes))
-        folds = [sorted(order[k::_FOLDS].tolist()) for k in range(_FOLDS)]
-    return folds, notes
+    _, *larger = _by_amplitude(np.array([one.opening for one in strokes]))
+    if larger:
+        return [part.tolist() for part in larger], ()
+    order = np.random.default_rng(5).permutation(len(strokes))
+    folds = [sorted(order[k::_FOLDS].tolist()) for k in range(_FOLDS)]
+    return folds, ("all strokes have one opening: no other amplitude was predicted",)
 
 
 def _by_amplitude(openings: Values) -> list[npt.NDArray[np.int64]]:
@@ -322,14 +313,8 @@ def find_free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
 
 def _alike(bench: Bench) -> list[int]:
     """Return the places of strokes, few of those that are alike."""
-    seen: dict[tuple[int, int, bool], int] = {}
-    places = []
-    for place, stroke in enumerate(bench.course.strokes):
-        kind = (stroke.session, round(50.0 * stroke.opening), stroke.is_forth)
-        seen[kind] = seen.get(kind, 0) + 1
-        if seen[kind] <= _ALIKE:
-            places.append(place)
-    return places
+    kinds = [(one.session, round(50.0 * one.opening), one.is_forth) for one in bench.course.strokes]
+    return [place for place, kind in enumerate(kinds) if kinds[:place].count(kind) < _ALIKE]
 
 
 def _offsets(bench: Bench) -> list[str]:
@@ -372,51 +357,32 @@ def _scan(
     """
     problem = Problem(replace(bench, blur=0.0), unknowns)
     names = [one.name for one in unknowns]
-    best = (math.inf, variables)
-    tried = [(keys, grid) for keys, grid in _GRIDS.items() if {*keys} <= {*names} & {*more}]
+    tried = [name for name in _GRIDS if name in names and name in more]
     try:
-        for keys, grid in [((), ((),)), *tried, *tried]:
-            for values in grid:
-                there = best[1].copy()
-                for key, value in zip(keys, values, strict=True):
-                    one = unknowns[names.index(key)]
-                    there[names.index(key)] = min(max(value, one.low), one.high)
-                cost = float(np.square(problem.residuals(there)).sum())
-                best = min(best, (cost, there), key=lambda one: one[0])
+        problem.residuals(variables)
+        for name in [*tried, *tried]:
+            for value in _GRIDS[name]:
+                there, place = problem.best[1].copy(), names.index(name)
+                there[place] = min(max(value, unknowns[place].low), unknowns[place].high)
+                problem.residuals(there)
     except Stopped:
         pass
-    return best[1]
-
-
-def _width(bench: Bench) -> float:
-    """Return the factor by which the piston goes farther than the configured plant does."""
-    shown = bench.run(bench.machine({}), bench.cuts())
-    ways = [
-        (np.abs(np.diff(record[:, 0])).sum(), np.abs(np.diff(model[:, 0])).sum())
-        for record, model in zip(map(bench.measured, bench.course.strokes), shown, strict=True)
-    ]
-    record, model = np.array(ways).sum(axis=0)
-    return float(np.clip(record / max(model, 1e-9), 0.05, 20.0))
+    return problem.best[1] if math.isfinite(problem.best[0]) else variables
 
 
 def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
     """Return a model with the errors of strokes that were left out of its fit."""
-    count, found = len(bench.course.strokes), dict[int, StrokeError]()
-    for fold in folds:
-        if bench.clock.is_over:
-            found = {}
-            break
-        rest = bench.some([place for place in range(count) if place not in set(fold)])
-        if title == PLATEAUS:
-            begin, rounds = fit_plateaus(rest, fit.unknowns, fit.variables), 0
-        else:
-            begin, rounds = fit.variables, 5
-        again = search(rest, fit.unknowns, begin, rounds)
-        left = bench.some(list(fold))
-        shown = left.run(left.machine(again.values), left.cuts())
-        for place, stroke, model in zip(fold, left.course.strokes, shown, strict=True):
-            record = np.where(left.counts(stroke), left.measured(stroke), np.nan)
-            found[place] = measure_errors(model, record, bench.course.record.interval)
+    found = dict[int, StrokeError]()
+    try:
+        for fold, variables in zip(folds, _leave_out(bench, title, fit, folds), strict=True):
+            left = bench.some(list(fold))
+            machine = left.machine(read_values(fit.unknowns, variables))
+            shown = left.run(machine, left.cuts())
+            for place, stroke, model in zip(fold, left.course.strokes, shown, strict=True):
+                record = np.where(left.counts(stroke), left.measured(stroke), np.nan)
+                found[place] = measure_errors(model, record, bench.course.record.interval)
+    except Stopped:
+        found = {}
     errors = tuple(found[place] for place in sorted(found))
     if not errors:
         return Rung(title, fit, np.array([]), ())
@@ -426,6 +392,15 @@ def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -
     return Rung(title, fit, np.nanmean(np.square(shares), axis=1), errors)
 
 
+def _leave_out(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> list[Values]:
+    """Return the variables of a fit without the strokes of each fold."""
+    if title != PLATEAUS and folds:
+        return Problem(bench, fit.unknowns).without(fit.variables, folds)
+    places = range(len(bench.course.strokes))
+    rests = [[place for place in places if place not in fold] for fold in folds]
+    return [fit_plateaus(bench.some(rest), fit.unknowns, fit.variables) for rest in rests]
+
+
 def _supply(bench: Bench) -> tuple[str, ...]:
     """Return the unknowns of a supply that yields: what is configured, or one that sags."""
     template = bench.template
@@ -433,7 +408,8 @@ def _supply(bench: Bench) -> tuple[str, ...]:
         return (DROOP, PUMP, GAS)
     if template.settings["supply"].value not in set(Supply):
         return ()
-    return (*(key for key in _UNIT if template.start(key) > 0.0), "tank_pressure_bar")
+    unit = ("pump_flow_l_min", "relief_pressure_bar", "accumulator_volume_l")
+    return (*(key for key in unit if template.start(key) > 0.0), "tank_pressure_bar")
 
 
 def _describe(bench: Bench, fit: Fit) -> str:

@@ -86,7 +86,7 @@ def look_through(record: AxisRecord, half_stroke: float) -> AxisRecord:
     return replace(
         record,
         noise=noise,
-        clipped=clipped if clipped.any() else None,
+        clipped=clipped,
         notes=(*record.notes, *notes),
     )
 

@@ -35,16 +35,15 @@ def check_plausible(
         supply = max(supply, unit.relief_pressure)
     doubts = []
     for place, name in enumerate(PRESSURES, start=1):
-        values = record.measured[:, place]
-        if not np.isfinite(values).all():
-            continue
-        highest = float(values.max())
-        bars = f"{BAR.from_si(highest):.4g} bar at most, at a supply pressure of "
-        bars += f"{BAR.from_si(supply):.4g} bar"
+        highest = float(record.measured[:, place].max())  # not a number where it is missing
+        line = (
+            f"{name} is {BAR.from_si(highest):.4g} bar at most, at a supply pressure of "
+            f"{BAR.from_si(supply):.4g} bar; check its unit and gain, or supply_pressure_bar"
+        )
         if highest > _TOO_HIGH * supply:
-            raise ConfigError(f"{name} is {bars}; check its unit and gain, or supply_pressure_bar")
+            raise ConfigError(line)
         if highest < _TOO_LOW * supply:
-            doubts.append(f"{name} is {bars}; check its unit and gain, or supply_pressure_bar")
+            doubts.append(line)
     return doubts
 
 

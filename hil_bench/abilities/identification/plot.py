@@ -63,19 +63,15 @@ def _draw(places: "list[Axes]", found: Identification, stroke: Stroke, model: Va
     measured = np.where(bench.counts(stroke), bench.measured(stroke), np.nan)
     times = np.arange(1, len(measured) + 1) * record.interval
     position, pressure, off, command = places
-    position.plot(times, MILLIMETRE.from_si(1.0) * measured[:, 0], color=GREY, linewidth=3.2)
-    position.plot(times, MILLIMETRE.from_si(1.0) * model[:, 0], color=BLUE, linewidth=1.2)
+    scale = np.array([MILLIMETRE.from_si(1.0), BAR.from_si(1.0), BAR.from_si(1.0)])
+    measured, model = scale * measured, scale * model
+    position.plot(times, measured[:, 0], color=GREY, linewidth=3.2)
+    position.plot(times, model[:, 0], color=BLUE, linewidth=1.2)
+    pressure.plot(times, measured[:, 1:], color=GREY, linewidth=2.6, label=["record", "_"])
     for signal, colour, name in ((1, ORANGE, "P_A"), (2, GREEN, "P_B")):
-        scale = BAR.from_si(1.0)
-        if np.isfinite(measured[:, signal]).any():
-            label = "record" if signal == 1 or not np.isfinite(measured[:, 1]).any() else None
-            pressure.plot(
-                times, scale * measured[:, signal], color=GREY, linewidth=2.6, label=label
-            )
-        label = f"model, {name}"
-        pressure.plot(times, scale * model[:, signal], color=colour, linewidth=1.1, label=label)
+        pressure.plot(times, model[:, signal], color=colour, linewidth=1.1, label=f"model, {name}")
     off.axhline(0.0, color=GREY, linewidth=0.8)
-    off.plot(times, MILLIMETRE.from_si(1.0) * (model - measured)[:, 0], color=RED, linewidth=1.0)
+    off.plot(times, (model - measured)[:, 0], color=RED, linewidth=1.0)
     rows = slice(stroke.rows.start + 1, stroke.rows.stop)
     command.plot(times, 100.0 * record.setpoints[rows] / record.full_opening, color=BLUE, lw=1.2)
     command.margins(x=0.0)

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -72,8 +72,7 @@ class AxisRecord:
             has the signal.
         sessions: the recordings, one after the other.
         notes: what was found out about the columns.
-        clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3); None
-            for none.
+        clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3).
         is_sampled: whether a row has the set-point of its moment, as that of a logger, rather than
             of the interval before.
     """
@@ -88,7 +87,7 @@ class AxisRecord:
     noise: Values
     sessions: tuple[Session, ...] = ()
     notes: tuple[str, ...] = ()
-    clipped: npt.NDArray[np.bool_] | None = None
+    clipped: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 3), np.bool_))
     is_sampled: bool = False
 
     def __post_init__(self) -> None:
@@ -96,6 +95,8 @@ class AxisRecord:
             has = np.array([np.isfinite(signal).all() for signal in self.measured.T])
             whole = Session("", range(len(self)), has)
             object.__setattr__(self, "sessions", (whole,))
+        if not len(self.clipped):
+            object.__setattr__(self, "clipped", np.zeros((len(self), 3), dtype=np.bool_))
 
     def __len__(self) -> int:
         return len(self.setpoints)
@@ -110,17 +111,9 @@ class AxisRecord:
         ends = [session.rows.stop for session in self.sessions]
         return np.searchsorted(ends, rows, side="right").astype(np.int64)
 
-    def has_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Return the presence of each of `SIGNALS` at each row, shape (rows, 3)."""
-        has = np.array([session.has for session in self.sessions], dtype=np.bool_)
-        return np.asarray(has[self.session_of(rows)])
-
     def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Mark the measured and unclipped values of `SIGNALS`, shape (*rows.shape, 3)."""
-        counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
-        if self.clipped is not None:
-            counts = counts & ~self.clipped[rows]
-        return counts
+        """Mark the measured and unclipped values of `SIGNALS`, shape (rows, 3)."""
+        return np.asarray(np.isfinite(self.measured[rows]) & ~self.clipped[rows])
 
     def split_at(self, rows: Sequence[int]) -> Self:
         """Return the record with gaps in time behind some rows.
@@ -156,7 +149,6 @@ class AxisRecord:
             return self
         last = (len(self) - 1) // factor
         means = self.setpoints[1 : last * factor + 1].reshape(last, factor).mean(axis=1)
-        rows = [_thin(session.rows, factor) for session in self.sessions]
         return replace(
             self,
             times=self.times[::factor],
@@ -164,11 +156,8 @@ class AxisRecord:
             stretches=tuple(_thin(part, factor) for part in self.stretches),
             setpoints=np.concatenate([self.setpoints[:1], means]),
             measured=self.measured[::factor],
-            sessions=tuple(
-                session._replace(rows=part)
-                for session, part in zip(self.sessions, rows, strict=True)
-            ),
-            clipped=None if self.clipped is None else self.clipped[::factor],
+            sessions=tuple(one._replace(rows=_thin(one.rows, factor)) for one in self.sessions),
+            clipped=self.clipped[::factor],
         )
 
     def rows_in(self, duration: float) -> int:
@@ -193,9 +182,10 @@ class AxisRecord:
         quantities = [quantity for quantity in known if f"{axis}.{quantity}" in fields]
         _check_values(recording, axis, quantities)
         has = np.array([signal in quantities for signal in SIGNALS])
-        measured = np.full((len(times), 3), np.nan)
+        measured, noise = np.full((len(times), 3), np.nan), np.full(3, np.inf)
         for place in np.flatnonzero(has).tolist():
             measured[:, place] = recording[f"{axis}.{SIGNALS[place]}"]
+            noise[place] = estimate_noise(measured[:, place], FLOORS[place])
         return cls(
             axis=axis,
             times=np.asarray(times, dtype=np.float64),
@@ -204,12 +194,7 @@ class AxisRecord:
             full_opening=full_opening,
             setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
             measured=measured,
-            noise=np.array(
-                [
-                    estimate_noise(values, floor) if there else np.inf
-                    for values, floor, there in zip(measured.T, FLOORS, has, strict=True)
-                ]
-            ),
+            noise=noise,
             sessions=(Session(name, range(len(times)), has),),
         )
 
@@ -237,10 +222,6 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
             )
     starts = np.cumsum([0, *(len(record) for record in records)]).tolist()
     pairs = list(zip(starts, records, strict=False))
-    clipped = [
-        np.zeros((len(record), 3), dtype=np.bool_) if record.clipped is None else record.clipped
-        for record in records
-    ]
     return replace(
         first,
         times=np.concatenate([record.times for record in records]),
@@ -257,7 +238,7 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
         notes=tuple(
             f"{record.sessions[0].name}: {note}" for record in records for note in record.notes
         ),
-        clipped=np.concatenate(clipped) if any(each.any() for each in clipped) else None,
+        clipped=np.concatenate([record.clipped for record in records]),
     )
 
 

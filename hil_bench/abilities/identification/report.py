@@ -72,8 +72,7 @@ def error_lines(found: Identification) -> list[str]:
     """Return the errors of prediction as a user reads them."""
     within = describe_errors(found.ladder.best.errors)
     if not within:
-        reason = "no stroke could be left out" if found.ladder.is_whole else "the time was over"
-        return [f"errors of prediction: not known, because {reason}"]
+        return ["errors of prediction: not known, because no stroke could be left out"]
     return [
         f"nine of ten strokes that were left out of the fit are predicted within {within}",
         *found.ladder.notes,

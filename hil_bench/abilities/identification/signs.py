@@ -6,6 +6,7 @@ its valve: above the dead-zone, velocity has the set-point's sign.
 """
 
 import math
+from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
@@ -45,14 +46,13 @@ def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
             measured[:, signal] *= sign
             notes.append(f"polarity of {name}: {sign:+.0f}, since gauge pressures are above zero")
     record = replace(record, measured=measured)
-    record, note = _settle_position(record, is_open="position" in unknown)
-    notes += note
+    record, own_notes = _settle_position(record, is_open="position" in unknown)
+    notes += own_notes
     score = _score(record, _slope(record, 1), record.setpoints)
-    sign = math.copysign(1.0, score)
     if "spool_setpoint" in unknown:
-        _require_sure("spool_setpoint", score)
+        sign, note = _decide("spool_setpoint", score, "the piston follows the valve")
         record = replace(record, setpoints=sign * record.setpoints)
-        notes.append(_note("spool_setpoint", score, "the piston follows the valve"))
+        notes.append(note)
     elif score < -_SURE:
         raise ConfigError(
             f"the piston retracts where spool_setpoint is above zero ({-score:.0f} standard "
@@ -106,11 +106,8 @@ def _settle_position(record: AxisRecord, *, is_open: bool) -> tuple[AxisRecord, 
                 "other; check that they are not one and the same sensor"
             )
         score = max(scores, key=abs)
-        _require_sure("position", score)
-        sign = math.copysign(1.0, score)
-        measured = record.measured * [sign, 1.0, 1.0]
-        note = _note("position", score, "the pressures accelerate the piston")
-        return replace(record, measured=measured), [note]
+        sign, note = _decide("position", score, "the pressures accelerate the piston")
+        return replace(record, measured=record.measured * [sign, 1.0, 1.0]), [note]
     if most < -_SURE:
         raise ConfigError(
             "the piston accelerates against its pressures "
@@ -124,28 +121,27 @@ def _slope(record: AxisRecord, order: int) -> Values:
     """Return the velocity or acceleration over some rows, by the order of the derivative."""
     from scipy.signal import savgol_filter  # noqa: PLC0415 - an extra
 
-    slopes = np.zeros(len(record))
-    for rows in record.stretches:
-        part = slice(rows.start, rows.stop)
-        slopes[part] = savgol_filter(
-            record.measured[part, 0],
-            window_length=11,
-            polyorder=3,
-            deriv=order,
-            delta=record.interval,
-        )
-    return slopes
+    def slope(x: Values) -> Values:
+        return np.asarray(savgol_filter(x, 11, 3, deriv=order, delta=record.interval))
+
+    return _by_stretch(record, record.measured[:, 0], slope)
 
 
 def _swift(record: AxisRecord, values: Values) -> Values:
     """Return a signal less its moving mean."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - an extra
 
-    swift = np.zeros(len(values))
+    rows = record.rows_in(_SWIFT)
+    return _by_stretch(record, values, lambda part: part - uniform_filter1d(part, rows))
+
+
+def _by_stretch(record: AxisRecord, values: Values, change: Callable[[Values], Values]) -> Values:
+    """Return a signal that is changed stretch by stretch, zero between them."""
+    changed = np.zeros(len(values))
     for rows in record.stretches:
         part = slice(rows.start, rows.stop)
-        swift[part] = values[part] - uniform_filter1d(values[part], record.rows_in(_SWIFT))
-    return swift
+        changed[part] = change(values[part])
+    return changed
 
 
 def _score(record: AxisRecord, one: Values, other: Values) -> float:
@@ -174,21 +170,17 @@ def _score(record: AxisRecord, one: Values, other: Values) -> float:
     return float(found.mean() / spread * math.sqrt(len(found)))
 
 
-def _require_sure(name: str, score: float) -> None:
-    """Refuse a sign that may be chance.
+def _decide(name: str, score: float, reason: str) -> tuple[float, str]:
+    """Return a sign and a note on it.
 
     Raises:
-        ConfigError: it may.
+        ConfigError: it may be chance.
     """
     if abs(score) < _SURE:
         raise ConfigError(
             f"the polarity of {name} is not decidable from this recording: the evidence is "
             f"{abs(score):.1f} standard deviations, {_SURE:g} are wanted; give polarity = 1 or -1"
         )
-
-
-def _note(name: str, score: float, reason: str) -> str:
-    return (
-        f"polarity of {name}: {math.copysign(1.0, score):+.0f}, since {reason} "
-        f"({abs(score):.0f} standard deviations)"
-    )
+    sign = math.copysign(1.0, score)
+    sure = f"({abs(score):.0f} standard deviations)"
+    return sign, f"polarity of {name}: {sign:+.0f}, since {reason} {sure}"

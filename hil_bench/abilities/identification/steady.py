@@ -1,5 +1,6 @@
 """The plateaus of strokes, where speed and pressures stand: where the search begins."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ Values = npt.NDArray[np.float64]
 
 _SPEED, _PRESSURE = 0.01, 1e5  # a share and [Pa]: residuals of one
 _STEP = 1e-4  # of a variable, for slopes
-_AWFUL = 1e2
+_AWFUL = 1e3
+_STANDS = 1e-3  # of the speed that was recorded: no less counts
 _ROUNDS = 30
 
 
@@ -99,8 +101,8 @@ def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> Va
                 continue
             pressures = np.array([found.P_A, found.P_B]) + machine.offsets[one.session][1:]
             missed = np.nan_to_num((pressures - one.pressures) / _PRESSURE)
-            rows += [(found.speed / one.speed - 1.0) / _SPEED, *missed]
-        return np.concatenate([np.clip(rows, -_AWFUL, _AWFUL), expected])
+            rows += [math.log(max(found.speed / one.speed, _STANDS)) / _SPEED, *missed]
+        return np.concatenate([rows, expected])
 
     room = 1e-3 * (high - low)
     found = least_squares(

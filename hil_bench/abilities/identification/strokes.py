@@ -91,17 +91,14 @@ def make_course(record: AxisRecord, interval: float) -> Course:
     factor = max(1, round(interval / record.interval), -(-len(record) // _MOST_ROWS))
     factor = min(factor, max(1, round(8e-3 / record.interval)))
     thin = record.thinned(factor)
-    strokes = []
-    for part in ranges:
-        rows = range(-(-part.start // factor), (part.stop - 1) // factor + 1)
-        if len(rows) > 10:
-            strokes.append(_make_stroke(record, thin, part, rows))
+    rows = [range(-(-part.start // factor), (part.stop - 1) // factor + 1) for part in ranges]
+    pairs = [pair for pair in zip(ranges, rows, strict=True) if len(pair[1]) > 10]
+    strokes = [_make_stroke(record, thin, n, *pair) for n, pair in enumerate(pairs, start=1)]
     if not strokes:
         raise ConfigError(
             "the recording has no stretch of 0.3 s with motion; record strokes both ways, with a "
             "short rest before each"
         )
-    strokes = [one._replace(number=number) for number, one in enumerate(strokes, start=1)]
     total = len(strokes)
     room = max(4, int(_MOST_ROWS * total / max(1, sum(len(one.rows) for one in strokes))))
     most = min(_MOST_STROKES, room)
@@ -179,7 +176,9 @@ def _steady_place(u: Values, rest: int, like: float) -> int:
     return fit[-1] if fit else len(u) // 2
 
 
-def _make_stroke(record: AxisRecord, thin: AxisRecord, part: range, rows: range) -> Stroke:
+def _make_stroke(
+    record: AxisRecord, thin: AxisRecord, number: int, part: range, rows: range
+) -> Stroke:
     factor = max(1, round(thin.interval / record.interval))
     first = rows.start * factor
     begin = next((each.start for each in record.stretches if first in each), first)
@@ -195,7 +194,7 @@ def _make_stroke(record: AxisRecord, thin: AxisRecord, part: range, rows: range)
     setpoints = record.setpoints[part.start : part.stop] / record.full_opening
     x = record.measured[part.start : part.stop, 0]
     return Stroke(
-        number=0,
+        number=number,
         session=int(record.session_of(np.array([first]))[0]),
         rows=rows,
         start=start,

@@ -185,15 +185,15 @@ def test_no_time_at_all_leaves_what_the_plateaus_show(record):
 
     assert not found.ladder.is_whole
     assert [rung.title for rung in found.ladder.rungs] == [PLATEAUS]
-    assert found.ladder.best.errors == ()
+    assert len(found.ladder.best.errors) == 4  # of six strokes, but for the smallest opening
     assert found.keys["orifice_width_mm"] == pytest.approx(23.0, rel=0.03)
     text = write_bench(found, CONFIG, "run.csv", "")
-    assert "# The error of prediction is not known" in text
+    assert "identified from run.csv" in text
     summary = summarise(found, [])
     assert "the time was over: this is the best so far" in summary
     for rung in found.ladder.rungs:
         (line,) = [each for each in summary.splitlines() if each.startswith(f"{rung.title:32} ")]
-        assert line.split("  ")[-1] in {"not judged", "<- taken"}
+        assert line.endswith("<- taken")
     assert "nan" not in summary
     figure = draw_strokes(found)
     for position, pressures, off, command in np.array(figure.axes).reshape(4, -1).T:

@@ -35,7 +35,7 @@ def test_a_sound_record_has_nothing(recording):
 
     assert looked.notes == ()
     assert looked.stretches == record.stretches
-    assert looked.clipped is None
+    assert not looked.clipped.any()
 
 
 @pytest.mark.parametrize(("first", "lost"), [(2100, 2), (2500, 12), (4020, 3)])
@@ -132,11 +132,9 @@ def test_clipped_rows_count_for_nothing(recording):
 
     looked = look_through(record, H)
 
-    assert looked.clipped is not None
     rows = np.flatnonzero(looked.clipped[:, 1])
     assert looked.counts_at(rows).tolist() == [[True, False, True]] * len(rows)
     assert f"P_A is clipped at {end / 1e5:.4g} bar" in looked.notes[0]
     assert looked.noise[1] == pytest.approx(5e3, rel=0.3)  # as added; the clipped rows have none
     both = join_records([record, looked])
-    assert both.clipped is not None
     assert both.clipped.sum() == looked.clipped.sum()

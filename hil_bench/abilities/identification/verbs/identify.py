@@ -27,6 +27,7 @@ from hil_bench.abilities.identification.errors import (
 from hil_bench.abilities.identification.identify import Identification, Options, identify
 from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
+from hil_bench.abilities.identification.machine import DELAY, DROOP, LAG
 from hil_bench.abilities.identification.plausibility import check_plausible
 from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import NEEDED, PRESSURES, AxisRecord, join_records
@@ -199,7 +200,7 @@ def _read_wish(args: argparse.Namespace, settings: Settings) -> Wish:
     Raises:
         ConfigError: a key is not one of the axis, or is to be both.
     """
-    known = [*settings, *ALIASES.values()]
+    known = [*settings, *ALIASES.values(), DELAY, LAG, DROOP]
     for option, keys in (("--fix", args.fix), ("--free", args.free)):
         for key in keys:
             if key not in known:

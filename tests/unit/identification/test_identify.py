@@ -9,7 +9,7 @@ from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.errors import stated_error
-from hil_bench.abilities.identification.fit import Bench, Clock, Fit
+from hil_bench.abilities.identification.fit import Bench, Clock, Fit, Problem
 from hil_bench.abilities.identification.identify import Options, identify
 from hil_bench.abilities.identification.ladder import (
     PLATEAUS,
@@ -96,6 +96,35 @@ def test_a_set_point_of_a_logger_changed_between_two_rows(record):
     assert logged.strokes[0].rows == ours.strokes[0].rows
     assert np.array_equal(steps[1][5:], steps[0][:-5])
     assert not np.array_equal(steps[1], steps[0])
+
+
+def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(record):
+    """Where a residual is linear, one step of Newton is the least squares of what stays."""
+    bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
+    names = ("orifice_width_mm", "viscous_friction_n_s_m")
+    unknowns = [bench.template.unknown(name) for name in names]
+    source = np.random.default_rng(2)
+
+    class Line(Problem):
+        def _at(self, variables, _cuts):
+            expected = self.doubt * (variables - self.start) / self.spread
+            return np.concatenate([rows @ variables - shown, expected])
+
+    line = Line(bench, unknowns)
+    rows = source.standard_normal((sum(line.lengths), 2))
+    rows[: line.lengths[0], 0] *= 30.0  # mostly the first stroke shows the width
+    shown = rows @ [0.05, 0.4] + 0.5 * source.standard_normal(len(rows))
+    whole = np.eye(2) * (line.doubt / line.spread)
+    stays, starts = rows[line.lengths[0] :], whole @ line.start
+    right = np.linalg.lstsq(
+        np.concatenate([stays, whole]),
+        np.concatenate([shown[line.lengths[0] :], starts]),
+        rcond=None,
+    )[0]
+
+    (found,) = line.without(np.array([0.05, 0.4]), [[0]])
+
+    assert found == pytest.approx(right, abs=1e-6)
 
 
 def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record):

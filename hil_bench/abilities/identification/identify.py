@@ -17,7 +17,7 @@ from hil_bench.abilities.identification.fit import (
     Problem,
     search,
 )
-from hil_bench.abilities.identification.ladder import Ladder, Wish, climb
+from hil_bench.abilities.identification.ladder import Ladder, Wish, choose_folds, climb, judge
 from hil_bench.abilities.identification.machine import Template, Unknown
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
@@ -139,6 +139,11 @@ def identify(
         averaged = replace(fine, blur=_BLUR).rescaled(fit.values)
         fit = search(averaged, fit.unknowns, fit.variables, _ROUNDS)
         fit, bench = _refine(fine.rescaled(fit.values), fit)
+        again = judge(bench, "refined", fit, choose_folds(bench)[0])
+        if again.errors:
+            rungs = list(ladder.rungs)
+            rungs[ladder.chosen] = replace(again, title=best.title)
+            ladder = ladder._replace(rungs=tuple(rungs))
     is_refined = fit.is_whole and not clock.is_over
     chosen.say("intervals")
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)

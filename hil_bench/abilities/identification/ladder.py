@@ -31,7 +31,7 @@ _FOLDS = 3  # of the strokes by amplitude, or at random
 _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
 _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what errors count by
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
-_GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
+_GOOD = 0.25  # of these sizes: a model that predicts so well is as good as a better one
 
 _ROUNDS = 12  # of a search at most
 _AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
@@ -213,7 +213,7 @@ def climb(
     variables = fit_plateaus(few, unknowns, variables)
     few = few.rescaled(read_values(unknowns, variables))
     first = search(few, unknowns, variables, 0)
-    rungs = [_judge(few, PLATEAUS, first, folds)]
+    rungs = [judge(few, PLATEAUS, first, folds)]
     for title, start, more in (
         (THE_PAPERS, (), [*PAPER, *every]),
         (WHOLE, first.unknowns, [*SWIFT, *every]),
@@ -230,7 +230,7 @@ def climb(
         variables = fit_plateaus(few, unknowns, variables) if start == () else variables
         fit = search(few, unknowns, _scan(few, unknowns, variables, more), _ROUNDS)
         if math.isfinite(fit.cost):
-            rungs.append(_judge(few, title, fit, folds))
+            rungs.append(judge(few, title, fit, folds))
     return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
 
 
@@ -370,7 +370,7 @@ def _scan(
     return problem.best[1] if math.isfinite(problem.best[0]) else variables
 
 
-def _judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
+def judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
     """Return a model with the errors of strokes that were left out of its fit."""
     found = dict[int, StrokeError]()
     try:

@@ -148,11 +148,10 @@ def stated_error(errors: Sequence[StrokeError], quantity: str) -> float:
 
 def describe_errors(errors: Sequence[StrokeError]) -> str:
     """Return the errors that nine of ten strokes are within; empty where no stroke has any."""
-    stated = {name: stated_error(errors, name) for name in QUANTITIES}
     return ", ".join(
-        f"{name} {value:.3g} {QUANTITIES[name].unit}"
-        for name, value in stated.items()
-        if math.isfinite(value)
+        f"{name} {value:.3g} {one.unit}"
+        for name, one in QUANTITIES.items()
+        if math.isfinite(value := stated_error(errors, name))
     )
 
 

@@ -210,8 +210,9 @@ class Problem:
 
     def __init__(self, bench: Bench, unknowns: Sequence[Unknown]) -> None:
         self.bench, self.unknowns = bench, tuple(unknowns)
-        self.start = np.array([one.start for one in unknowns])
-        self.spread = np.array([one.spread for one in unknowns])
+        rows = [(one.start, one.spread, one.low, one.high) for one in unknowns]
+        self.start, self.spread, low, high = np.array(rows).reshape(-1, 4).T
+        self.bounds = low, high
         self._counts = [bench.counts(one) for one in bench.course.strokes]
         self._measured = [bench.measured(one) for one in bench.course.strokes]
         self._middles = [
@@ -220,10 +221,6 @@ class Problem:
             else None
             for measured, one in zip(self._measured, bench.course.strokes, strict=True)
         ]
-        self.bounds = (
-            np.array([one.low for one in unknowns]),
-            np.array([one.high for one in unknowns]),
-        )
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)

@@ -244,8 +244,7 @@ def choose_rung(rungs: Sequence[Rung]) -> int:
         enough = _AS_WELL * min(rung.fit.cost for rung in rungs)
         fitting = [place for place, rung in enumerate(rungs) if rung.fit.cost <= enough]
         return min(fitting, key=lambda place: len(rungs[place].fit.unknowns))
-    good = [place for place in judged if rungs[place].is_good]
-    if good:
+    if good := [place for place in judged if rungs[place].is_good]:
         return min(good, key=lambda place: len(rungs[place].fit.unknowns))
     return min(judged, key=lambda place: rungs[place].score)
 

@@ -29,14 +29,9 @@ def draw_strokes(found: Identification) -> "Figure":
     shown = bench.run(bench.machine(found.fit.values), bench.cuts())
     models = dict(zip((one.number for one in bench.course.strokes), shown, strict=True))
     figure = Figure(figsize=(2.2 * max(len(strokes), 3) + 1.2, 8.6), layout="constrained")
-    grid = figure.subplots(
-        len(_LABELS),
-        len(strokes),
-        sharex="col",
-        sharey="row",
-        squeeze=False,
-        height_ratios=[1.4, 1.4, 1.0, 0.7],
-    )
+    shape = len(_LABELS), len(strokes)
+    ratios = [1.4, 1.4, 1.0, 0.7]
+    grid = figure.subplots(*shape, sharex="col", sharey="row", squeeze=False, height_ratios=ratios)
     for places, stroke in zip(grid.T, strokes, strict=True):
         _draw(places, found, stroke, models[stroke.number])
         way = "out" if stroke.is_forth else "in"

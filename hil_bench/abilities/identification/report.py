@@ -51,8 +51,7 @@ def summarise(found: Identification, limits: Sequence[Limit]) -> str:
         _HEAD,
         *(estimate_line(one) for one in found.estimates if one.is_told),
     ]
-    vague = [one.name for one in found.estimates if not one.is_told]
-    if vague:
+    if vague := [one.name for one in found.estimates if not one.is_told]:
         lines += ["", f"not identifiable from this recording: {', '.join(vague)}"]
     return "\n".join([*lines, *_warnings(found, limits)])
 
@@ -62,16 +61,14 @@ def ladder_lines(found: Identification) -> list[str]:
     lines = [f"{'model':32} {'unknowns':>8} {'error':>7}  left-out strokes within"]
     for place, rung in enumerate(found.ladder.rungs):
         mark = "  <- taken" if place == found.ladder.chosen else ""
-        score = f"{rung.score:7.3f}" if math.isfinite(rung.score) else "      -"
         text = describe_errors(rung.errors) or "not judged"
-        lines.append(f"{rung.title:32} {len(rung.fit.unknowns):8} {score}  {text}{mark}")
+        lines.append(f"{rung.title:32} {len(rung.fit.unknowns):8} {rung.score:7.3f}  {text}{mark}")
     return lines
 
 
 def error_lines(found: Identification) -> list[str]:
     """Return the errors of prediction as a user reads them."""
-    within = describe_errors(found.ladder.best.errors)
-    if not within:
+    if not (within := describe_errors(found.ladder.best.errors)):
         return ["errors of prediction: not known, because no stroke could be left out"]
     return [
         f"nine of ten strokes that were left out of the fit are predicted within {within}",
@@ -97,8 +94,7 @@ def _warnings(found: Identification, limits: Sequence[Limit]) -> list[str]:
     sizes = found.bench.misses(found.fit.values)
     missed = [signal for signal in range(3) if sizes[signal] > 3.0 * record.noise[signal]]
     lines += [_miss(found, signal, sizes[signal]) for signal in missed]
-    exceeded = find_exceeded(ladder.best.errors, limits)
-    lines += [f"NOT as required: {line}" for line in exceeded]
+    lines += [f"NOT as required: {one}" for one in find_exceeded(ladder.best.errors, limits)]
     return ["", *lines] if lines else []
 
 

@@ -321,7 +321,8 @@ def _read_records(args: argparse.Namespace, paths: Sequence[Path], asked: Questi
                 records.append(_read_foreign(path, columns, asked))
             check_sides(records[-1], asked.axis.parameters)
         except ConfigError as error:
-            raise ConfigError(_about(path, error)) from None
+            text = str(error)
+            raise ConfigError(text if text.startswith(str(path)) else f"{path}: {text}") from None
     return join_records(records)
 
 
@@ -370,11 +371,6 @@ def name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:
     mine = [node for node in config.nodes if node.axis == axis.name]
     pairs = ((node.kind.measured(node), node.name) for node in reversed(mine))
     return {quantity: name for quantity, name in pairs if quantity is not None}
-
-
-def _about(path: Path, error: ConfigError) -> str:
-    text = str(error)
-    return text if text.startswith(str(path)) else f"{path}: {text}"
 
 
 def _names(paths: Sequence[Path]) -> str:

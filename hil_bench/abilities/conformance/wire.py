@@ -9,6 +9,7 @@ from hil_bench.abilities.conformance.verdicts import NotApplicable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import frame_of, message_of
+from hil_bench.outside.stamps import SteadyStamps
 
 Matches = Callable[[Frame], bool]
 """Whether a frame is the one that is waited for."""
@@ -49,6 +50,7 @@ class Wire:
         self.now = clock
         self._bus = bus
         self._inbox: list[Arrival] = []
+        self._stamps = SteadyStamps()
 
     def send(self, *frames: Frame) -> None:
         """Send frames.
@@ -117,6 +119,7 @@ class Wire:
             raise BusError(f"{self._bus.channel_info}: {first_line(error)}") from error
         if message is None:
             return False
+        self._stamps.straighten(message)
         frame = frame_of(message)
         if frame is not None and not frame.fd:
             self._inbox.append(Arrival(frame, message.timestamp))

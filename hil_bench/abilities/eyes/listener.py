@@ -12,6 +12,7 @@ from hil_bench.abilities.recording.frames import logged_frame_of
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import has_bad_length
 from hil_bench.outside.recording.channels import LoggedFrame
+from hil_bench.outside.stamps import SteadyStamps
 from hil_bench.outside.transports.socketcand_bus import CONNECTION
 
 _SO_MEMINFO: Final = 55
@@ -36,6 +37,7 @@ class Listener:
         self.error_frames = 0
         self._bus = bus
         self.description = description
+        self._stamps = SteadyStamps()
         self._origin: float | None = None
         self._last = 0
 
@@ -57,6 +59,7 @@ class Listener:
                 return None
         except (can.CanError, OSError, ValueError) as error:
             raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
+        self._stamps.straighten(message)
         if message.is_error_frame:
             self.error_frames += 1
         elif has_bad_length(message):

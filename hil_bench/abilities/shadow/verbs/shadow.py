@@ -23,6 +23,7 @@ from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.recording.block_file import RecordingFile
+from hil_bench.outside.stamps import SteadyStamps
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
@@ -236,10 +237,10 @@ def _bus(config: BenchConfig) -> Source:
     """
     bus, what = open_can_bus(*config.bus.address)
     with bus, interruption() as interrupted:
-        start = time.monotonic()
+        start, stamps = time.monotonic(), SteadyStamps()
         while not interrupted.requested:
             try:
                 message = bus.recv(_POLL)
             except (can.CanError, OSError) as error:
                 raise BusError(f"{what}: {first_line(error)}") from error
-            yield message, time.monotonic() - start
+            yield message and stamps.straighten(message), time.monotonic() - start

@@ -168,6 +168,21 @@ def test_a_line_answers_for_its_own_units_only(line, written):
     assert written == [rtu(2, "04 04 FFFFFFFF")]
 
 
+REQUESTS = """01 0000 0001, 02 0000 0001, 03 0000 0001, 04 0000 0001, 05 0000 FF00, 06 0000 0005, 07,
+    08 0000 0000, 0B, 0C, 0F 0000 0009 02 FF01, 10 0000 0001 02 0005, 11, 16 0000 FFFF 0000,
+    17 0000 0001 0000 0001 02 0005, 2B 0E 01 00"""
+
+
+@pytest.mark.parametrize("pdu", REQUESTS.split(","))
+def test_a_line_finds_the_end_of_each_request(rig, line, written, pdu):
+    """By the application protocol V1.1b3, chapter 6: it and the one behind it are answered."""
+    line.receive(rtu(1, pdu) + rtu(1, "03 0000 0001"))
+    rig.tick()
+    rig.server.poll()
+    assert len(written) == 2
+    assert written[1][:3] == bytes.fromhex("010302")
+
+
 def test_silence_ends_a_frame_that_lost_bytes(line, written):
     # A write of many registers of which the end is lost would swallow the requests behind it.
     line.receive(rtu(1, "10 0000 0002 04 00010002")[:-1])

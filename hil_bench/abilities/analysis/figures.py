@@ -177,7 +177,6 @@ def draw_responses(curves: Sequence[ResponseCurve], *, unit: str, title: str = "
     for curve in curves:
         line = {"color": curve.colour, "linestyle": curve.style, "linewidth": 1.5}
         phase = np.rad2deg(np.unwrap(np.angle(curve.response)))
-        phase -= 360.0 * round(float(phase[0]) / 360.0)
         gain = decibel(curve.response)
         if curve.coherence is not None:
             for panel, values in zip(panels, (gain, phase), strict=False):

@@ -25,6 +25,7 @@ from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
         (0.5, "0.5", 0.5),
         (-50.0 + 444.6j, "-50 + 444.6j", [-50.0, 444.6]),
         (-50.0 - 444.6j, "-50 - 444.6j", [-50.0, -444.6]),
+        (2.0 + 0.5j, "2 + 0.5j", [2.0, 0.5]),
         (-3.0 + 0.0j, "-3", [-3.0, 0.0]),
         (math.inf, "inf", None),
     ],

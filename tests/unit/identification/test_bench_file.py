@@ -1,5 +1,6 @@
 """The bench.toml of an identified machine: `check`, `run` and `test` take it as it is."""
 
+import tomllib
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from support.built_in_nodes import NODES
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.bench_file import write_bench
+from hil_bench.abilities.identification.bench_file import _toml, write_bench
 from hil_bench.abilities.identification.fit import Bench, Fit
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.ladder import (
@@ -101,3 +102,10 @@ def test_a_written_bench_is_checked_run_and_tested(tmp_path, given, capsys):
     on_bus = ["-i", "virtual", "-c", "found", "--duration", "0.1", "--speed", "max", "--no-feed"]
     assert main(["run", str(path), *on_bus]) == ExitCode.DONE, capsys.readouterr()
     assert main(["test", str(scenario)]) == ExitCode.DONE, capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    "value", [True, False, 3, 0.25, 1.5e-9, 'a "load"', [[0.0, 0.0], [2.0, 500.0]], []]
+)
+def test_a_value_is_read_as_it_was_written(value):
+    assert tomllib.loads(f"key = {_toml(value)}") == {"key": value}

@@ -5,7 +5,12 @@ import pytest
 from support.machine_record import FULL_OPENING
 
 from hil_bench.abilities.analysis.study import make_table
-from hil_bench.abilities.identification.record import AxisRecord, estimate_noise, join_records
+from hil_bench.abilities.identification.record import (
+    AxisRecord,
+    _thin,
+    estimate_noise,
+    join_records,
+)
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 
@@ -158,6 +163,7 @@ def _slow(recording):
         (_slow, "a row each 20 ms; give 10 ms or less"),
         (lambda recording: recording[:200], "spans 0.199 s in 200 rows; a stroke takes 0.3 s"),
         (lambda recording: recording[:0], "spans 0 s in 0 rows"),
+        (lambda recording: recording[:1001:1000], "a row each 1000 ms"),
         (lambda recording: recording[::-1], "-3.999 s"),
     ],
 )
@@ -188,3 +194,8 @@ def test_times_that_are_rounded_up_to_10_ms_are_taken(recording):
 def test_a_wrong_axis_is_told_which_there_are(recording):
     with pytest.raises(ConfigError, match=r"lacks swing\.position, .*; it has lift"):
         AxisRecord.of(recording, "swing", FULL_OPENING)
+
+
+@pytest.mark.parametrize("rows", [range(10), range(7, 20), range(9, 19), range(1, 3)])
+def test_of_a_stretch_every_third_row_is_left(rows):
+    assert list(_thin(rows, 3)) == [row for row in range(10) if 3 * row in rows]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.fit import Bench, find_middle
+from hil_bench.abilities.identification.fit import Bench, _start, find_middle
 from hil_bench.abilities.identification.ladder import begin_of
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.record import AxisRecord
@@ -64,6 +64,13 @@ def test_the_fit_of_plateaus_finds_the_valve(bench):
 
     width = dict(zip(names, found.tolist(), strict=True))["orifice_width_mm"]
     assert unknowns[0].value(width) == pytest.approx(23.0, rel=0.02)  # 20 before
+
+
+def test_a_stroke_starts_at_rest_but_for_its_piston(bench):
+    """Position, speed, pressures, spool and supply pressure; all other states are 0."""
+    stroke = bench.course.strokes[0]
+    found = _start(bench.machine({}), stroke, 0.25, 2e7)
+    assert found == pytest.approx([*stroke.start, 0.25, 0.0, 0.0, 0.0, 2e7, 0.0, 0.0, 0.0])
 
 
 def test_a_middle_needs_a_set_point_that_stands():

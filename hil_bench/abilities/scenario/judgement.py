@@ -175,6 +175,8 @@ WORST_FIRST: Final = (
 )
 
 
+_FIRST: Final = "asks about the first tick alone; always asks about each"
+
 _RANKS: Final = {
     (True, Asks.ALL): "closest",
     (False, Asks.ALL): "worst",
@@ -275,7 +277,9 @@ def judge(
         where = " where it was seen" if coverage.unknown else ""
         lacks += [f"its trigger never became true{where}"] * (0 in times)
         outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
-        reason = "; ".join(lacks) or examination.idle_wait() or examination.stillness()
+        doubts = [_FIRST] * (coverage.end == 0.0 and ticks > 1)
+        doubts = lacks or doubts or [examination.idle_wait() or examination.stillness()]
+        reason = "; ".join(doubts)
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found, duration = examination.first_violated, examination.violated_time
     begin = (cause.tick if found is None else found) * tick_ns / 1e9

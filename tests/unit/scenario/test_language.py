@@ -275,6 +275,22 @@ def test_what_is_wrong_is_said_with_its_place(text, line, column, what):
     assert "\x1b" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("axis1.P_A < 250 bar", "asks about the first tick alone; always asks about each"),
+        ("always axis1.P_A < 250 bar", ""),
+        ("always axis1.position < 250 mm", "axis1.position never changed"),
+        ("always axis1.position < 250 mm and axis1.P_A < 250 bar", ""),
+        ("always not frame(0x181)", ""),
+    ],
+)
+def test_a_pass_that_says_little_says_so(text, reason):
+    columns = {"P_A": [1e5, 2e5, 3e5], "position": [0.1] * 3, "frame(0x181)": [0, 0, 0]}
+    found = run(text, **columns)
+    assert (found.outcome, found.reason) == ("passed", reason)
+
+
 def test_a_long_sum_of_conditions_is_no_nesting():
     parse(" and ".join(["flag > 0"] * 300))
 

@@ -181,6 +181,11 @@ class FaultSchedule:
         return tuple(fault for fault in self._faults if fault.is_active)
 
     @property
+    def pending(self) -> tuple[Fault, ...]:
+        """The faults that are to come."""
+        return tuple(fault for fault in self._faults if not fault.is_active)
+
+    @property
     def idle(self) -> tuple[str, ...]:
         """The faults that have begun and have changed nothing, those that have ended too."""
         now = {f"{each.kind} {each.target}": None for each in self.active if each.is_idle}

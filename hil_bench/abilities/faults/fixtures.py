@@ -14,14 +14,16 @@ if TYPE_CHECKING:
 def faults(bench: "VirtualBench", request: pytest.FixtureRequest) -> Iterator["Faults"]:
     """The faults of the bench, as in ``faults.freeze("pressure_a")``.
 
-    A test that passes beside a fault that has changed nothing, as one that met no frame, is an
-    error.
+    A test that passes beside a fault of its own that has changed nothing, as one that met no
+    frame, or that never began, is an error.
 
     Yields:
         The faults.
     """
     found: Faults = bench.faults
-    failed = request.session.testsfailed
+    before, failed = found.pending, request.session.testsfailed
     yield found
-    if found.idle and request.session.testsfailed == failed:
-        pytest.fail(f"not exercised: nothing was changed by {', '.join(found.idle)}", pytrace=False)
+    late = [f"{each.kind} {each.target}" for each in found.pending if each not in before]
+    if (found.idle or late) and request.session.testsfailed == failed:
+        idle = ", ".join((*found.idle, *late))
+        pytest.fail(f"not exercised: nothing was changed by {idle}", pytrace=False)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
@@ -284,17 +285,22 @@ def test_a_failed_test_shows_its_faults(pytester):
 
 
 def test_a_test_that_passes_beside_a_fault_that_changes_nothing_is_an_error(pytester):
+    assert {"lose", "silence", "offset"} <= {*FAULT_KINDS.names()}
     pytester.makepyfile(
         "def test_in_vain(bench, faults):\n"
         "    faults.lose('valve', can_id=0x7ff)\n"
+        "    faults.silence('valve', at=9.0)\n"
         "    bench.run(0.02)\n"
         "def test_in_earnest(bench, faults):\n"
         "    faults.offset('position', 1e-3)\n"
+        "    faults.silence('valve', at=9.0).clear()\n"
         "    bench.run(0.02)\n"
     )
     result = pytester.runpytest()
     result.assert_outcomes(passed=2, errors=1)
-    result.stdout.fnmatch_lines(["*not exercised: nothing was changed by lose valve"])
+    result.stdout.fnmatch_lines(
+        ["*not exercised: nothing was changed by lose valve, silence valve"]
+    )
 
 
 def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):

@@ -148,8 +148,8 @@ class StreamBuilder:
         extreme = np.minimum if isinstance(node, nodes.Historically) else np.maximum
         child = self.build(node.operand, span.back(start, end))
         if end is None:
-            return streams.BackToStart(child, extreme, start)
-        return streams.Back(child, extreme, start, end)
+            return streams.Combined([child], streams.BackToStart(extreme, start))
+        return streams.Combined([child], streams.Back(extreme, start, end))
 
     def _until(self, node: nodes.Until | nodes.Since, span: Span) -> streams.Stream:
         start, end = window_ticks(node, node.window, self._tick_ns)
@@ -160,9 +160,8 @@ class StreamBuilder:
         children = self.build(node.operand, reach[0]), self.build(node.goal, reach[1])
         if isinstance(node, nodes.Until):
             return streams.UntilAhead(children, start, end)
-        return (
-            streams.SinceStart(children) if end is None else streams.SinceBack(children, start, end)
-        )
+        since = streams.SinceStart() if end is None else streams.SinceBack(start, end)
+        return streams.Combined(children, since)
 
     def _atom(
         self, node: nodes.Comparison | nodes.StateIs | nodes.Event | nodes.Edge

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 from hil_bench.abilities.scenario import build, nodes
 from hil_bench.abilities.scenario.nodes import Condition
-from hil_bench.abilities.scenario.streams import Stream
+from hil_bench.abilities.scenario.streams import Combined, Stream
 from hil_bench.abilities.scenario.values import Block, Bounds, Floats, negate
 
 Pair = tuple[float, float]
@@ -169,20 +169,7 @@ class _Sometime(_Contrary):
     """``eventually``: not always not."""
 
     def __init__(self, stream: Stream, start: int, end: int | None) -> None:
-        super().__init__(_Throughout(_Negated(stream), start, end))
-
-
-class _Negated:
-    """The contrary of a stream."""
-
-    def __init__(self, child: Stream) -> None:
-        self._child = child
-
-    def push(self, block: Block) -> Bounds:
-        return negate(self._child.push(block))
-
-    def finish(self) -> Bounds:
-        return negate(self._child.finish())
+        super().__init__(_Throughout(Combined([stream], negate), start, end))
 
 
 class _Both:

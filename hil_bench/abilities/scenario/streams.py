@@ -201,27 +201,19 @@ class Back:
     """The extreme over a window back; before the run there was nothing.
 
     Args:
-        child: the condition.
         extreme: ``np.minimum`` or ``np.maximum``.
         start: of the window, in ticks back.
         end: of the window, in ticks back, included.
     """
 
-    def __init__(self, child: Stream, extreme: np.ufunc, start: int, end: int) -> None:
-        self._child, self._extreme = child, extreme
+    def __init__(self, extreme: np.ufunc, start: int, end: int) -> None:
+        self._extreme = extreme
         self._width, self._start = end - start + 1, start
         identity = identity_of(extreme)
         self._kept = values.constant(identity, identity, end)
 
-    def push(self, block: values.Block) -> values.Bounds:
-        """Return the margins of the ticks that the condition has decided."""
-        return self._take(self._child.push(block))
-
-    def finish(self) -> values.Bounds:
-        """Return the margins of all other ticks."""
-        return self._take(self._child.finish())
-
-    def _take(self, news: values.Bounds) -> values.Bounds:
+    def __call__(self, news: values.Bounds) -> values.Bounds:
+        """Return the margins of the next ticks."""
         known = values.join((self._kept, news))
         seen = known.cut(0, known.size - self._start)
         found = values.map_bounds(lambda part: values.slide(self._extreme, part, self._width), seen)
@@ -232,21 +224,14 @@ class Back:
 class BackToStart:
     """The extreme over all ticks up to some time ago."""
 
-    def __init__(self, child: Stream, extreme: np.ufunc, start: int) -> None:
-        self._child, self._extreme = child, extreme
+    def __init__(self, extreme: np.ufunc, start: int) -> None:
+        self._extreme = extreme
         identity = identity_of(extreme)
         self._waiting = values.constant(identity, identity, start)
         self._so_far = values.constant(identity, identity, 1)
 
-    def push(self, block: values.Block) -> values.Bounds:
-        """Return the margins of the ticks that the condition has decided."""
-        return self._take(self._child.push(block))
-
-    def finish(self) -> values.Bounds:
-        """Return the margins of all other ticks."""
-        return self._take(self._child.finish())
-
-    def _take(self, news: values.Bounds) -> values.Bounds:
+    def __call__(self, news: values.Bounds) -> values.Bounds:
+        """Return the margins of the next ticks."""
         waiting = values.join((self._waiting, news))
         self._waiting = waiting.cut(news.size)
         known = values.join((self._so_far, waiting.cut(0, news.size)))
@@ -319,23 +304,15 @@ def windowed_until(
 class SinceBack:
     """``A since B`` with B in a window back: `UntilAhead` with time reversed."""
 
-    def __init__(self, child: tuple[Stream, Stream], start: int, end: int) -> None:
-        self._both = Combined(child, self._take)
+    def __init__(self, start: int, end: int) -> None:
         self._start, self._end = start, end
         self._kept = (
             values.constant(math.inf, math.inf, end),
             values.constant(-math.inf, -math.inf, end),
         )
 
-    def push(self, block: values.Block) -> values.Bounds:
-        """Return the margins of the ticks that both conditions have decided."""
-        return self._both.push(block)
-
-    def finish(self) -> values.Bounds:
-        """Return the margins of all other ticks."""
-        return self._both.finish()
-
-    def _take(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+    def __call__(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+        """Return the margins of the next ticks."""
         known = (values.join((self._kept[0], held)), values.join((self._kept[1], goal)))
         self._kept = (known[0].cut(held.size), known[1].cut(goal.size))
         count = held.size
@@ -350,19 +327,11 @@ class SinceBack:
 class SinceStart:
     """``A since B`` with B at any time since the start of the run."""
 
-    def __init__(self, child: tuple[Stream, Stream]) -> None:
-        self._both = Combined(child, self._take)
+    def __init__(self) -> None:
         self._last = values.exact(np.array([-math.inf]))
 
-    def push(self, block: values.Block) -> values.Bounds:
-        """Return the margins of the ticks that both conditions have decided."""
-        return self._both.push(block)
-
-    def finish(self) -> values.Bounds:
-        """Return the margins of all other ticks."""
-        return self._both.finish()
-
-    def _take(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+    def __call__(self, held: values.Bounds, goal: values.Bounds) -> values.Bounds:
+        """Return the margins of the next ticks."""
         identity = values.constant(math.inf, math.inf, 1)
         found = values.map_bounds(
             lambda a, b: values.until(a[::-1], b[::-1])[::-1],

@@ -100,6 +100,30 @@ def anyio_backend():
 
 
 @pytest.fixture
+def cli(capsys):
+    """Calls a verb, sees that it ends with a code, and returns what it has said: `out`, `err`."""
+    from hil_bench.cli import main  # noqa: PLC0415 - see `site`
+
+    def call(words, code=0):
+        assert main(words.split() if isinstance(words, str) else words) == code
+        return capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def make_file(tmp_path):
+    """Writes a file into a folder of the test's own, and returns its path."""
+
+    def make(name, content):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return make
+
+
+@pytest.fixture
 def load_bench(tmp_path):
     """Loads a bench from the text of its file."""
     from hil_bench.bench.configuration import load_config  # noqa: PLC0415 - see `site`

@@ -15,9 +15,7 @@ from support import documents
 from support.ci_recipes import RECIPES
 from support.documents import ROOT, Command
 
-from hil_bench import cli
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import RecordingWish, VirtualBench, cli
 from hil_bench.cli.parser import own_verbs
 
 VERBS = own_verbs()

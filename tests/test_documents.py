@@ -17,6 +17,7 @@ from support.feed_loop import FeedLoop
 from support.fmus import write_law
 
 import hil_drivers.modbus
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.campaign.records import read_campaign
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
@@ -29,9 +30,7 @@ from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import compile_expectations, parameter_values
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_drivers import Network

@@ -22,11 +22,10 @@ from support.bus_side import (
     valve_command,
 )
 
+from hil_bench import BusError, load_config
 from hil_bench.abilities.lockstep.lockstep import LockStep, run_lockstep
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.transports.transport import TransportCounters
 

@@ -6,8 +6,7 @@ import can
 import pytest
 from support.documents import ROOT
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 
 PAGE = (ROOT / "docs/connecting.md").read_text(encoding="utf-8")
 WATCHED = re.search(r"```toml\n(\[nodes\.valve\.objects\].*?)```", PAGE, re.DOTALL)

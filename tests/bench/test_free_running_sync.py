@@ -12,10 +12,9 @@ import pytest
 from support.bus_side import POSITION, SYNC, VALVE, BusSide, valve_command
 
 from device_profiles import IMITATIONS
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import Faults, load_config
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench, embedded_bus
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.paced import run_paced
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import Frame

@@ -6,9 +6,8 @@ from pathlib import Path
 import can
 import pytest
 
-from hil_bench import VirtualBench, load_config
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.j1939.protocol.signals import split
-from hil_bench.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "j1939.toml"
 COMMAND, FLOW = 0x0CFE3027, 0xFE10
@@ -134,14 +133,14 @@ def test_a_wrong_address_is_an_address_violation_for_its_owner(bench):
     assert (2128, 31) in bench.ecus["valve"].trouble_codes
 
 
-def test_a_signal_of_a_device_may_command_an_axis(tmp_path):
+def test_a_signal_of_a_device_may_command_an_axis(make_file):
     lever = "pgn = 0xFF20, start_bit = 0, length = 8, resolution = 1.0, offset = -125.0"
-    path = tmp_path / "bench.toml"
-    path.write_text(
+    path = make_file(
+        "bench.toml",
         "[j1939.lever]\naddress = 10\n[j1939.lever.signals]\n"
         f"x = {{ {lever}, rate_ms = 10, constant = 25 }}\n"
         "[j1939.driver]\naddress = 11\n[j1939.driver.signals]\n"
-        f'x = {{ {lever}, sink = "axis1.spool_setpoint", unit = "%" }}\n'
+        f'x = {{ {lever}, sink = "axis1.spool_setpoint", unit = "%" }}\n',
     )
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.05)

@@ -6,10 +6,9 @@ from pathlib import Path
 import can
 import pytest
 
-from hil_bench import VirtualBench, load_config
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.eyes.traffic import worst_bits
-from hil_bench.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "j1939.toml"
 WIRE = {"bus": {"bitrate": 125_000, "wire": {}}}

@@ -80,9 +80,8 @@ def pressure_registers(port):
         return connection.recv(100)
 
 
-def test_a_modbus_server_comes_back_at_its_port(start, tmp_path):
-    config = tmp_path / "bench.toml"
-    config.write_text("[modbus]\nport = 0\n")
+def test_a_modbus_server_comes_back_at_its_port(start, make_file):
+    config = make_file("bench.toml", "[modbus]\nport = 0\n")
     run = start(str(config), "-i", "virtual", "-c", "killed_modbus")
     port = int(re.search(r"modbus TCP 127\.0\.0\.1:(\d+)", run.introduction)[1])
     before = pressure_registers(port)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench import VirtualBench, load_config
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 POSITION = '[nodes.position]\nprofile = "encoder_406"\nnode_id = 4\n'

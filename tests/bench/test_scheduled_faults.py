@@ -7,9 +7,8 @@ from pathlib import Path
 import can
 import pytest
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.faults.registry import FAULT_KINDS
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import PressureSensor
 
 pytest_plugins = ["pytester"]
@@ -47,10 +46,9 @@ at_s = 0.05
 """
 
 
-def trace(tmp_path, seed=1):
+def trace(make_file, seed=1):
     """Return all frames of half a second with the faults above, after NMT start."""
-    path = tmp_path / "bench.toml"
-    path.write_text(FAULTY)
+    path = make_file("bench.toml", FAULTY)
     with VirtualBench(load_config(path, seed=seed)) as bench:
         bench.run(0.002)
         bench.bus.send(can.Message(arbitration_id=0, data=b"\x01\x00", is_extended_id=False))

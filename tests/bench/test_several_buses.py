@@ -9,12 +9,10 @@ from pathlib import Path
 import can
 import pytest
 
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import Faults, VirtualBench, load_config
 from hil_bench.abilities.lockstep.lockstep import LockStep
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import Session
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.frame import address_of

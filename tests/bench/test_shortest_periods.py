@@ -9,9 +9,8 @@ import pytest
 from support.bus_side import POSITION, VALVE, BusSide
 
 from device_profiles import IMITATIONS
+from hil_bench import ConfigError, load_config
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 
 REFUSED = bytes.fromhex("30000906")
 CYCLE, HEARTBEAT, EVENT_TIMER, SYNC_ID = (0x1006, 0), (0x1017, 0), (0x1800, 5), (0x1005, 0)

@@ -3,12 +3,10 @@
 import can
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.copper.wire.bits import exact_bits
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 
 US = 1000
 MS = 1_000_000

@@ -3,10 +3,8 @@
 import can
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.copper.extension import Copper
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 
 WIRE = {"bus": {"bitrate": 125_000, "wire": {}}}
 US = 1e-6

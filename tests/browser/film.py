@@ -18,9 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.live_bench import SECRET, LiveBench, panel
 
-from hil_bench.abilities.faults.faults import Faults
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import Faults, VirtualBench, load_config
 
 FRAME = 0.08
 """Bench time between two pictures [s]; they are shown for as long."""

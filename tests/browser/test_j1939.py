@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 from support.live_bench import live_bench, panel
 
-from hil_bench.bench.configuration import load_config
+from hil_bench import VirtualBench, load_config
 from hil_bench.bench.peers import peers_of
-from hil_bench.bench.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

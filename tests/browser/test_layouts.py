@@ -7,9 +7,8 @@ import pytest
 from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.panel.layouts import read_layout
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

@@ -6,8 +6,7 @@ import pytest
 from support.distribution import PLUGIN
 from support.live_bench import live_bench, panel
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

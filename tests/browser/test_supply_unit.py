@@ -5,9 +5,7 @@ import re
 import pytest
 from support.live_bench import live_bench
 
-from hil_bench.abilities.faults.faults import Faults
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import Faults, VirtualBench, load_config
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

@@ -215,11 +215,10 @@ def far_rig(request, tmp_path):
         yield opened
 
 
-def open_rig(request, tmp_path):
+def open_rig(request, make_file):
     place, _, kind = request.param.partition("-")
     if place == "embedded":
-        path = tmp_path / "bench.toml"
-        path.write_text(MODBUS_UNITS)
+        path = make_file("bench.toml", MODBUS_UNITS)
         return embedded_rig(kind, path)
     if place == "vcan":
         request.getfixturevalue("vcan_bench")

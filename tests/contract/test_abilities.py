@@ -12,12 +12,10 @@ from pathlib import Path
 import pytest
 from support.distribution import PLUGIN, declare
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.ability import OWN, own_abilities
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.parser import own_verbs
-from hil_bench.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]
 ABILITIES = {ability.name: ability for ability in own_abilities()}
@@ -147,7 +145,7 @@ print([int(main([verb])) for verb in sys.argv[1:]])
 
 @pytest.mark.long  # a process each, without what is imported already
 @pytest.mark.parametrize("name", OWN)
-def test_an_ability_can_go(name, without, capsys):
+def test_an_ability_can_go(name, without, cli):
     """Help has the other verbs, a bench is checked as ever, and a verb that is gone is unknown."""
     gone = gone_with(name)
     lost = {verb for other in gone for verb in ABILITIES[other].verbs}
@@ -155,8 +153,7 @@ def test_an_ability_can_go(name, without, capsys):
     shown, _, checked = done.stdout.partition("[bench]")
     verbs = set(re.findall(r"^    ([a-z][a-z-]+) ", shown, re.MULTILINE))
     assert verbs & own_verbs().keys() == own_verbs().keys() - lost
-    assert main(["check", BENCH]) == 0
-    _, _, whole = capsys.readouterr().out.partition("[bench]")
+    _, _, whole = cli(["check", BENCH]).out.partition("[bench]")
     assert checked == f"{whole}[0, 0]\n{[2] * len(lost)}\n", done.stderr
     for verb in lost:
         assert f"'{verb}' is unknown" in done.stderr
@@ -208,25 +205,21 @@ def test_the_golden_runs_stay_with_one_ability_alone(name, without, tmp_path):
     assert done.returncode == 0, done.stdout
 
 
-def test_a_verb_of_another_distribution_runs(spring_rig, capsys):  # noqa: ARG001 - is installed
+def test_a_verb_of_another_distribution_runs(spring_rig, cli):  # noqa: ARG001 - is installed
     """The example's mass of 10 kg on 1000 N/m swings with 10 rad/s = 1.59 Hz."""
-    assert main(["springs", str(PLUGIN / "bench.toml"), "--json"]) == 0
-    (swing,) = json.loads(capsys.readouterr().out).values()
+    (swing,) = json.loads(cli(["springs", str(PLUGIN / "bench.toml"), "--json"]).out).values()
     assert swing["frequency_hz"] == pytest.approx(10.0 / (2.0 * math.pi))
-    assert main(["--help"]) == 0
-    assert "\n    springs " in capsys.readouterr().out
+    assert "\n    springs " in cli("--help").out
 
 
 @pytest.mark.usefixtures("spring_rig")
-def test_a_table_of_another_distribution_is_read_and_at_work(tmp_path, capsys):
-    file = tmp_path / "bench.toml"
-    file.write_text("[beacon]\ncan_id = 0x77F\nperiod_ms = 20\n")
+def test_a_table_of_another_distribution_is_read_and_at_work(make_file, cli):
+    file = make_file("bench.toml", "[beacon]\ncan_id = 0x77F\nperiod_ms = 20\n")
     with VirtualBench(load_config(file)) as bench:
         bench.run(0.1)
         times = [each.now for each in bench.frames if each.frame.can_id == 0x77F]
     assert times == [k * 20_000_000 for k in range(1, 6)]
-    assert main(["check", str(file)]) == 0
-    assert "[beacon]" in capsys.readouterr().out
+    assert "[beacon]" in cli(["check", str(file)]).out
     file.write_text("[beacon]\ncan_id = 0\nperiods_ms = 20\n")
     with pytest.raises(ConfigError) as error:
         load_config(file)
@@ -255,14 +248,13 @@ NEW, ODD = 'Verb("more", 1, "do", "act")', 'Verb("odd", 1, "do", "act")'
         ('Ability("other")', "calls itself 'other'; both names must be the same"),
     ],
 )
-def test_a_broken_ability_is_a_line_and_the_rest_runs(ability, problem, site, capsys):
+def test_a_broken_ability_is_a_line_and_the_rest_runs(ability, problem, site, capsys, cli):
     source = f"from hil_bench.ability import Ability, Verb\nOWN = {ability}\n"
     (site / "maker.py").write_text(source, encoding="utf-8")
     declare(site, "maker", "1.0", {"hil_bench.abilities": {"own": "maker:OWN"}})
     importlib.invalidate_caches()
     sys.modules.pop("maker", None)
-    assert main(["--help"]) == 0
-    shown = capsys.readouterr()
+    shown = cli("--help")
     (line,) = shown.err.splitlines()
     assert line.startswith("hil-bench: warning: ")
     assert problem in line

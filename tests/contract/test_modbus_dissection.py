@@ -5,8 +5,7 @@ import contextlib
 import pytest
 from support.dissection import dissect, require_tshark, write_tcp_capture
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_drivers import DriverError
 from hil_drivers.modbus import ModbusClient, PositionSensor, PressureSensor, ProportionalValve
 from hil_drivers.modbus.framing import RtuFraming, TcpFraming
@@ -42,10 +41,9 @@ class RecordedLink:
         return data
 
 
-def record(tmp_path, *, is_serial):
+def record(make_file, *, is_serial):
     """A session with every function, and four exceptions; the messages as they passed."""
-    path = tmp_path / "bench.toml"
-    path.write_text(UNITS)
+    path = make_file("bench.toml", UNITS)
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.005)
         framing = RtuFraming() if is_serial else TcpFraming()

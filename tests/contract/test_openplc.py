@@ -9,8 +9,7 @@ import struct
 import pytest
 from support.openplc import openplc, run_openplc
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4
 UNITS = """
@@ -88,10 +87,9 @@ def by_registers_alone(valve, fraction):
     ids=["maps", "eight"],
 )
 def test_it_moves_the_axis_without_an_exception_or_a_fault(
-    tmp_path, sizes, extra, command, watchdog
+    make_file, sizes, extra, command, watchdog
 ):
-    path = tmp_path / "bench.toml"
-    path.write_text(UNITS.format(extra=extra))
+    path = make_file("bench.toml", UNITS.format(extra=extra))
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.01)  # before the first tick there are no values
         devices = openplc(bench, sizes)
@@ -119,9 +117,8 @@ def test_it_moves_the_axis_without_an_exception_or_a_fault(
         assert errors == []
 
 
-def test_a_plc_that_stops_leaves_a_valve_that_watches_it(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(UNITS.format(extra=""))
+def test_a_plc_that_stops_leaves_a_valve_that_watches_it(make_file):
+    path = make_file("bench.toml", UNITS.format(extra=""))
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.01)
         devices = openplc(bench, WHOLE_MAPS)

@@ -7,17 +7,15 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import hil_drivers.node
+from hil_bench import HilBenchError, load_config, read_frames
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.modbus.map_files import load_register_map
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.storage import StoredParameters
-from hil_bench.errors import HilBenchError
 from hil_drivers.errors import DriverError
 from hil_drivers.modbus.register_map import RegisterMap as DriverMap
 

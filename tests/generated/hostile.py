@@ -17,10 +17,9 @@ from generated import seeds
 from generated.dialects import BYTES, Dialect, verbs_of
 from scipy.io import savemat
 
+from hil_bench import RecordingWish, VirtualBench
 from hil_bench.abilities.campaign.store import program_identity
 from hil_bench.abilities.recording import mdf_blocks as mdf
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 
 _GIB = 1 << 30

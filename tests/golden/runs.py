@@ -17,9 +17,7 @@ from pathlib import Path
 
 import can
 
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import RecordingWish, VirtualBench, load_config
 from hil_bench.cli import main
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.framing import TcpFraming

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hil_bench import cli
+from hil_bench import ConfigError, cli
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.judgement import Judgement, judge
 from hil_bench.abilities.scenario.monitor import Monitor
@@ -19,7 +19,6 @@ from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.recorded import judge_with_trace
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.errors import ConfigError
 from referee.asking import conditions_in, laid_on_ticks, names_in, refusals
 from referee.cases import Case, bits, written
 from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Ruling, Run

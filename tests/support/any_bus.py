@@ -8,8 +8,7 @@ import can
 import pytest
 from support.patience import GUARD
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve, modbus
 from hil_drivers.interfaces import CommandedValve, Medium, PositionSource, PressureSource
 from hil_drivers.modbus.framing import RtuFraming, TcpFraming

@@ -7,6 +7,7 @@ import tempfile
 import threading
 from pathlib import Path
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.live.places import Place
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
@@ -14,8 +15,6 @@ from hil_bench.abilities.live.session_feed import Feed, feed_parts
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.guard import Secret
 from hil_bench.abilities.panel.server import PanelPlan, _serve, open_port
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else
 

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench import BenchConfig, VirtualBench, load_config
 from hil_bench.abilities.recording.frames import message_of
-from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 PERIOD = 0.01

@@ -117,10 +117,8 @@ class BenchRig:
         return [frame.can_id for frame in sent]
 
 
-def write_bench(tmp_path, *lines):
-    path = tmp_path / "bench.toml"
-    path.write_text("\n".join(("[bench]\ntick_us = 2000\n[nodes.valve]", *lines)))
-    return path
+def write_bench(make_file, *lines):
+    return make_file("bench.toml", "\n".join(("[bench]\ntick_us = 2000\n[nodes.valve]", *lines)))
 
 
 VALVE = 'profile = "valve_408"'

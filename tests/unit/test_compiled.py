@@ -12,7 +12,6 @@ from support.dissection import require_tool
 
 from hil_bench.bench import compiled
 from hil_bench.bench.compiled import look_at_core, warn_of_edits
-from hil_bench.cli import main
 
 ROOT = Path(__file__).parents[2]
 COMPILED = "agenda.cpython-311-x86_64-linux-gnu.so"
@@ -82,10 +81,8 @@ def test_an_edit_is_said_once(package, monkeypatch, caplog):
 
 
 @pytest.mark.parametrize("words", [["--version", "-v"], ["-v", "--version"]])
-def test_the_long_version_says_what_runs(words, capsys):
-    assert main(words) == 0
-
-    lines = capsys.readouterr().out.splitlines()
+def test_the_long_version_says_what_runs(words, cli):
+    lines = cli(words).out.splitlines()
     assert [line.partition(":")[0] for line in lines[1:3]] == ["core of the bench", "plant kernel"]
 
 

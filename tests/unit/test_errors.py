@@ -44,9 +44,8 @@ def test_an_interruption_leaves_nothing_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_whole_file_takes_the_place_of_the_old_one(tmp_path):
-    path = tmp_path / "report.txt"
-    path.write_text("before")
+def test_a_whole_file_takes_the_place_of_the_old_one(tmp_path, make_file):
+    path = make_file("report.txt", "before")
     with whole_file(path) as file:
         assert file.suffix == ".txt"  # which says the format of a picture
         file.write_text("after")
@@ -78,9 +77,8 @@ def test_a_link_stays_a_link(tmp_path):
         ("a.cdcf", b"words"),
     ],
 )
-def test_a_file_of_somebody_else_is_not_replaced(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
+def test_a_file_of_somebody_else_is_not_replaced(make_file, name, content):
+    path = make_file(name, content)
     wrong = "is there already, and not written by hil-bench"
     with pytest.raises(ConfigError, match=wrong), whole_file(path) as file:
         file.write_bytes(b"new")
@@ -103,9 +101,8 @@ def test_a_file_of_somebody_else_is_not_replaced(tmp_path, name, content):
         ("a.txt", b"words"),
     ],
 )
-def test_what_the_bench_wrote_is_replaced(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
+def test_what_the_bench_wrote_is_replaced(make_file, name, content):
+    path = make_file(name, content)
     with whole_file(path) as file:
         file.write_bytes(b"new")
     assert path.read_bytes() == b"new"

@@ -2,9 +2,8 @@
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.common.members import find_members
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 
 B_FIRST = """
 [plant.axis1]
@@ -25,9 +24,8 @@ node_id = 1
 """
 
 
-def members(tmp_path, text):
-    path = tmp_path / "bench.toml"
-    path.write_text(text)
+def members(make_file, text):
+    path = make_file("bench.toml", text)
     return find_members(load_config(path), "axis1", "this test")
 
 

@@ -9,10 +9,8 @@ import can
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.live.session_feed import GetObject
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 
 IO = IMITATIONS / "analogue_io_401.eds"
 DEVICE = Path(__file__).parent / "canopen_device" / "device.eds"
@@ -164,11 +162,11 @@ def test_a_limit_of_the_eds_file_holds(tmp_path):
         assert bench.nodes["io"]["0x6401.01"] == 100
 
 
-def test_an_object_that_shows_the_plant_is_not_set_by_hand(tmp_path):
-    path = tmp_path / "bound.toml"
-    path.write_text(
+def test_an_object_that_shows_the_plant_is_not_set_by_hand(make_file):
+    path = make_file(
+        "bound.toml",
         f'[nodes.io]\nnode_id = 10\neds = "{IO}"\n[nodes.io.objects]\n'
-        '"0x6401.01" = { source = "axis1.P_A" }\n"0x6411.01" = { sink = "axis1.spool_setpoint" }\n'
+        '"0x6401.01" = { source = "axis1.P_A" }\n"0x6411.01" = { sink = "axis1.spool_setpoint" }\n',
     )
     with VirtualBench(load_config(path)) as bench:
         with pytest.raises(

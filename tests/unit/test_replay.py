@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.replay.drive import (
     FrameDirection,
     compare_recordings,
     drive_plant,
     play_frames,
 )
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.channels import Channel, LoggedFrame, recording_dtype
 

@@ -9,9 +9,7 @@ import can
 import pytest
 
 from device_profiles import IMITATIONS
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, VirtualBench, load_config
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "scripted_nodes.toml"
 IO = IMITATIONS / "analogue_io_401.eds"

@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from hil_bench.cli import main
 from hil_bench.errors import ConfigError
 from hil_bench.shown_units import (
     QUANTITIES,
@@ -72,9 +71,8 @@ def test_the_environment_chooses_and_a_wrong_one_is_named(monkeypatch):
         chosen()
 
 
-def test_a_wrong_option_is_a_usage_error(capsys):
-    assert main(["watch", "--units", "ell"]) == 2
-    assert "units 'ell': give some of metric" in capsys.readouterr().err
+def test_a_wrong_option_is_a_usage_error(cli):
+    assert "units 'ell': give some of metric" in cli("watch --units ell", 2).err
 
 
 def test_every_way_of_a_quantity_has_the_same_si_units():

@@ -8,14 +8,13 @@ import pyarrow.parquet as pq
 import pytest
 from support.campaigns import REST, write_rest
 
-from hil_bench import cli
+from hil_bench import ConfigError, cli
 from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, read_campaign
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.common import progress
 from hil_bench.abilities.common.progress import WorkLines
-from hil_bench.errors import ConfigError
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
@@ -95,10 +94,9 @@ def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
         (PLAIN, REST, "campaign.toml: no parameter has a range"),  # a scenario of any name
     ],
 )
-def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, capsys):
+def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, make_file, capsys):
     write_rest(tmp_path, scenario)
-    path = tmp_path / "campaign.toml"
-    path.write_text(campaign + "\n")
+    path = make_file("campaign.toml", campaign + "\n")
     assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
     errors = capsys.readouterr().err.splitlines()
     assert len(errors) == 1

@@ -12,7 +12,7 @@ import pytest
 from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
 import hil_bench
-from hil_bench import cli
+from hil_bench import ConfigError, cli
 from hil_bench.abilities.campaign import store
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
@@ -20,7 +20,6 @@ from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.campaign.summary import compare, correlations, summarise
 from hil_bench.abilities.campaign.table import Shard, collect, execute, to_table
-from hil_bench.errors import ConfigError
 
 RUNS = 8
 
@@ -155,9 +154,8 @@ time.sleep(600)
 
 
 @pytest.mark.long  # so do four, one after the other
-def test_firmware_that_hangs_ends_or_kills_is_a_result(tmp_path):
-    program = tmp_path / "firmware.py"
-    program.write_text(FIRMWARE)
+def test_firmware_that_hangs_ends_or_kills_is_a_result(tmp_path, make_file):
+    program = make_file("firmware.py", FIRMWARE)
     head = '[controller]\nfirmware = ["true"]\n'
     write_rest(tmp_path, REST.replace("[parameters]", f"{head}[parameters]", 1))
     words = {
@@ -254,13 +252,13 @@ def test_two_results_of_one_run_that_differ_are_said(plan, tmp_path):
         collect(plan, store)
 
 
-def test_tolerances_change_the_bench(tmp_path):
+def test_tolerances_change_the_bench(tmp_path, make_file):
     write_rest(tmp_path)
-    campaign = tmp_path / "campaign.toml"
-    campaign.write_text(
+    campaign = make_file(
+        "campaign.toml",
         'scenarios = ["rest.scenario.toml"]\nsampler = "grid"\nlevels = 1\n'
         "[parameters]\nlimit_bar = { values = [100.0] }\n"
-        '[tolerances]\n"plant.axis1.supply_pressure_bar" = { values = [80.0, 100.0] }\n'
+        '[tolerances]\n"plant.axis1.supply_pressure_bar" = { values = [80.0, 100.0] }\n',
     )
     plan = Plan(read_campaign(campaign))
     assert len({spec.key for spec in plan}) == 2
@@ -383,9 +381,8 @@ def test_correlations_are_those_of_ranks_over_decided_runs():
 
 
 @pytest.mark.parametrize("key", ["runs", "levels", "seed", "timeout"])
-def test_a_default_is_that_of_the_document(tmp_path, key):
-    path = tmp_path / "c.toml"
-    path.write_text('scenarios = ["rest.scenario.toml"]\n')
+def test_a_default_is_that_of_the_document(tmp_path, make_file, key):
+    path = make_file("c.toml", 'scenarios = ["rest.scenario.toml"]\n')
     write_rest(tmp_path)
     document = Path(__file__).parents[3] / "docs" / "campaigns.md"
     rows = [row.split("|")[1:3] for row in document.read_text().splitlines() if "`" in row]

@@ -49,14 +49,13 @@ if __name__ == "__main__":
 
 
 @pytest.mark.long  # a scheduler, two workers and their processes import the whole package
-def test_a_cluster_that_loses_a_worker_finds_the_same(tmp_path):
+def test_a_cluster_that_loses_a_worker_finds_the_same(tmp_path, make_file):
     pytest.importorskip("distributed")
     path = write_rest(tmp_path)
     plan = Plan(replace(read_campaign(path), runs=RUNS))
     here = Store(tmp_path / "here", {})
     execute(plan, here, perform_here)
-    program = tmp_path / "cluster.py"
-    program.write_text(PROGRAM)
+    program = make_file("cluster.py", PROGRAM)
     words = [sys.executable, str(program), str(path), str(tmp_path / "there"), str(RUNS)]
     ended = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)  # noqa: S603
     assert ended.returncode == 0, ended.stderr

@@ -440,9 +440,8 @@ def test_the_report_of_a_search_says_where_its_smallest_margin_is(tmp_path, draw
         ("timeout_s = 1.1e6", None, "timeout_s"),
     ],
 )
-def test_a_campaign_has_its_defaults_and_takes_its_limits(tmp_path, line, field, value):
-    path = tmp_path / "a.campaign.toml"
-    path.write_text(f'scenarios = ["x.scenario.toml"]\n{line}\n', encoding="utf-8")
+def test_a_campaign_has_its_defaults_and_takes_its_limits(make_file, line, field, value):
+    path = make_file("a.campaign.toml", f'scenarios = ["x.scenario.toml"]\n{line}\n')
     if field is None:
         with pytest.raises(ConfigError, match=value):
             read_campaign(path)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
-from hil_bench import cli
+from hil_bench import ConfigError, cli
 from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
 from hil_bench.abilities.campaign.plan import make_spec, own_case
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
@@ -34,7 +34,6 @@ from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
 
 REST_SPACE = {"limit_bar": None, "load_n": None}
 

@@ -70,10 +70,8 @@ POINTS = (
 
 
 @pytest.fixture
-def load(tmp_path):
-    path = tmp_path / "load.scenario.toml"
-    path.write_text(LOAD.format(controller=""))
-    return path
+def load(make_file):
+    return make_file("load.scenario.toml", LOAD.format(controller=""))
 
 
 def test_a_copy_ends_as_a_run_from_the_start(load):

@@ -343,15 +343,14 @@ def test_defaults_follow_a_new_node_id(eds_path):
     assert dictionary.variable(0x1400, 1).value == 0x209
 
 
-def test_two_devices_of_a_file_share_nothing_that_changes(eds_path, tmp_path):
+def test_two_devices_of_a_file_share_nothing_that_changes(eds_path, make_file):
     first = load_eds(eds_path, 5)
     size = len(list(first))
     entry = first.variable(0x1017)
     entry.default, entry.value, entry.is_carried = 77, 99, True
     first.add_hook(0x1017, 0, lambda _value: pytest.fail("the hook of another device"))
     first.add(Variable(0x5FFF, 0, "One more", entry.data_type))
-    other = tmp_path / "other.eds"
-    other.write_bytes(eds_path.read_bytes())
+    other = make_file("other.eds", eds_path.read_bytes())
 
     second = load_eds(other, 5)
 
@@ -389,21 +388,18 @@ def test_missing_file(tmp_path):
         ('<?xml version="1.0"?>\n<a>[1000]</a>', "is XML, as an XDD file is; give the EDS file"),
     ],
 )
-def test_text_that_is_no_eds(tmp_path, text, wrong):
-    path = tmp_path / "no.eds"
-    path.write_text(text, encoding="utf-8")
+def test_text_that_is_no_eds(make_file, text, wrong):
+    path = make_file("no.eds", text)
     assert refusal(load_eds, path, 5).startswith(f"{path}: {wrong}")
 
 
-def test_a_file_that_is_too_long_is_not_read(tmp_path):
-    path = tmp_path / "long.eds"
-    path.write_bytes(b"[FileInfo]\n[1000]\n" + b";" * LARGEST_FILE)
+def test_a_file_that_is_too_long_is_not_read(make_file):
+    path = make_file("long.eds", b"[FileInfo]\n[1000]\n" + b";" * LARGEST_FILE)
     assert "is longer than 8388608 bytes" in refusal(load_eds, path, 5)
 
 
-def test_bytes_that_are_no_text(tmp_path):
-    path = tmp_path / "no.eds"
-    path.write_bytes(bytes(range(256)))
+def test_bytes_that_are_no_text(make_file):
+    path = make_file("no.eds", bytes(range(256)))
     assert refusal(load_eds, path, 5).startswith(f"{path}: ")
 
 

@@ -12,11 +12,10 @@ PLAIN = Path(__file__).parent / "device.eds"
 
 
 @pytest.fixture
-def objects(tmp_path):
+def objects(make_file):
     text = PLAIN.read_text(encoding="utf-8")
     text = text.replace("SupportedObjects=29\n", "SupportedObjects=30\n30=0x1020\n", 1)
-    path = tmp_path / "device.eds"
-    path.write_text(text + VERIFY_CONFIGURATION, encoding="utf-8")
+    path = make_file("device.eds", text + VERIFY_CONFIGURATION)
     dictionary = load_eds(path, 5)
     Node(dictionary, 5)
     for subindex, value in ((1, 15000), (2, 3_600_000)):

@@ -36,10 +36,8 @@ axis = "swing"
 
 
 @pytest.fixture
-def bench(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    return path
+def bench(make_file):
+    return make_file("bench.toml", BENCH)
 
 
 def facts(capsys, *arguments):
@@ -48,10 +46,8 @@ def facts(capsys, *arguments):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_analysis_has_a_help_that_ends_with_examples(name, capsys):
-    assert main(["analyse", name, "--help"]) == 0
-
-    examples = capsys.readouterr().out.rpartition("\nexamples:\n")[2]
+def test_each_analysis_has_a_help_that_ends_with_examples(name, cli):
+    examples = cli(["analyse", name, "--help"]).out.rpartition("\nexamples:\n")[2]
     assert examples.startswith(f"  hil-bench analyse {name}")
 
 
@@ -117,19 +113,17 @@ def test_dead_zone_and_saturation_stay_in_where_it_is_told(capsys):
 
 
 @pytest.mark.long
-def test_the_papers_report_is_written_and_its_verdicts_printed(tmp_path, capsys, monkeypatch):
+def test_the_papers_report_is_written_and_its_verdicts_printed(tmp_path, cli, monkeypatch):
     run = verbs.run_paper
     monkeypatch.setattr(verbs, "run_paper", lambda: run(chirp_duration=5.0))
     monkeypatch.setattr("hil_bench.abilities.analysis.paper.paper_studies", lambda _runs: [])
 
-    assert main(["analyse", "paper", "--output", str(tmp_path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(["analyse", "paper", "--output", str(tmp_path)]).out.splitlines()
     assert lines[0].startswith("holds with a correction")
     assert lines[-1] == f"report    {tmp_path / 'paper-report.md'}"
     assert (tmp_path / "paper-report.md").is_file()
 
-    assert main(["analyse", "paper", "--output", str(tmp_path), "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli(["analyse", "paper", "--output", str(tmp_path), "--json"]).out)
     assert content["statements"][0].keys() == {"place", "claim", "found", "verdict"}
 
 
@@ -148,10 +142,8 @@ def test_the_papers_report_is_written_and_its_verdicts_printed(tmp_path, capsys,
         (["trajectories", "--amplitude-mm", "nan"], "amplitude = nan m: must be finite and no "),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
-    assert main(["analyse", *arguments]) == 2
-
-    (line,) = capsys.readouterr().err.splitlines()
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, cli):
+    (line,) = cli(["analyse", *arguments], 2).err.splitlines()
     assert line.startswith(f"hil-bench: error: {message}")
 
 
@@ -169,11 +161,10 @@ def test_an_output_that_cannot_be_is_refused(tmp_path, capsys):
     assert "cannot be made: File exists; give a directory of yours" in capsys.readouterr().err
 
 
-def test_a_missing_extra_is_one_line_that_names_it(monkeypatch, capsys):
+def test_a_missing_extra_is_one_line_that_names_it(monkeypatch, cli):
     monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _name: None)
 
-    assert main(["analyse", "root-locus"]) == 2
-    assert capsys.readouterr().err == (
+    assert cli("analyse root-locus", 2).err == (
         "hil-bench: error: hil-bench analyse needs scipy; install it with: "
         "pip install 'hil-bench[analysis]'\n"
     )

@@ -3,8 +3,7 @@
 import pytest
 from support.bus_side import POSITION, SYNC, VALVE, BusSide, download_request
 
-from hil_bench.abilities.faults.faults import Faults
-from hil_bench.bench.configuration import load_config
+from hil_bench import Faults, load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.storage import FileStorage
 from hil_bench.cli.helpers import MOST_LINES, BenchEvents

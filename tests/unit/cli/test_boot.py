@@ -12,9 +12,8 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 NETWORK = str(EXAMPLES / "network.toml")
 
 
-def test_the_built_in_bench_is_booted_as_it_is(capsys):
-    assert main(["boot", "--virtual"]) == 0
-    out = capsys.readouterr().out.splitlines()
+def test_the_built_in_bench_is_booted_as_it_is(cli):
+    out = cli("boot --virtual").out.splitlines()
     assert out[0] == "bus      virtual bench"
     assert out[1] == "node 1 (valve): booted, nothing to configure"
     assert out[-1] == "network  started, 4 slaves"
@@ -37,18 +36,16 @@ def test_ctrl_c_ends_a_watch_without_an_end_and_breaks_off_another(capsys, monke
     assert said is (stay == "inf")
 
 
-def test_a_missing_mandatory_slave_is_exit_code_1(capsys, tmp_path):
+def test_a_missing_mandatory_slave_is_exit_code_1(cli, tmp_path):
     path = tmp_path / "network.toml"
     path.write_text(
         "[master]\nboot_time_s = 1\n[slaves.a]\nnode_id = 1\n[slaves.gone]\nnode_id = 9\n",
         encoding="utf-8",
     )
-    assert main(["boot", "--virtual", "--network", str(path)]) == 1
-    assert capsys.readouterr().out.splitlines()[-1] == (
+    assert cli(["boot", "--virtual", "--network", str(path)], 1).out.splitlines()[-1] == (
         "network  not started: mandatory node 9 (gone) (B)"
     )
-    assert main(["boot", "--virtual", "--network", str(path), "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli(["boot", "--virtual", "--network", str(path), "--json"], 1).out)
     assert found["started"] is False
     assert found["slaves"][1]["error"] == "B"
 
@@ -63,9 +60,8 @@ def test_a_missing_optional_slave_is_named(capsys, tmp_path):
     assert capsys.readouterr().out.splitlines()[-1] == "network  started without node 9 (gone) (B)"
 
 
-def test_quiet_prints_nothing(capsys):
-    assert main(["boot", "--virtual", "-q"]) == 0
-    assert capsys.readouterr() == ("", "")
+def test_quiet_prints_nothing(cli):
+    assert cli("boot --virtual -q") == ("", "")
 
 
 def test_concise_dcfs_are_files_a_slave(tmp_path):
@@ -83,13 +79,12 @@ def test_concise_dcfs_are_files_a_slave(tmp_path):
         (["--network", "none.toml"], "none.toml: cannot be read"),
     ],
 )
-def test_wrong_arguments_are_a_line(capsys, arguments, what):
-    assert main(["boot", "--virtual", *arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_wrong_arguments_are_a_line(cli, arguments, what):
+    (line,) = cli(["boot", "--virtual", *arguments], 2).err.splitlines()
     assert what in line
 
 
-def test_a_mandatory_slave_that_is_not_operational_is_exit_code_1(capsys, monkeypatch):
+def test_a_mandatory_slave_that_is_not_operational_is_exit_code_1(cli, monkeypatch):
     start = Network.start_node
 
     def start_node(network, node_id=0):
@@ -97,24 +92,20 @@ def test_a_mandatory_slave_that_is_not_operational_is_exit_code_1(capsys, monkey
         network.enter_pre_operational(1)
 
     monkeypatch.setattr(Network, "start_node", start_node)
-    assert main(["boot", "--virtual"]) == 1
-    assert capsys.readouterr().out.splitlines()[-2:] == [
+    assert cli("boot --virtual", 1).out.splitlines()[-2:] == [
         "node 1 (valve): PRE-OPERATIONAL after its start",
         "network  not started: mandatory node 1 (valve) is PRE-OPERATIONAL",
     ]
 
 
-def test_slaves_that_report_no_state_are_exit_code_6(capsys, monkeypatch):
+def test_slaves_that_report_no_state_are_exit_code_6(cli, monkeypatch):
     monkeypatch.setattr(Network, "request", lambda _network, _cob_id, _length: None)
-    assert main(["boot", "--virtual"]) == 6
-    line = capsys.readouterr().out.splitlines()[-1]
+    line = cli("boot --virtual", 6).out.splitlines()[-1]
     assert line.startswith("network  start commanded, 4 slaves; no state from node 1 (valve)")
 
 
-def test_slaves_that_nobody_starts_are_not_started(capsys, tmp_path):
-    path = tmp_path / "network.toml"
-    path.write_text('[master]\nstart = "none"\n[slaves.a]\nnode_id = 1\n', encoding="utf-8")
-    assert main(["boot", "--virtual", "--network", str(path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == (
+def test_slaves_that_nobody_starts_are_not_started(cli, make_file):
+    path = make_file("network.toml", '[master]\nstart = "none"\n[slaves.a]\nnode_id = 1\n')
+    assert cli(["boot", "--virtual", "--network", str(path)]).out.splitlines()[-1] == (
         "network  booted, 1 slaves; the application starts it"
     )

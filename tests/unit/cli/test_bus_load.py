@@ -26,9 +26,8 @@ node_id = 4
 
 
 @pytest.fixture
-def bench(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH)
+def bench(make_file):
+    path = make_file("bench.toml", BENCH)
     return str(path)
 
 
@@ -72,10 +71,9 @@ def test_a_simulation_stays_below_the_bounds_and_comes_near(bench, capsys):
     assert 0.7 * bus["load"] < bus["simulated_load"] < bus["load"]
 
 
-def test_an_axis_whose_devices_are_on_two_buses_is_simulated_whole(capsys):
+def test_an_axis_whose_devices_are_on_two_buses_is_simulated_whole(cli):
     example = Path(__file__).parents[3] / "examples" / "two_buses.toml"
-    assert main(["bus-load", str(example), "--simulate", "0.1", "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli(["bus-load", str(example), "--simulate", "0.1", "--json"]).out)
     assert [bus["name"] for bus in content["buses"]] == ["bus", "sensors"]
     # In 0.1 s each message of 10 ms comes nine to eleven times, on its own bus alone.
     frames = {(row["bus"], row["name"]): row["frames"] for row in content["messages"]}
@@ -87,9 +85,8 @@ def test_an_axis_whose_devices_are_on_two_buses_is_simulated_whole(capsys):
     ("options", "word"),
     [(["--max-load", "20"], "TOO MUCH"), (["--cycle-ms", "2"], "LATE"), (["-b", "20000"], "LATE")],
 )
-def test_beyond_a_limit_the_exit_code_is_1(bench, capsys, options, word):
-    assert main(["bus-load", bench, "--simulate", "0", *options]) == 1
-    assert word in capsys.readouterr().out
+def test_beyond_a_limit_the_exit_code_is_1(bench, cli, options, word):
+    assert word in cli(["bus-load", bench, "--simulate", "0", *options], 1).out
 
 
 @pytest.mark.parametrize(
@@ -99,9 +96,8 @@ def test_beyond_a_limit_the_exit_code_is_1(bench, capsys, options, word):
         (["--max-load", "nan"], "--max-load nan: give 1 to 100"),
     ],
 )
-def test_a_wrong_number_is_one_line(bench, capsys, options, message):
-    assert main(["bus-load", bench, *options]) == 2
-    assert message in capsys.readouterr().err
+def test_a_wrong_number_is_one_line(bench, cli, options, message):
+    assert message in cli(["bus-load", bench, *options], 2).err
 
 
 FD_DBC = """\
@@ -123,14 +119,12 @@ BA_ "GenMsgCycleTime" BO_ 801 20;
 """
 
 
-def test_messages_of_can_fd_have_both_bit_rates(tmp_path, capsys):
+def test_messages_of_can_fd_have_both_bit_rates(make_file, capsys, cli):
     """At 500 kbit/s and 2 Mbit/s a frame of 64 bytes takes 32 + 679 bits at most, one with a 29-bit
     identifier 56 + 679, behind which it may have to wait; see test_fd_bits.py."""
-    path = tmp_path / "v.dbc"
-    path.write_text(FD_DBC)
+    path = make_file("v.dbc", FD_DBC)
     words = ["bus-load", "--dbc", str(path), "-b", "500000", "--simulate", "5", "--json"]
-    assert main([*words, "--fd", "--data-bitrate", "2000000"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli([*words, "--fd", "--data-bitrate", "2000000"]).out)
     rows = {row["name"]: row for row in content["messages"]}
     state = rows["State"]
     assert (state["can_id"], state["length"], state["is_fd"], state["why"]) == (
@@ -149,18 +143,16 @@ def test_messages_of_can_fd_have_both_bit_rates(tmp_path, capsys):
     assert (bus["bitrate"], bus["data_bitrate"]) == (500_000, 2_000_000)
     assert main([*words[:-1], "--fd", "--data-bitrate", "2000000"]) == 0
     assert "of 500 kbit/s, data at 2 Mbit/s, simulated" in capsys.readouterr().out
-    assert main(words) == 2
-    assert capsys.readouterr().err == (
+    assert cli(words, 2).err == (
         "hil-bench: error: --dbc: State is of CAN FD, and the bus is classical; give fd = true in "
         "[bus], or --fd\n"
     )
 
 
-def test_what_cannot_be_simulated_is_refused_and_bounds_need_no_simulation(monkeypatch, capsys):
+def test_what_cannot_be_simulated_is_refused_and_bounds_need_no_simulation(monkeypatch, cli):
     """As without the ability that has wires: no table without the values that were asked for."""
     monkeypatch.setattr("hil_bench.abilities.eyes.verbs.bus_load.given_to", lambda _: [])
-    assert main(["bus-load", "--simulate", "1"]) == 2
-    told = capsys.readouterr()
+    told = cli("bus-load --simulate 1", 2)
     assert "--simulate: nothing here simulates a bus; give --simulate 0" in told.err
     assert told.out == ""
     assert main(["bus-load", "--simulate", "0"]) == 0

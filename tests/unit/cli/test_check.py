@@ -51,11 +51,10 @@ def test_each_value_is_shown_with_its_origin(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     "example", ["one_axis.toml", "two_axes.toml", "real_sensors.toml", "faults.toml"]
 )
-def test_what_check_prints_is_the_same_bench(tmp_path, capsys, example):
+def test_what_check_prints_is_the_same_bench(make_file, capsys, example):
     original = Path(__file__).parents[3] / "examples" / example
     assert main(["check", str(original)]) == 0
-    printed = tmp_path / "printed.toml"
-    printed.write_text(capsys.readouterr().out)
+    printed = make_file("printed.toml", capsys.readouterr().out)
     first, second = load_config(original), load_config(printed)
 
     assert (first.axes, first.nodes, first.bus) == (second.axes, second.nodes, second.bus)
@@ -67,10 +66,8 @@ def test_what_check_prints_is_the_same_bench(tmp_path, capsys, example):
     )
 
 
-def test_json_is_for_programs(capsys):
-    assert main(["check", "--json", "--seed", "3"]) == 0
-
-    found = json.loads(capsys.readouterr().out)
+def test_json_is_for_programs(cli):
+    found = json.loads(cli("check --json --seed 3").out)
     assert found["path"] is None
     settings = {(s["table"], s["key"]): s for s in found["settings"]}
     assert settings["bench", "seed"] == {
@@ -84,13 +81,11 @@ def test_json_is_for_programs(capsys):
     assert settings["bus", "interface"]["value"] is None
 
 
-def test_a_wrong_configuration_is_exit_code_2(tmp_path, monkeypatch, capsys):
+def test_a_wrong_configuration_is_exit_code_2(tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
     Path("bench.toml").write_text("[bench]\ntick = 1\nseed = -1\n")
 
-    assert main(["check", "bench.toml"]) == 2
-
-    found = capsys.readouterr()
+    found = cli("check bench.toml", 2)
     assert found.out == ""
     assert found.err.splitlines() == [
         "hil-bench: error: bench.toml:bench.tick: unknown key; the nearest known key is tick_us",
@@ -127,7 +122,7 @@ eds = "vendor.eds"
 
 
 @pytest.mark.parametrize("command", [["check"], ["devices"], ["run", "--duration", "0.01"]])
-def test_a_deviation_of_an_eds_is_told_once(tmp_path, monkeypatch, capsys, command):
+def test_a_deviation_of_an_eds_is_told_once(tmp_path, monkeypatch, cli, command):
     monkeypatch.chdir(tmp_path)
     text = VALVE_408.read_text(encoding="ascii")
     changed = text.replace("$NODEID+0x200", "0x601").replace("AccessType=const", "AccessType=co", 1)
@@ -136,19 +131,16 @@ def test_a_deviation_of_an_eds_is_told_once(tmp_path, monkeypatch, capsys, comma
     verb, *options = command
     hub = ["--hub", "0"] if verb == "run" else []
 
-    assert main([verb, "bench.toml", *hub, *options]) == 0
-
-    lines = capsys.readouterr().err.splitlines()
+    lines = cli([verb, "bench.toml", *hub, *options]).err.splitlines()
     warnings = [line for line in lines if line.startswith("hil-bench: vendor.eds:")]
     first, second = warnings
     # What does not work comes first.
     assert "error: [1400sub1] DefaultValue: is 0x601, which no PDO may have; RPDO1 is off" in first
     assert "warning: [1008] AccessType: is 'co'; one of ro" in second
-    assert main(["check", "bench.toml", "--quiet"]) == 0
-    assert "vendor.eds" not in capsys.readouterr().err
+    assert "vendor.eds" not in cli("check bench.toml --quiet").err
 
 
-def test_many_deviations_of_an_eds_are_counted(tmp_path, monkeypatch, capsys):
+def test_many_deviations_of_an_eds_are_counted(tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
     text = VALVE_408.read_text(encoding="ascii")
     number = text.count("AccessType=const")
@@ -157,18 +149,15 @@ def test_many_deviations_of_an_eds_are_counted(tmp_path, monkeypatch, capsys):
     Path("vendor.eds").write_text(changed, encoding="ascii")
     Path("bench.toml").write_text(LOAD)
 
-    assert main(["check", "bench.toml"]) == 0
-
-    lines = capsys.readouterr().err.splitlines()
+    lines = cli("check bench.toml").err.splitlines()
     assert len(lines) == 11
     assert lines[-1] == (
         f"hil-bench: vendor.eds: and {number - 10} more; hil-bench check-eds vendor.eds shows all"
     )
 
 
-def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(capsys):
-    assert main(["check", "-b", "500000", "--fd", "--data-bitrate=2000000"]) == 0
-    shown = capsys.readouterr().out
+def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(cli):
+    shown = cli("check -b 500000 --fd --data-bitrate=2000000").out
     bus = tomllib.loads(shown)["bus"]
     assert (bus["bitrate"], bus["fd"], bus["data_bitrate"]) == (500_000, True, 2_000_000)
 
@@ -181,9 +170,8 @@ def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(capsys):
         (["--timing", "f_clock=8000000"], "--timing: bit timing is the adapter's; give -b or"),
     ],
 )
-def test_what_no_bus_can_be_is_refused_in_a_line(options, said, capsys):
-    assert main(["check", *options]) == 2
-    err = capsys.readouterr().err
+def test_what_no_bus_can_be_is_refused_in_a_line(options, said, cli):
+    err = cli(["check", *options], 2).err
     assert said in err
     assert err.count("\n") == 1
 
@@ -192,16 +180,12 @@ NONSENSE = "[plant.axis1]\nsupply_pressure_bar = 21000000\n"
 DOUBT = "plant.axis1.supply_pressure_bar: 21000000 is 2.1 TPa; "
 
 
-def test_what_is_hard_to_believe_is_a_warning_on_standard_error(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(NONSENSE)
-    assert main(["check", str(path)]) == 0
-    out, err = capsys.readouterr()
+def test_what_is_hard_to_believe_is_a_warning_on_standard_error(make_file, cli):
+    path = make_file("bench.toml", NONSENSE)
+    out, err = cli(["check", str(path)])
     assert err.startswith(f"hil-bench: warning: {path}:{DOUBT}")
     assert tomllib.loads(out)["plant"]["axis1"]["supply_pressure_bar"] == 21_000_000
-    assert main(["check", str(path), "--json"]) == 0
-    warning, *results = json.loads(capsys.readouterr().out)["warnings"]
+    warning, *results = json.loads(cli(["check", str(path), "--json"]).out)["warnings"]
     assert warning.startswith(f"{path}:{DOUBT}")
     assert "top speed extending is" in results[0]
-    assert main(["check", str(path), "-q"]) == 0
-    assert capsys.readouterr().err == ""
+    assert cli(["check", str(path), "-q"]).err == ""

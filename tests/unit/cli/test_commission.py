@@ -7,11 +7,10 @@ from types import SimpleNamespace
 import pytest
 from support.direct_lockstep import DirectLockStep
 
+from hil_bench import load_config, read_frames
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.commissioning.verbs import commission
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 
 LOCKSTEP = "hil_bench.abilities.lockstep.commission_options"
@@ -42,9 +41,8 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys):
-    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 0
-    out = capsys.readouterr().out.splitlines()
+def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, cli):
+    out = cli("commission plan.toml --virtual --output out").out.splitlines()
     assert [line.split() for line in out[:3]] == [
         ["communication", "passed"],
         ["sensors", "passed"],
@@ -74,24 +72,22 @@ def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys
     assert 0x181 not in sent
 
 
-def test_another_machine_than_the_data_sheets_fails_by_name(folder, capsys):
+def test_another_machine_than_the_data_sheets_fails_by_name(folder, cli):
     (folder / "machine.toml").write_text(
         FAST + "[plant.axis1]\nsupply_pressure_bar = 0.001\ntank_pressure_bar = 0\n"
     )
     arguments = ["plan.toml", "--virtual", "--machine", "machine.toml"]
-    assert main(["commission", *arguments]) == 1
-    out = capsys.readouterr().out
+    out = cli(["commission", *arguments], 1).out
     assert "\nfound     no supply pressure: no motion and no force: " in out
     assert "verdict   failed" in out
 
 
-def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatch, capsys):
+def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatch, cli):
     def write_rows(_file, _rows):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("hil_bench.abilities.recording.mdf_writer.MdfFile.write_rows", write_rows)
-    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 5
-    out = capsys.readouterr().out
+    out = cli("commission plan.toml --virtual --output out", 5).out
     assert "verdict   passed" in out
     problem = next(line for line in out.splitlines() if "No space left on device" in line)
     report = (folder / "out" / "report.md").read_text(encoding="utf-8")
@@ -142,24 +138,22 @@ def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_silent_bus_is_inconclusive_and_nobody_is_asked(capsys, monkeypatch):
+def test_a_silent_bus_is_inconclusive_and_nobody_is_asked(cli, monkeypatch):
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("builtins.input", lambda _text: pytest.fail("asked"))
-    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 6
-    out, err = capsys.readouterr()
+    out, err = cli("commission plan.toml -i virtual -c test_commission", 6)
     assert out.count("found     node missing: ") == 4
     assert "\nverdict   inconclusive\n" in out
     assert err == ""
 
 
-def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, capsys):
+def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, cli):
     monkeypatch.setattr("sys.stdin.isatty", lambda: False)
     monkeypatch.setattr(
         "hil_bench.abilities.common.controller_side.open_can_bus",
         lambda *_: pytest.fail("bus opened"),
     )
-    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x"]) == 2
-    assert capsys.readouterr().err == (
+    assert cli("commission plan.toml -i virtual -c x", 2).err == (
         "hil-bench: error: motion needs a confirmation, and this is no terminal; "
         "give --yes to move without asking\n"
     )
@@ -180,33 +174,28 @@ def lockstep_bus(folder, monkeypatch):
     return bus, ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", "out"]
 
 
-def test_what_a_killed_run_left_changed_is_restored_on_request(folder, lockstep_bus, capsys):
+def test_what_a_killed_run_left_changed_is_restored_on_request(folder, lockstep_bus, cli):
     bus, words = lockstep_bus
     (folder / "out").mkdir()
     left = folder / "out" / "unrestored.jsonl"
     left.write_text(LEFT)
     # Another run would take what is changed now for what was there before.
-    assert main(["commission", *words]) == 2
-    assert capsys.readouterr().err == (
+    assert cli(["commission", *words], 2).err == (
         "hil-bench: error: out/unrestored.jsonl: an earlier run was ended before it could restore "
         "these settings; restore them: hil-bench commission plan.toml sheet.toml -i virtual "
         "--lockstep --output out --restore (or remove the file)\n"
     )
-    assert main(["commission", *words, "--restore"]) == 0
-    assert capsys.readouterr().out == "settings  restored: 1 of node 4\n"
+    assert cli(["commission", *words, "--restore"]).out == "settings  restored: 1 of node 4\n"
     assert bus.bench.nodes[3].object_dictionary.number(0x1017) == 1000
     assert not left.exists()
 
 
-def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
-    folder, lockstep_bus, capsys
-):
+def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(folder, lockstep_bus, cli):
     _, words = lockstep_bus
     command = "hil-bench commission plan.toml sheet.toml -i virtual --lockstep"
     (folder / "out").mkdir()
     (folder / "out" / "unrestored.jsonl").write_text(LEFT.replace('"node": 4', '"node": 9'))
-    assert main(["commission", *words, "--restore"]) == 1
-    assert capsys.readouterr().err.splitlines() == [
+    assert cli(["commission", *words, "--restore"], 1).err.splitlines() == [
         "settings  not restored: 1 of node 9: node 9 does not answer",
         "          0x1017 (Producer heartbeat time): was 1000, may be 100",
         f"          mend: {command} --output out --restore",
@@ -256,9 +245,8 @@ def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_arguments_that_cannot_be_meant(arguments, message, capsys):
-    assert main(["commission", *arguments]) == 2
-    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+def test_arguments_that_cannot_be_meant(arguments, message, cli):
+    assert cli(["commission", *arguments], 2).err == f"hil-bench: error: {message}\n"
 
 
 @pytest.mark.usefixtures("folder")

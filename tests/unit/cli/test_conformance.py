@@ -78,25 +78,22 @@ def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, caps
     assert commands == [NmtCommand.RESET_NODE]
 
 
-def test_reading_only_prints_a_line_a_check(capsys):
-    assert main(["conformance", "--virtual", "--node-id", "4"]) == 0
-    out, err = capsys.readouterr()
+def test_reading_only_prints_a_line_a_check(cli):
+    out, err = cli("conformance --virtual --node-id 4")
     assert "passed          required     7.5.2.1      1000h has the device type of the EDS" in out
     assert "7.2.8.3.3" not in out  # a reset is no reading
     assert err.endswith(" not applicable\n")
 
 
-def test_json_is_for_programs(capsys):
-    assert main(["conformance", "--virtual", "--node-id", "2", "--json"]) == 0
-    results = json.loads(capsys.readouterr().out)
+def test_json_is_for_programs(cli):
+    results = json.loads(cli("conformance --virtual --node-id 2 --json").out)
     assert {result["impact"] for result in results} == {"read"}
     assert results[0]["chapter"] == "Object dictionary"
 
 
-def test_the_eds_of_another_device_fails(capsys, request):
+def test_the_eds_of_another_device_fails(cli, request):
     eds = request.config.rootpath / "device_profiles" / "encoder_406.eds"
-    assert main(["conformance", "--virtual", "--node-id", "2", "--eds", str(eds), "-q"]) == 1
-    out = capsys.readouterr().out
+    out = cli(["conformance", "--virtual", "--node-id", "2", "--eds", str(eds), "-q"], 1).out
     # The pressure transducer has device type 404 = 0x194, the encoder 406 = 0x196.
     assert "0x1000.00 is 00020194h; 00080196h by the EDS" in out
     assert "passed  " not in out
@@ -112,9 +109,8 @@ def test_what_is_wrong_in_the_eds_is_told_once(tmp_path, capsys):
     assert "warning: [1008] AccessType: is 'co'" in told[0]
 
 
-def test_nobody_there_is_inconclusive_with_a_hint(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(EMPTY_BUS, encoding="utf-8")
+def test_nobody_there_is_inconclusive_with_a_hint(make_file, capsys):
+    path = make_file("bench.toml", EMPTY_BUS)
     eds = Path(__file__).parents[3] / "device_profiles" / "valve_408.eds"
     arguments = [str(path), "--virtual", "--node-id", "5", "--eds", str(eds)]
     assert main(["conformance", *arguments]) == 6
@@ -133,15 +129,14 @@ def test_nobody_there_is_inconclusive_with_a_hint(tmp_path, capsys):
         (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),
     ],
 )
-def test_a_wrong_command_line_is_one_clear_line(arguments, message, tmp_path, monkeypatch, capsys):
+def test_a_wrong_command_line_is_one_clear_line(arguments, message, tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
-    assert main(["conformance", "--virtual", *arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = cli(["conformance", "--virtual", *arguments], 2).err.splitlines()
     assert message in line
 
 
 @pytest.mark.parametrize("quiet", [[], ["-q"]])
-def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, capsys):
+def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, cli):
     """The device leaves OPERATIONAL in any check: the line counts what waits for it."""
     check = CHAPTERS[0].checks[0]
     cause = "the device leaves OPERATIONAL by EMCY 0x5000"
@@ -153,8 +148,7 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, capsys):
         "hil_bench.abilities.conformance.verbs.conformance.run_suite",
         lambda _dut, _allowed: iter(results),
     )
-    assert main(["conformance", "--virtual", "--node-id", "1", *quiet]) == 1
-    out, err = capsys.readouterr()
+    out, err = cli(["conformance", "--virtual", "--node-id", "1", *quiet], 1)
     failed, not_run = out.splitlines()
     assert failed.startswith("failed          required ")
     assert not_run == f"21 checks not run: {cause}"
@@ -162,11 +156,10 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, capsys):
     assert (summary in err) == (not quiet)
 
 
-def test_a_recommendation_is_no_reason_for_exit_code_1(monkeypatch, capsys):
+def test_a_recommendation_is_no_reason_for_exit_code_1(monkeypatch, cli):
     result = Result("RPDO", CHAPTERS[0].checks[0], Outcome.NOT_FOLLOWED, "no EMCY")
     monkeypatch.setattr(
         "hil_bench.abilities.conformance.verbs.conformance.run_suite",
         lambda _dut, _allowed: iter([result]),
     )
-    assert main(["conformance", "--virtual", "--node-id", "1"]) == 0
-    assert "not followed    required" in capsys.readouterr().out
+    assert "not followed    required" in cli("conformance --virtual --node-id 1").out

@@ -93,9 +93,8 @@ def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys,
     assert not {0x182, 0x183, 0x184} & seen
 
 
-def test_a_sensor_that_is_no_unit_is_named(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text("[modbus.units.pressure_a]\n[modbus.units.pressure_b]\n")
+def test_a_sensor_that_is_no_unit_is_named(tmp_path, make_file, capsys):
+    path = make_file("bench.toml", "[modbus.units.pressure_a]\n[modbus.units.pressure_b]\n")
     assert demo(tmp_path, "--sensors", "modbus", str(path)) == 2
     assert "no [modbus.units.NAME] shows nodes.position" in capsys.readouterr().err
 
@@ -295,6 +294,5 @@ def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "fast", "nan"])
-def test_a_speed_that_cannot_be_meant(speed, capsys):
-    assert main(["demo", "--speed", speed]) == 2
-    assert f"{speed!r}: give a positive number, or max" in capsys.readouterr().err
+def test_a_speed_that_cannot_be_meant(speed, cli):
+    assert f"{speed!r}: give a positive number, or max" in cli(["demo", "--speed", speed], 2).err

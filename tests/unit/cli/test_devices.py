@@ -86,22 +86,18 @@ def test_the_valves_pdos_carry_what_a_controller_needs():
     assert found["TPDO1"] == [(0x6041, 0), (0x6301, 1)]
 
 
-def test_a_node_without_node_id_has_no_identifiers_yet(tmp_path, capsys):
+def test_a_node_without_node_id_has_no_identifiers_yet(tmp_path, cli):
     path = tmp_path / "bench.toml"
     path.write_text(
         '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 1\n'
     )
-    assert main(["devices", str(path)]) == 0
-
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(["devices", str(path)]).out.splitlines()
     assert lines[0] == "node unconfigured  v  valve_408  axis1"
     assert [line.split()[0] for line in lines[1:]] == ["EDS"]
 
 
-def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(capsys):
-    assert main(["devices"]) == 0
-
-    text = capsys.readouterr().out.splitlines()
+def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(cli):
+    text = cli("devices").out.splitlines()
     nodes = [line for line in text if line.startswith("node ")]
     assert [line.split()[1:3] for line in nodes] == [
         ["1", "valve"],
@@ -121,9 +117,8 @@ def test_json_has_the_same_devices(capsys):
     assert [device["node_id"] for device in expected] == [1, 4, 11, 12, 13, 14]
 
 
-def test_j1939_devices_stand_behind_the_nodes(capsys):
-    assert main(["devices", str(ROOT / "examples" / "j1939.toml")]) == 0
-    blocks = capsys.readouterr().out.rstrip().split("\n\n")
+def test_j1939_devices_stand_behind_the_nodes(cli):
+    blocks = cli(["devices", str(ROOT / "examples" / "j1939.toml")]).out.rstrip().split("\n\n")
 
     assert blocks[0].startswith("node 4  position")
     assert [block.splitlines()[0] for block in blocks[1:]] == [
@@ -138,17 +133,16 @@ def test_j1939_devices_stand_behind_the_nodes(capsys):
     ]
 
 
-def test_a_group_of_signals_that_come_and_go_has_a_line_each_way(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(
+def test_a_group_of_signals_that_come_and_go_has_a_line_each_way(make_file, cli):
+    path = make_file(
+        "bench.toml",
         "[plant.axis1]\n[j1939.box]\naddress = 7\n[j1939.box.signals]\n"
         'flow = { pgn = 0xFF20, start_bit = 0, length = 8, sink = "axis1.spool_setpoint" }\n'
         'a = { pgn = 0xFF20, start_bit = 0, length = 8, source = "axis1.P_A", unit = "bar" }\n'
-        'b = { pgn = 0xFF20, start_bit = 8, length = 8, source = "axis1.P_B", unit = "bar" }\n'
+        'b = { pgn = 0xFF20, start_bit = 8, length = 8, source = "axis1.P_B", unit = "bar" }\n',
     )
 
-    assert main(["devices", str(path), "--json"]) == 0
-    (box,) = json.loads(capsys.readouterr().out)
+    (box,) = json.loads(cli(["devices", str(path), "--json"]).out)
     assert (box["name"], box["address"], box["kind"], box["axis"]) == ("box", 7, "table", None)
     assert box["messages"] == [
         {"pgn": 0xFF20, "role": "takes", "rate_ms": 0, "signals": ["flow"]},

@@ -5,7 +5,6 @@ import pytest
 
 from hil_bench.abilities.doctor.machine import Finding, Topic, Verdict
 from hil_bench.abilities.doctor.verbs import report_lines
-from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
 
 TOPICS = [
@@ -41,17 +40,15 @@ def test_colours_are_for_terminals():
     assert "\x1b[32mok  \x1b[0m" in coloured
 
 
-def test_it_looks_at_this_machine_and_measures(capsys):
-    assert main(["doctor", "--seconds", "0.3"]) == 0
-    out = capsys.readouterr().out
+def test_it_looks_at_this_machine_and_measures(cli):
+    out = cli("doctor --seconds 0.3").out
     for name in ("Permissions", "Machine", "CAN", "Software", "Lateness at 1 kHz, "):
         assert f"\n{name}" in out
     assert "\n  run " in out
 
 
-def test_a_program_can_read_it(capsys):
-    assert main(["doctor", "--json", "--seconds", "0.05"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+def test_a_program_can_read_it(cli):
+    answer = json.loads(cli("doctor --json --seconds 0.05").out)
     found = {item["name"]: item for item in answer["findings"]}
     assert found["SocketCAN"]["topic"] == "CAN"
     assert {item["verdict"] for item in found.values()} <= {"good", "hint", "missing", "absent"}
@@ -59,19 +56,16 @@ def test_a_program_can_read_it(capsys):
     assert answer["lateness"][0]["lateness"]["max_us"] == 0
 
 
-def test_without_a_test_nothing_is_measured(capsys):
-    assert main(["doctor", "--json", "--seconds", "0"]) == 0
-    assert json.loads(capsys.readouterr().out)["lateness"] == []
+def test_without_a_test_nothing_is_measured(cli):
+    assert json.loads(cli("doctor --json --seconds 0").out)["lateness"] == []
 
 
-def test_other_systems_get_a_report_too(monkeypatch, capsys):
+def test_other_systems_get_a_report_too(monkeypatch, cli):
     for module in ("machine", "verbs"):
         monkeypatch.setattr(f"hil_bench.abilities.doctor.{module}.IS_LINUX", False)
-    assert main(["doctor", "--seconds", "0.01"]) == 0
-    assert re.search(r"SCHED_FIFO +Linux only", capsys.readouterr().out)
+    assert re.search(r"SCHED_FIFO +Linux only", cli("doctor --seconds 0.01").out)
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "4000"])
-def test_a_length_that_cannot_be_meant(seconds, capsys):
-    assert main(["doctor", "--seconds", seconds]) == 2
-    assert "give 0 to 3600 s" in capsys.readouterr().err
+def test_a_length_that_cannot_be_meant(seconds, cli):
+    assert "give 0 to 3600 s" in cli(["doctor", "--seconds", seconds], 2).err

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from support.documents import ROOT
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.analysis.validation import closed_forms
 from hil_bench.abilities.analysis.validation.suite import validate
 from hil_bench.abilities.conformance.check import Impact
@@ -15,8 +16,6 @@ from hil_bench.abilities.evidence import pack
 from hil_bench.abilities.evidence.content import classification, page_html
 from hil_bench.abilities.evidence.pack import examine_software
 from hil_bench.abilities.faults.section import FaultsPart
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
 
@@ -89,24 +88,22 @@ def test_the_page_needs_nothing_from_elsewhere_and_shows_names_as_text(made):
 
 
 @WHOLE
-def test_the_pack_verifies_until_a_file_is_touched(made, capsys):
+def test_the_pack_verifies_until_a_file_is_touched(made, capsys, cli):
     assert main(["evidence", "--verify", str(made)]) == 0
     capsys.readouterr()
     page = made / "index.html"
     whole = page.read_bytes()
     page.write_bytes(whole.replace(b"passed", b"Passed", 1))
-    assert main(["evidence", "--verify", str(made)]) == 1
-    assert capsys.readouterr().out == f"{made}/index.html: was changed\n"
+    assert cli(["evidence", "--verify", str(made)], 1).out == f"{made}/index.html: was changed\n"
     page.write_bytes(whole)
 
 
 @WHOLE
-def test_the_runs_agree_and_another_seed_does_not(made, tmp_path):
+def test_the_runs_agree_and_another_seed_does_not(made, make_file):
     found = content_of(made)["determinism"]
     (digest,) = {run["digest"] for run in found["runs"]}
     assert found["runs"][0]["rows"] == 1010  # 1.01 s at 1 kHz
-    noisy = tmp_path / "bench.toml"
-    noisy.write_bytes((ROOT / "examples" / "real_sensors.toml").read_bytes())
+    noisy = make_file("bench.toml", (ROOT / "examples" / "real_sensors.toml").read_bytes())
     traces = {pack.run_once(noisy, seed) for seed in (1, 1, 2)}
     assert len(traces) == 2
     assert digest not in {trace.digest for trace in traces}
@@ -238,9 +235,8 @@ def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path):
         ('<testsuite><testcase name="names no requirement"/></testsuite>', 6),
     ],
 )
-def test_the_exit_code_is_that_of_the_requirements(tmp_path, content, code):
-    results = tmp_path / "results"
-    results.write_text(content, encoding="utf-8")
+def test_the_exit_code_is_that_of_the_requirements(tmp_path, make_file, content, code):
+    results = make_file("results", content)
     pack = ["evidence", str(tmp_path / "pack"), "--seconds", "0", "--results", str(results)]
     assert main(["-q", *pack]) == code
 
@@ -255,7 +251,6 @@ def test_the_exit_code_is_that_of_the_requirements(tmp_path, content, code):
         (["--verify"], "is no folder"),
     ],
 )
-def test_what_is_wrong_is_said_before_anything_runs(tmp_path, capsys, arguments, message):
-    assert main(["evidence", str(tmp_path / "pack"), *arguments]) == 2
-    assert message in capsys.readouterr().err
+def test_what_is_wrong_is_said_before_anything_runs(tmp_path, cli, arguments, message):
+    assert message in cli(["evidence", str(tmp_path / "pack"), *arguments], 2).err
     assert list(tmp_path.iterdir()) == []

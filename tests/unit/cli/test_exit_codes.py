@@ -79,10 +79,9 @@ def test_an_error_after_a_verdict_does_not_hide_it(capsys):
     ("that", "code"),
     [(PASSING, ExitCode.LOST), (FAILING, ExitCode.CHECK_FAILED), (UNDECIDED, ExitCode.LOST)],
 )
-def test_a_scenario_whose_recording_is_lost(tmp_path, full, capsys, words, that, code):
+def test_a_scenario_whose_recording_is_lost(tmp_path, full, cli, words, that, code):
     path = scenario(tmp_path, that)
-    assert main(["run", "--scenario", path, "--record", full("run.log"), *words]) == code
-    said = capsys.readouterr()
+    said = cli(["run", "--scenario", path, "--record", full("run.log"), *words], code)
     assert "  R1  " in said.out
     assert "run.log: recording ended at 0.000 s: No space left on device" in said.out
     assert "No space left on device" in said.err
@@ -90,15 +89,14 @@ def test_a_scenario_whose_recording_is_lost(tmp_path, full, capsys, words, that,
 
 @pytest.mark.parametrize("words", [ALONE, ON_A_BUS], ids=["alone", "on a bus"])
 def test_a_lost_recording_ends_a_scenario_where_that_is_wanted(
-    tmp_path, full, capsys, monkeypatch, words
+    tmp_path, full, cli, monkeypatch, words
 ):
     """The first block is written at 0.25 s; two seconds later the requirement would fail."""
     monkeypatch.setattr("hil_bench.cli.helpers.LOOK", 0)
     path = scenario(tmp_path, "always after 2 s axis1.P_A < 0 bar", duration=3)
     words = ["run", "--scenario", path, *words, "--end-on-loss", "--record"]
     assert main([*words, str(tmp_path / "whole.log")]) == ExitCode.CHECK_FAILED
-    assert main([*words, full("run.log")]) == ExitCode.LOST
-    assert "R1  inconclusive" in capsys.readouterr().out
+    assert "R1  inconclusive" in cli([*words, full("run.log")], ExitCode.LOST).out
 
 
 class LateWish(Interruption):
@@ -140,26 +138,23 @@ def test_a_missed_budget_does_not_hide_a_failed_requirement(tmp_path, monkeypatc
         assert main(["run", "--scenario", path, "--strict-timing", *words]) == code
 
 
-def test_a_summary_is_printed_though_its_histograms_are_lost(full, capsys):
+def test_a_summary_is_printed_though_its_histograms_are_lost(full, cli):
     words = [*ON_A_BUS[2:], "--speed", "50", "--duration", "0.01", "--no-feed"]
-    assert main(["run", *words, "--histograms", full("h.json")]) == ExitCode.LOST
-    said = capsys.readouterr()
+    said = cli(["run", *words, "--histograms", full("h.json")], ExitCode.LOST)
     assert "\nsummary\n" in said.out
     assert "h.json: No space left on device" in said.err
 
 
 @pytest.mark.parametrize(("that", "code"), [(PASSING, 5), (FAILING, 1)])
-def test_a_report_that_is_lost_after_the_verdicts(tmp_path, full, capsys, that, code):
+def test_a_report_that_is_lost_after_the_verdicts(tmp_path, make_file, full, cli, that, code):
     path = scenario(tmp_path, that)
-    assert main(["test", path, "--junit", full("j.xml"), "--report", full("t.html")]) == code
-    said = capsys.readouterr()
+    said = cli(["test", path, "--junit", full("j.xml"), "--report", full("t.html")], code)
     assert "  R1  " in said.out
     assert [line.partition(": cannot")[0][-6:] for line in said.err.splitlines()] == [
         "/j.xml",
         "t.html",
     ]
-    recorded = tmp_path / "run.csv"
-    recorded.write_text("time,axis1.P_A\ns,Pa\n0,2e5\n0.001,2e5\n")
+    recorded = make_file("run.csv", "time,axis1.P_A\ns,Pa\n0,2e5\n0.001,2e5\n")
     assert main(["judge", path, str(recorded), "--report", full("r.html")]) == code
 
 
@@ -201,7 +196,7 @@ def test_a_verdict_survives_its_reader(tmp_path, monkeypatch, verb, error, passe
             assert main(words) == code
 
 
-def test_a_demo_says_its_summary_though_no_file_can_be_written(tmp_path, full, capsys, monkeypatch):
+def test_a_demo_says_its_summary_though_no_file_can_be_written(tmp_path, full, cli, monkeypatch):
     def draw(_recording, path):
         raise DiskError(f"{path}: cannot be written: No space left on device")
 
@@ -209,16 +204,14 @@ def test_a_demo_says_its_summary_though_no_file_can_be_written(tmp_path, full, c
     full("demo.csv.part")
     full("demo.log")
     words = ["--speed", "max", "--duration", "0.02", "--output", str(tmp_path)]
-    assert main(["demo", *words]) == ExitCode.LOST
-    said = capsys.readouterr()
+    said = cli(["demo", *words], ExitCode.LOST)
     assert said.out.startswith("motion    0.0 s in ")
     assert "plot      none, it could not be written" in said.out
     assert len(said.err.splitlines()) == 3
 
 
-def test_values_of_a_log_that_are_lost(tmp_path, full):
+def test_values_of_a_log_that_are_lost(tmp_path, make_file, full):
     log = tmp_path / "bus.log"
     log.write_text("(0.000000) can0 181#0000000000000000\n(0.001000) can0 182#0000000000000000\n")
-    config = tmp_path / "bench.toml"
-    config.write_text("")
+    config = make_file("bench.toml", "")
     assert main(["decode", str(log), str(config), "-o", full("v.csv")]) == ExitCode.LOST

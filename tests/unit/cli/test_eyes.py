@@ -158,12 +158,11 @@ def test_a_row_has_no_value_of_a_node_that_fell_silent(folder, options, last):
         assert np.isfinite(found["pressure_b.ai_input_process_value_1"])[1:].all()
 
 
-def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, capsys):
+def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, cli):
     """Each value stands in the first tick behind its frame, one of two in the next."""
     write_pressures(folder / "p.log", (0, 50.0), (0.2, 51.0), (0.4, 52.0), (9.5, 53.0), (10, 53.0))
     options = ["-o", "p.csv", "--tick", "1", "--hold", "3"]
-    assert main(["decode", "p.log", "bench.toml", *options]) == 0
-    said = capsys.readouterr()
+    said = cli(["decode", "p.log", "bench.toml", *options])
     found = read_recording(folder / "p.csv")
     times = [round(time * 1e3, 6) for time in found["time"]]
     bars = [pressure / 1e5 for pressure in found["pressure_a.ai_input_process_value_1"]]
@@ -188,22 +187,20 @@ def test_a_dbc_reads_the_frames_as_we_do(folder):
     assert database.get_message_by_name("pressure_a_TPDO1").senders == ["pressure_a"]
 
 
-def test_a_log_that_is_cut_off_says_so(folder, capsys):
+def test_a_log_that_is_cut_off_says_so(folder, cli):
     path = folder / "t.log"
     path.write_bytes(path.read_bytes()[:-5])
-    assert main(["decode", "t.log"]) == 0
-    shown = capsys.readouterr()
+    shown = cli("decode t.log")
     assert "t.log: ends early: its last line is cut off" in shown.err
     assert len(shown.out.splitlines()) == 7
 
 
-def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder, capsys):
+def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder, cli):
     error, fd = "(0.010000) can0 20000008#0000000000000000\n", "(0.011) can0 181##1AABB\n"
     bad = f"(0.012) can0 181##1{'00' * 9}\n"
     with (folder / "t.log").open("a") as file:
         file.write(error + fd + bad)
-    assert main(["decode", "t.log"]) == 0
-    shown, said = capsys.readouterr()
+    shown, said = cli("decode t.log")
     assert "! error while receiving" in shown
     assert "CAN FD     BRS 2 bytes [AA BB]" in shown
     assert "line 13 is no frame of candump -L; left out" in said  # no DLC says 9 bytes
@@ -242,21 +239,19 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
         (["foreign.mf4"], "to read the frames of other MF4, pip install asammdf"),
     ],
 )
-def test_a_wrong_argument_is_one_line(folder, capsys, arguments, message):
+def test_a_wrong_argument_is_one_line(folder, cli, arguments, message):
     (folder / "empty.log").touch()
     (folder / "foreign.mf4").write_bytes(
         b"MDF     4.11    made up ".ljust(64, b"\0") + b"##HD" + bytes(99)
     )
-    assert main(["decode", *arguments]) == 2
-    said = capsys.readouterr().err
+    said = cli(["decode", *arguments], 2).err
     assert said.count("\n") == 1
     assert message in said
 
 
 @pytest.mark.usefixtures("folder", "bus")
-def test_monitor_says_what_it_hears_until_ctrl_c(capsys):
-    assert main(["monitor", "-i", "socketcan", "-c", "can0", "bench.toml"]) == 0
-    shown = capsys.readouterr()
+def test_monitor_says_what_it_hears_until_ctrl_c(capsys, cli):
+    shown = cli("monitor -i socketcan -c can0 bench.toml")
     assert main(["decode", "t.log", "bench.toml"]) == 0
     lines = shown.out.splitlines()
     errors = [line for line in lines if line.endswith("! error frame") or "CAN FD" in line]
@@ -349,15 +344,13 @@ ASSUMED = (
 @pytest.mark.parametrize(
     "words", [["decode", "t.log"], ["monitor", "-i", "socketcan", "-c", "can0"]], ids=lambda w: w[0]
 )
-def test_without_a_file_the_nodes_are_those_of_the_built_in_bench(words, capsys):
+def test_without_a_file_the_nodes_are_those_of_the_built_in_bench(words, cli):
     """As their help says; the built-in bench has node 1 `valve`."""
-    assert main([*words, "--node", "1"]) == 0
-    said = capsys.readouterr()
+    said = cli([*words, "--node", "1"])
     assert said.out
     assert all("  valve" in line for line in said.out.splitlines())
     assert ASSUMED in said.err
-    assert main([*words, "--node", "1", "-q"]) == 0
-    assert capsys.readouterr().err == ""
+    assert cli([*words, "--node", "1", "-q"]).err == ""
 
 
 @pytest.mark.usefixtures("folder", "bus")
@@ -383,9 +376,8 @@ def test_a_recording_is_named_by_o_as_well(capsys):
         assert capsys.readouterr().err == f"hil-bench: error: {wrong}\n"
 
 
-def test_explain_names_cause_node_clause_and_frames(folder, capsys):
-    assert main(["explain", "t.log", "bench.toml"]) == 1
-    shown = capsys.readouterr().out.splitlines()
+def test_explain_names_cause_node_clause_and_frames(folder, cli):
+    shown = cli("explain t.log bench.toml", 1).out.splitlines()
     assert shown[0].startswith("10 frames in 0.009 s, 2 nodes, load ")
     assert shown[2] == "1. SDO transfer aborted  (CiA 301, 7.2.4.3.17)"
     assert shown[3] == (
@@ -393,48 +385,42 @@ def test_explain_names_cause_node_clause_and_frames(folder, capsys):
         "read only object, first at 0.008 s"
     )
     assert shown[4].startswith("      0.008000  581  SDO  download 0x6041.00")
-    assert main(["explain", "t.log", "bench.toml", "--json"]) == 1
-    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    (finding,) = json.loads(cli("explain t.log bench.toml --json", 1).out)["findings"]
     assert (finding["cause"], finding["node"]) == ("sdo_abort", "valve")
     with open_frame_file(folder / "sound.log") as file:
         file.write_frames(FRAMES[:5])
-    assert main(["explain", "sound.log", "bench.toml"]) == 0
-    assert capsys.readouterr().out.endswith("nothing wrong found\n")
+    assert cli("explain sound.log bench.toml").out.endswith("nothing wrong found\n")
 
 
 FOREIGN = [Frame(0x625, bytes(6)), Frame(0x1F5, bytes(8)), Frame(0x710, bytes(8))]
 
 
-def test_a_bus_that_is_no_canopen_is_said_to_be_none(folder, capsys):
+def test_a_bus_that_is_no_canopen_is_said_to_be_none(folder, cli):
     with open_frame_file(folder / "car.log") as file:
         file.write_frames([LoggedFrame(each, n * 10**6, None) for n, each in enumerate(FOREIGN)])
     note = "this is no CANopen: 2 of 3 frames are not as CiA 301 has them, the first at 0.000 s: "
-    assert main(["explain", "car.log"]) == 6
-    shown = capsys.readouterr().out.splitlines()
+    shown = cli("explain car.log", 6).out.splitlines()
     assert shown[0].startswith("3 frames in 0.002 s, load ")
     assert shown[1].startswith(f"the log: {note}625 [00 00 00 00 00 00]")
     assert shown[2:] == [
         "not judged by CiA 301: load, silence and error frames are all that was looked at"
     ]
-    assert main(["explain", "car.log", "--json"]) == 6
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli("explain car.log --json", 6).out)
     assert (content["languages"], content["is_judged"], content["nodes"]) == ([], False, [])
-    assert main(["decode", "car.log"]) == 0
-    said = capsys.readouterr().err
+    said = cli("decode car.log").err
     assert note in said
     assert "are read as those of the built-in bench" not in said
 
 
 @pytest.mark.parametrize(("aborts", "shown", "rest"), [(3, 3, []), (5, 3, ["and 2 more"])])
 def test_explain_shows_the_first_frames_of_a_finding_and_counts_the_rest(
-    folder, capsys, aborts, shown, rest
+    folder, cli, aborts, shown, rest
 ):
     """SDO aborts of node 1 for a write to 0x6041 (CiA 301, 7.2.4.3.17)."""
     again = [request(1, "2B 41 60"), answer(1, "80 41 60 00 02 00 01 06")]
     with open_frame_file(folder / "many.log") as file:
         file.write_frames(heard(*aborts * again))
-    assert main(["explain", "many.log", "bench.toml"]) == 1
-    lines = capsys.readouterr().out.splitlines()[4:]
+    lines = cli("explain many.log bench.toml", 1).out.splitlines()[4:]
     assert sum("  581  SDO  " in line for line in lines) == shown
     assert [line.strip() for line in lines if line.strip().startswith("and ")] == rest
 
@@ -561,10 +547,9 @@ def test_a_dbc_of_ours_is_written_again():
 
 
 @pytest.mark.usefixtures("folder", "bus")
-def test_monitor_explains_what_it_hears_as_explain_does(capsys):
+def test_monitor_explains_what_it_hears_as_explain_does(capsys, cli):
     """The bus has the frames of t.log and an error frame."""
-    assert main(["monitor", "--explain", "-i", "socketcan", "-c", "can0", "bench.toml"]) == 1
-    said = capsys.readouterr()
+    said = cli("monitor --explain -i socketcan -c can0 bench.toml", 1)
     main(["explain", "t.log", "bench.toml"])
     of_log = capsys.readouterr().out.splitlines()[3:]
     assert said.out.splitlines()[-len(of_log) :] == of_log
@@ -584,20 +569,18 @@ def test_what_candump_has_lost_is_said_beside_a_verdict(folder, capsys):
     assert "7 frames were lost by candump, says the log" in capsys.readouterr().err
 
 
-def test_explain_judges_one_channel_and_says_so(tmp_path, monkeypatch, capsys):
+def test_explain_judges_one_channel_and_says_so(tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
     lines = [f"({time / 10:.6f}) can{time % 2} 70{1 + time % 2}#05\n" for time in range(40)]
     (tmp_path / "two.log").write_text("".join(lines))
-    assert main(["explain", "two.log"]) == 0
-    said = capsys.readouterr()
+    said = cli("explain two.log")
     assert said.out.startswith("20 frames in 3.800 s, 1 nodes")
     assert "frames of other channels left out (20 of can1)" in said.err
 
 
-def test_explain_says_that_the_clock_was_set_back(tmp_path, monkeypatch, capsys):
+def test_explain_says_that_the_clock_was_set_back(tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
     times = [*range(100, 200), *range(100)]
     lines = [f"({time / 10:.6f}) can0 701#05\n" for time in times]
     (tmp_path / "back.log").write_text("".join(lines))
-    assert main(["explain", "back.log"]) == 0
-    assert "the log: the clock goes back at 9.900 s" in capsys.readouterr().out
+    assert "the log: the clock goes back at 9.900 s" in cli("explain back.log").out

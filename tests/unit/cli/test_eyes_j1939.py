@@ -94,11 +94,10 @@ PRESSURES = [None, None, None, 100e5, 100e5, 100e5, 100e5]
 
 
 @pytest.mark.parametrize("suffix", ["mf4", "csv"])
-def test_signals_of_a_log_become_channels_in_si(capsys, suffix):
+def test_signals_of_a_log_become_channels_in_si(cli, suffix):
     write_log()
     path = f"d.{suffix}"
-    assert main(["decode", "t.log", "bench.toml", "-o", path]) == 0
-    assert capsys.readouterr().out == f"7 rows, 4 channels: {path}\n"
+    assert cli(["decode", "t.log", "bench.toml", "-o", path]).out == f"7 rows, 4 channels: {path}\n"
     recording = read_recording(Path(path))
     times = [0, 1, 2, 5, 6, 7, 8]  # of a long message its last frame
     assert recording["time"].tolist() == pytest.approx([ms * 1e-3 for ms in times])
@@ -125,10 +124,9 @@ def test_a_command_is_of_the_device_that_it_is_meant_for():
     assert column(read_recording(Path("d.mf4")), "drive.command") == pytest.approx([0.5, -0.5])
 
 
-def test_a_log_without_their_messages_has_no_channels(capsys):
+def test_a_log_without_their_messages_has_no_channels(cli):
     write_log([(0x18FF0013, "00")])
-    assert main(["decode", "t.log", "bench.toml", "-o", "d.mf4"]) == 2
-    assert "no J1939 signal of a known device" in capsys.readouterr().err
+    assert "no J1939 signal of a known device" in cli("decode t.log bench.toml -o d.mf4", 2).err
     assert not Path("d.mf4").exists()
 
 
@@ -155,10 +153,9 @@ def bus(monkeypatch):
 
 
 @pytest.mark.usefixtures("bus")
-def test_record_writes_signals_of_a_bus(capsys):
+def test_record_writes_signals_of_a_bus(cli):
     words = ["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0"]
-    assert main(words) == 0
-    shown = capsys.readouterr().out.splitlines()
+    shown = cli(words).out.splitlines()
     assert shown[0] == "can0: recording 5 channels to r.mf4; Ctrl-C ends it"
     assert "7 rows, 10 frames: r.mf4" in shown[1]
     recording = read_recording(Path("r.mf4"))

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from support.machine_record import Machine, random_steps
 
-from hil_bench import errors
+from hil_bench import errors, load_config
 from hil_bench.abilities.common.arguments import find_cylinder
 from hil_bench.abilities.identification.verbs.identify import name_sensors
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.outside.recording.block_file import RecordingFile
 
@@ -29,10 +28,8 @@ node_id = 1
 
 
 @pytest.fixture
-def bench(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    return path
+def bench(make_file):
+    return make_file("bench.toml", BENCH)
 
 
 @pytest.fixture
@@ -48,14 +45,12 @@ HELD = ("bulk_modulus_mpa", "moving_mass_kg", "spool_natural_frequency_rad_s")
 
 
 @pytest.mark.long
-def test_a_recording_becomes_a_bench_and_a_picture(bench, recording, tmp_path, capsys):
+def test_a_recording_becomes_a_bench_and_a_picture(bench, recording, tmp_path, cli):
     """The time is short on purpose: whatever was found by then is a bench that `check` takes."""
     output = tmp_path / "lift"
     arguments = [str(recording), str(bench), "--output", str(output), "--time-limit", "20"]
 
-    assert main(["identify", *arguments, "--fix", *HELD, "--json"]) == 0
-
-    result = json.loads(capsys.readouterr().out)
+    result = json.loads(cli(["identify", *arguments, "--fix", *HELD, "--json"]).out)
     assert result["parameters"]["orifice_width_mm"]["value"] == pytest.approx(20.0, rel=0.05)
     assert not set(HELD) & set(result["parameters"])
     assert sorted(path.name for path in output.iterdir()) == [
@@ -115,9 +110,8 @@ def test_a_senseless_option_is_refused(bench, recording, option, value, right, c
     assert right in refusal(capsys, recording, bench, option, value)
 
 
-def test_the_reduced_model_is_refused(recording, tmp_path, capsys):
-    path = tmp_path / "reduced.toml"
-    path.write_text('[plant.lift]\nmodel = "reduced"\n', encoding="utf-8")
+def test_the_reduced_model_is_refused(recording, make_file, capsys):
+    path = make_file("reduced.toml", '[plant.lift]\nmodel = "reduced"\n')
 
     assert 'model = "full-order"' in refusal(capsys, recording, path)
 

@@ -7,7 +7,6 @@ import pytest
 
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
-from hil_bench.cli import main
 
 # A coarse step, which makes this quick.
 BENCH = """
@@ -46,28 +45,20 @@ pressure_bar = [-1, 120]
 
 
 @pytest.fixture
-def bench(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    return path
+def bench(make_file):
+    return make_file("bench.toml", BENCH)
 
 
 @pytest.fixture
-def plan(tmp_path):
-    path = tmp_path / "plan.toml"
-    path.write_text(PLAN, encoding="utf-8")
-    return path
+def plan(make_file):
+    return make_file("plan.toml", PLAN)
 
 
 @pytest.mark.long
-def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
-    bench, plan, tmp_path, capsys
-):
+def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(bench, plan, tmp_path, cli):
     words = ["--plan", plan, "--output", tmp_path / "out", "--duration", 30, "--json"]
 
-    assert main(["identify", "--design", *map(str, (bench, *words))]) == 0
-
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli(["identify", "--design", *map(str, (bench, *words))]).out)
     path = tmp_path / "out" / "design.scenario.toml"
     assert str(path) in found["files"]
     scenario = load_scenario(path)
@@ -86,9 +77,8 @@ def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
     assert 3.0 < times[-1] < 31.0
 
 
-def refusal(capsys, *arguments):
-    assert main(["identify", *map(str, arguments)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def refusal(cli, *arguments):
+    (line,) = cli(["identify", *map(str, arguments)], 2).err.splitlines()
     return line
 
 
@@ -110,9 +100,8 @@ def test_a_design_takes_no_recording(bench, capsys):
     assert "--design takes a bench.toml" in refusal(capsys, "--design", "run.csv", bench)
 
 
-def test_an_axis_without_its_devices_is_refused(tmp_path, capsys):
-    path = tmp_path / "bare.toml"
-    path.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n', encoding="utf-8")
+def test_an_axis_without_its_devices_is_refused(tmp_path, make_file, capsys):
+    path = make_file("bare.toml", '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
 
     assert "axis1: no node is its encoder_406" in refusal(
         capsys, "--design", path, "--output", tmp_path / "o"

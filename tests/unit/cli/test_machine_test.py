@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from support.machines import WRONG_REVISION
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.recorded import SetPoints, lay_samples
 from hil_bench.abilities.scenario.resolve import SetAction
 from hil_bench.abilities.scenario.verbs import machine_test
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
@@ -212,11 +211,9 @@ def test_nothing_moves_unasked(machine, capsys, monkeypatch):
         ([*BUS, "--plan", "p.toml", "--seed", "3"], "are for the virtual bench"),
     ],
 )
-def test_a_machine_has_its_own_arguments(tmp_path, capsys, words, wrong):
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(HEAD + MOVE + HOLDS)
-    assert main(["test", str(path), *words]) == ExitCode.USAGE
-    assert wrong in capsys.readouterr().err
+def test_a_machine_has_its_own_arguments(make_file, cli, words, wrong):
+    path = make_file("a.scenario.toml", HEAD + MOVE + HOLDS)
+    assert wrong in cli(["test", str(path), *words], ExitCode.USAGE).err
 
 
 def test_set_points_go_straight_from_point_to_point():
@@ -272,8 +269,7 @@ def test_a_lost_recording_is_lost_output(machine, tmp_path, monkeypatch, capsys)
         assert "No space left on device" in capsys.readouterr().err
 
 
-def test_a_recording_without_a_machine_is_refused(tmp_path, capsys):
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(HEAD + expect("always axis1.P_A < 250 bar"))
+def test_a_recording_without_a_machine_is_refused(make_file, capsys):
+    path = make_file("a.scenario.toml", HEAD + expect("always axis1.P_A < 250 bar"))
     assert main(["test", str(path), "--record", "run.csv"]) == ExitCode.USAGE
     assert "run --scenario records a virtual bench" in capsys.readouterr().err

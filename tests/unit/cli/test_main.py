@@ -183,21 +183,17 @@ def test_each_error_has_its_exit_code(error, code):
         ),
     ],
 )
-def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, capsys):
-    assert main(arguments) == 2
-    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, cli):
+    assert cli(arguments, 2).err == f"hil-bench: error: {message}\n"
 
 
-def test_the_version_is_told(capsys):
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"hil-bench {__version__}\n"
+def test_the_version_is_told(cli):
+    assert cli("--version").out == f"hil-bench {__version__}\n"
 
 
 @pytest.mark.parametrize("verb", [None, *own_verbs()])
-def test_each_help_ends_with_examples(verb, capsys):
-    assert main([verb, "--help"] if verb else ["--help"]) == 0
-
-    examples = capsys.readouterr().out.rpartition("\nexamples:\n")[2]
+def test_each_help_ends_with_examples(verb, cli):
+    examples = cli([verb, "--help"] if verb else ["--help"]).out.rpartition("\nexamples:\n")[2]
     assert examples.startswith(f"  hil-bench {verb or ''}".rstrip())
 
 
@@ -334,8 +330,7 @@ def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
     assert os.environ.get(VARIABLE) == before
 
 
-def test_the_help_of_run_ends_with_the_examples_of_its_abilities(capsys):
-    assert main(["run", "--help"]) == 0
-    said = capsys.readouterr().out
+def test_the_help_of_run_ends_with_the_examples_of_its_abilities(cli):
+    said = cli("run --help").out
     for words in ("--fault freeze pressure_a at_s=10", "--scenario sag.scenario.toml"):
         assert words in said

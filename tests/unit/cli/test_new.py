@@ -72,24 +72,21 @@ def test_a_double_rod_has_two_equal_areas():
         (["--cylinder", "63/36x0"], "bench.toml:plant.axis1.stroke_mm: 0 is no stroke"),
     ],
 )
-def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, capsys, options, said):
-    assert main(["new", *PRESS, *options]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, cli, options, said):
+    (line,) = cli(["new", *PRESS, *options], 2).err.splitlines()
     assert line.startswith(f"hil-bench: error: {said}")
     assert not (tmp_path / "bench.toml").exists()
 
 
-def test_the_bench_of_the_environment_is_no_part_of_a_new_one(tmp_path, monkeypatch):
-    other = tmp_path / "other.toml"
-    other.write_text("[plant.axis1]\npiston_area_cm2 = 20\n")  # beside bore_mm: given twice
+def test_the_bench_of_the_environment_is_no_part_of_a_new_one(tmp_path, make_file, monkeypatch):
+    other = make_file("other.toml", "[plant.axis1]\npiston_area_cm2 = 20\n")
     monkeypatch.setenv("HIL_BENCH_CONFIG", str(other))
     assert main(["new", *PRESS, "-q"]) == 0
     assert {each.name for each in tmp_path.iterdir()} == {"other.toml", "bench.toml"}
 
 
-def test_what_is_missing_is_named(capsys):
-    assert main(["new", "--valve", "NG10"]) == 2
-    lines = capsys.readouterr().err.splitlines()
+def test_what_is_missing_is_named(cli):
+    lines = cli("new --valve NG10", 2).err.splitlines()
     assert [line.split()[2] for line in lines] == ["--cylinder:", "--supply:", "--load:"]
 
 
@@ -109,10 +106,9 @@ def test_what_no_option_says_is_asked_until_it_makes_sense(tmp_path, monkeypatch
     assert "supply pressure in bar: " in err
 
 
-def test_an_input_that_ends_writes_nothing(tmp_path, monkeypatch, capsys):
+def test_an_input_that_ends_writes_nothing(tmp_path, monkeypatch, cli):
     monkeypatch.setattr(sys, "stdin", Terminal("63/36x500\n"))
-    assert main(["new"]) == 2
-    assert "the input has ended; nothing was written" in capsys.readouterr().err
+    assert "the input has ended; nothing was written" in cli("new", 2).err
     assert not (tmp_path / "bench.toml").exists()
 
 
@@ -124,30 +120,26 @@ def test_a_file_that_is_there_is_kept(tmp_path, capsys):
     assert main(["new", *PRESS, "--force", "-q"]) == 0
 
 
-def test_json_has_the_summary_and_the_catalogue_is_printed(capsys):
-    assert main(["new", *PRESS, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_json_has_the_summary_and_the_catalogue_is_printed(cli):
+    found = json.loads(cli(["new", *PRESS, "--json"]).out)
     names = {fact["name"].strip(): fact["unit"] for fact in found["summary"]["axis1"]}
     assert names["eigenfrequency, lowest"] == "Hz"
-    assert main(["new", "--catalogue"]) == 0
-    out = capsys.readouterr().out
+    out = cli("new --catalogue").out
     assert all(name in out for name in (*VALVES, *CYLINDERS))
 
 
-def test_what_check_prints_of_data_sheets_is_the_same_bench(tmp_path, capsys):
+def test_what_check_prints_of_data_sheets_is_the_same_bench(make_file, capsys):
     assert main(["new", *PRESS, "-q"]) == 0
     assert main(["check", "bench.toml"]) == 0
-    printed = tmp_path / "printed.toml"
-    printed.write_text(capsys.readouterr().out)
+    printed = make_file("printed.toml", capsys.readouterr().out)
     assert load_config(printed).axes == load_config("bench.toml").axes
     text = printed.read_text()
     assert "# What axis1 can do:" in text
     assert "# piston_area_cm2 = 31.1725  " in text
 
 
-def test_a_place_that_cannot_be_written_is_one_line(tmp_path, capsys):
-    assert main(["new", str(tmp_path / "no/bench.toml"), *PRESS]) == 2
-    assert capsys.readouterr().err == (
+def test_a_place_that_cannot_be_written_is_one_line(tmp_path, cli):
+    assert cli(["new", str(tmp_path / "no/bench.toml"), *PRESS], 2).err == (
         f"hil-bench: error: {tmp_path}/no/bench.toml: cannot be written: "
         "No such file or directory; give a file in a directory of yours\n"
     )

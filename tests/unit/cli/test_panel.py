@@ -61,22 +61,19 @@ def test_a_run_has_its_panel_end_with_it(ends_after, calls, monkeypatch):
     assert panel.calls == calls
 
 
-def test_a_panel_needs_a_feed(capsys):
+def test_a_panel_needs_a_feed(cli):
     words = ["-i", "virtual", "-c", "x", "--panel", "--no-feed"]
-    assert main(["run", *words]) == 2
-    assert "--panel: needs the feed, which is off (--no-feed)" in (capsys.readouterr().err)
+    assert "--panel: needs the feed, which is off (--no-feed)" in (cli(["run", *words], 2).err)
 
 
-def test_a_panel_needs_its_extra(monkeypatch, capsys):
+def test_a_panel_needs_its_extra(monkeypatch, cli):
     monkeypatch.setattr(places.importlib.util, "find_spec", lambda _name: None)
-    assert main(["run", "-i", "virtual", "-c", "x", "--panel"]) == 2
-    assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
+    assert "pip install 'hil-bench[panel]'" in cli("run -i virtual -c x --panel", 2).err
     monkeypatch.setitem(sys.modules, "hil_bench.abilities.panel.server", None)
-    assert main(["panel"]) == 2
-    assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
+    assert "pip install 'hil-bench[panel]'" in cli("panel", 2).err
 
 
-def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
+def test_the_address_is_printed_with_its_secret(monkeypatch, cli):
     plans = []
 
     async def serve(plan, _listener, secret, _stopped):
@@ -84,8 +81,7 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
 
     monkeypatch.setattr(server, "_serve", serve)
     monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
-    assert main(["panel", "--port", "0", "--bench", "left"]) == 0
-    word, address = capsys.readouterr().out.split()
+    word, address = cli("panel --port 0 --bench left").out.split()
     place, _, token = address.partition("/#")
     assert word == "panel"
     assert place.startswith("http://127.0.0.1:")
@@ -97,7 +93,7 @@ def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
 
 @pytest.mark.usefixtures("signals_that_are_heard")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_page_in_order(number, monkeypatch, capsys):
+def test_a_signal_ends_the_page_in_order(number, monkeypatch, cli):
     """Its server hears SIGINT and SIGTERM by itself, and ends its process by them again."""
     served = uvicorn.Server.startup
 
@@ -107,11 +103,10 @@ def test_a_signal_ends_the_page_in_order(number, monkeypatch, capsys):
 
     monkeypatch.setattr(uvicorn.Server, "startup", starting)
     monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
-    assert main(["panel", "--port", "0", "--bench", "none"]) == 0
-    assert capsys.readouterr().out.startswith("panel  http://127.0.0.1:")
+    assert cli("panel --port 0 --bench none").out.startswith("panel  http://127.0.0.1:")
 
 
-def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys):
+def test_with_a_password_the_address_has_no_secret(make_file, monkeypatch, cli):
     secrets = []
 
     async def serve(_plan, _listener, secret, _stopped):
@@ -119,11 +114,9 @@ def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys
 
     monkeypatch.setattr(server, "_serve", serve)
     monkeypatch.setattr("hil_bench.abilities.panel.verbs.os.nice", lambda _by: 0)
-    path = tmp_path / "password"
-    path.write_text("correct horse battery", encoding="utf-8")
+    path = make_file("password", "correct horse battery")
     path.chmod(0o600)
-    assert main(["panel", "--port", "0", "--password-file", str(path)]) == 0
-    assert capsys.readouterr().out.strip().endswith("/")
+    assert cli(["panel", "--port", "0", "--password-file", str(path)]).out.strip().endswith("/")
     assert secrets[0].fits("correct horse battery")
 
 
@@ -142,11 +135,10 @@ def test_a_stop_at_the_door_ends_a_run_in_order(monkeypatch, capsys):
     assert "ticks     6 of 1000 us" in capsys.readouterr().out
 
 
-def test_marks_and_the_end_come_from_the_shell(monkeypatch, capsys):
+def test_marks_and_the_end_come_from_the_shell(monkeypatch, cli):
     loop = FeedLoop()
     monkeypatch.setattr(ctl, "connect", loop.connect)
     assert main(["ctl", "mark", "pulled\x1b here"]) == 0
-    assert main(["ctl", "stop"]) == 0
-    assert capsys.readouterr().out == "marked: pulled\\x1b here\nthe bench ends\n"
+    assert cli("ctl stop").out == "marked: pulled\\x1b here\nthe bench ends\n"
     assert loop.session.controls.is_over
     assert [entry["do"] for entry in loop.session.controls.journal.content()["entries"]] == ["mark"]

@@ -12,15 +12,13 @@ NODE = ["program", BENCH, "--virtual", "--node", "10"]
 
 
 @pytest.fixture
-def program(tmp_path):
-    path = tmp_path / "firmware.bin"
-    path.write_bytes(b"123456789")
+def program(make_file):
+    path = make_file("firmware.bin", b"123456789")
     return str(path)
 
 
-def test_without_a_file_it_shows_what_is_there(capsys):
-    assert main(NODE) == 0
-    assert capsys.readouterr().out.splitlines() == [
+def test_without_a_file_it_shows_what_is_there(cli):
+    assert cli(NODE).out.splitlines() == [
         "program         running",
         "identification  0x00010000",
         "flash           no error",
@@ -43,9 +41,8 @@ def test_a_file_is_downloaded(capsys, program, options):
         (["--virtual", "--node", "1", "--file", "none"], 2, "--file none: cannot be read: No such"),
     ],
 )
-def test_what_is_wrong_is_a_line(capsys, arguments, code, what):
-    assert main(["program", *arguments]) == code
-    (line,) = capsys.readouterr().err.splitlines()
+def test_what_is_wrong_is_a_line(cli, arguments, code, what):
+    (line,) = cli(["program", *arguments], code).err.splitlines()
     assert what in line
 
 

@@ -52,15 +52,11 @@ def test_a_quiet_verb_prints_nothing(verb, capfd):
 
 
 @pytest.mark.parametrize("words", FOR_PROGRAMS, ids=" ".join)
-def test_what_is_for_a_program_is_printed_all_the_same(words, capsys):
-    assert main(words) == 0
-    said = capsys.readouterr().out
+def test_what_is_for_a_program_is_printed_all_the_same(words, cli):
+    said = cli(words).out
 
-    assert main([*words, "-q"]) == 0
-
-    assert capsys.readouterr().out == said != ""
+    assert cli([*words, "-q"]).out == said != ""
 
 
-def test_an_error_is_told(capsys):
-    assert main(["devices", "no.toml", "-q"]) == 2
-    assert "no.toml" in capsys.readouterr().err
+def test_an_error_is_told(cli):
+    assert "no.toml" in cli("devices no.toml -q", 2).err

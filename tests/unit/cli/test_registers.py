@@ -6,9 +6,8 @@ from pathlib import Path
 from hil_bench.cli import main
 
 
-def test_the_table_names_each_unit_and_register(capsys):
-    assert main(["registers"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_table_names_each_unit_and_register(cli):
+    lines = cli("registers").out.splitlines()
     assert [line for line in lines if line.startswith("unit")] == [
         "unit 2  pressure_a  pressure_404",
         "unit 3  pressure_b  pressure_404",
@@ -18,11 +17,9 @@ def test_the_table_names_each_unit_and_register(capsys):
     assert pressure[:8] == ["0", "30001", "pressure", "float32", "bar", "1", "r", "big"]
 
 
-def test_csv_has_a_line_a_register(capsys, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus.units.valve]\nunit_id = 9\nword_order = "little"\n')
-    assert main(["registers", str(path), "--csv"]) == 0
-    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+def test_csv_has_a_line_a_register(cli, make_file):
+    path = make_file("bench.toml", '[modbus.units.valve]\nunit_id = 9\nword_order = "little"\n')
+    rows = list(csv.DictReader(cli(["registers", str(path), "--csv"]).out.splitlines()))
     by_name = {row["name"]: row for row in rows}
     assert by_name["spool_setpoint"] == {
         "unit_id": "9",
@@ -43,54 +40,46 @@ def test_csv_has_a_line_a_register(capsys, tmp_path):
     assert by_name["enable"]["scale"] == ""
 
 
-def test_a_motor_has_its_encoder_among_the_sensors(capsys):
+def test_a_motor_has_its_encoder_among_the_sensors(cli):
     drum = Path(__file__).parents[3] / "examples" / "machines" / "drum.toml"
-    assert main(["registers", str(drum), "--csv"]) == 0
-    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    rows = list(csv.DictReader(cli(["registers", str(drum), "--csv"]).out.splitlines()))
     units = {row["unit_id"]: row["unit"] for row in rows}
     assert units == {"2": "pressure_a", "3": "pressure_b", "4": "encoder"}
     shown = {row["name"]: row["unit_of_measure"] for row in rows if row["unit"] == "encoder"}
     assert (shown["angle"], shown["speed"], shown["position"]) == ("deg", "rpm", "-")
 
 
-def test_commands_that_are_allowed_show_as_such(capsys, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text("[modbus.units.valve]\ncommands = true\n")
-    assert main(["registers", str(path), "--csv"]) == 0
-    rows = csv.DictReader(capsys.readouterr().out.splitlines())
+def test_commands_that_are_allowed_show_as_such(cli, make_file):
+    path = make_file("bench.toml", "[modbus.units.valve]\ncommands = true\n")
+    rows = csv.DictReader(cli(["registers", str(path), "--csv"]).out.splitlines())
     assert {row["access"] for row in rows if row["table"] == "coils"} == {"rw"}
 
 
-def test_control_characters_of_a_map_do_not_reach_the_terminal(capsys, tmp_path):
+def test_control_characters_of_a_map_do_not_reach_the_terminal(cli, tmp_path, make_file):
     (tmp_path / "map.toml").write_text(
         '[device]\nprofile = "pressure_404"\nvendor_name = "m"\nproduct_code = "c"\n'
         'revision = "1"\n[input_registers.pressure]\naddress = 0\ntype = "float32"\n'
         'source = "pressure"\ndescription = "bar \\u009b2J"\n'
     )
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus.units.pressure_a]\nregisters = "map.toml"\n')
-    assert main(["registers", str(path), "--csv"]) == 0
-    rows = csv.DictReader(capsys.readouterr().out.splitlines())
+    path = make_file("bench.toml", '[modbus.units.pressure_a]\nregisters = "map.toml"\n')
+    rows = csv.DictReader(cli(["registers", str(path), "--csv"]).out.splitlines())
     assert [row["description"] for row in rows] == ["bar \\x9b2J"]
 
 
-def test_a_wrong_file_is_2(capsys, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text("[modbus]\nport = -1\n")
-    assert main(["registers", str(path)]) == 2
-    assert capsys.readouterr().err == (
+def test_a_wrong_file_is_2(cli, make_file):
+    path = make_file("bench.toml", "[modbus]\nport = -1\n")
+    assert cli(["registers", str(path)], 2).err == (
         f"hil-bench: error: {path}:modbus.port: -1 is out of range; "
         "give an integer from 0 to 65535\n"
     )
 
 
-def test_check_finds_a_map_that_does_not_fit_its_device(capsys, tmp_path):
+def test_check_finds_a_map_that_does_not_fit_its_device(capsys, tmp_path, make_file):
     (tmp_path / "map.toml").write_text(
         '[device]\nprofile = "encoder_406"\nvendor_name = "m"\nproduct_code = "c"\n'
         'revision = "1"\n[coils.x]\naddress = 0\nsource = "pressures"\n'
     )
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus.units.position]\nregisters = "map.toml"\n')
+    path = make_file("bench.toml", '[modbus.units.position]\nregisters = "map.toml"\n')
     assert main(["check", str(path)]) == 2
     assert '"pressures" is unknown; give an object or one of "position"' in capsys.readouterr().err
 

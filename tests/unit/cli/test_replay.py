@@ -44,14 +44,12 @@ def test_frames_of_the_other_direction_are_none(run_mf4, capsys):
     )
 
 
-def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(tmp_path, monkeypatch, capsys):
+def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(make_file, monkeypatch, cli):
     monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
-    path = tmp_path / "f.log"
-    path.write_text("(0.0) can0 123##1000102030405060708090A0B\n(0.1) can0 123#01\n")
+    path = make_file("f.log", "(0.0) can0 123##1000102030405060708090A0B\n(0.1) can0 123#01\n")
     with can.Bus(interface="virtual", channel="test_replay") as listener:
         bus = ["-i", "virtual", "-c", "test_replay"]
-        assert main(["replay", str(path), *bus]) == 2
-        assert capsys.readouterr().err == (
+        assert cli(["replay", str(path), *bus], 2).err == (
             f"hil-bench: error: {path}: has 1 frames of CAN FD; give --fd, and a bus that carries "
             "it\n"
         )
@@ -62,21 +60,19 @@ def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(tmp_path, monkeypatch, cap
     assert bytes(message.data) == bytes(range(12))
 
 
-def test_a_candump_log_does_not_say_who_sent_a_frame(run_mf4, capsys):
+def test_a_candump_log_does_not_say_who_sent_a_frame(run_mf4, cli):
     path = run_mf4.with_name("run.log")
     with VirtualBench(record=path) as bench:
         bench.run(0.01)
     bus = ["-i", "virtual", "-c", "test_replay"]
-    assert main(["replay", str(path), *bus, "--frames", "received"]) == 2
-    assert capsys.readouterr().err == (
+    assert cli(["replay", str(path), *bus, "--frames", "received"], 2).err == (
         f"hil-bench: error: {path}: a candump log does not say which frames were received; "
         "record .mf4, .blf or .asc, or leave --frames out\n"
     )
 
 
-def test_set_points_drive_the_plant(run_mf4, capsys):
-    assert main(["replay", str(run_mf4), "--virtual"]) == 0
-    out = capsys.readouterr().out.splitlines()
+def test_set_points_drive_the_plant(run_mf4, cli):
+    out = cli(["replay", str(run_mf4), "--virtual"]).out.splitlines()
     assert out[1].split() == (
         ["axis1.position", "0", "mm", "0", "mm", "0.001", "s", "1", "mm:", "passed"]
     )
@@ -148,9 +144,8 @@ def test_columns_that_say_too_little(tmp_path, arguments, message, capsys):
     assert capsys.readouterr().err == f"hil-bench: error: {message.format(file)}\n"
 
 
-def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
-    other = tmp_path / "bench.toml"
-    other.write_text("[plant.axis1]\ninternal_leakage_l_min_bar = 0.1\n")
+def test_what_is_out_of_tolerance_fails(run_mf4, make_file, capsys):
+    other = make_file("bench.toml", "[plant.axis1]\ninternal_leakage_l_min_bar = 0.1\n")
     arguments = ["--virtual", "--tolerance", "P_A=0.001 bar", "--json"]
     assert main(["replay", str(run_mf4), str(other), *arguments]) == 1
     verdicts = {d["channel"]: d["is_within"] for d in json.loads(capsys.readouterr().out)}
@@ -186,9 +181,8 @@ def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
         ),
     ],
 )
-def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, capsys):
-    assert main(["replay", str(run_mf4), *arguments]) == 2
-    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, cli):
+    assert cli(["replay", str(run_mf4), *arguments], 2).err == f"hil-bench: error: {message}\n"
 
 
 def test_a_speed_that_is_none(run_mf4, capsys):

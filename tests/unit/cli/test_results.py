@@ -50,32 +50,28 @@ def test_what_a_file_put_into_a_line_reaches_no_terminal(capsys):
 
 
 @pytest.mark.long
-def test_a_demo_for_a_program(tmp_path, capsys):
+def test_a_demo_for_a_program(tmp_path, cli):
     words = ["demo", "--speed", "max", "--duration", "1", "--output", str(tmp_path)]
-    assert main([*words, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, "--json"]).out)
     assert found["motion"]["bench_time"] == 1.0
     assert Path(found["files"]["recording"]).is_file()
-    assert main([*words, "-q"]) == 0
-    assert capsys.readouterr().out == ""
+    assert cli([*words, "-q"]).out == ""
 
 
-def test_a_picture_for_a_program(tmp_path, capsys):
-    log = tmp_path / "bus.log"
-    log.write_text("(0.1) can0 181#0102\n(0.2) can0 080#\n")
+def test_a_picture_for_a_program(tmp_path, make_file, capsys):
+    log = make_file("bus.log", "(0.1) can0 181#0102\n(0.2) can0 080#\n")
     assert main(["plot", str(log), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"picture": str(tmp_path / "bus.png")}
 
 
-def test_a_commissioning_for_a_program(tmp_path, capsys):
-    plan = tmp_path / "plan.toml"
-    plan.write_text(
+def test_a_commissioning_for_a_program(tmp_path, make_file, cli):
+    plan = make_file(
+        "plan.toml",
         "[limits]\nposition_mm = [-150, 150]\nspeed_mm_s = 400\npressure_bar = [-1, 110]\n"
-        "[communication]\n"
+        "[communication]\n",
     )
     words = ["commission", str(plan), "--virtual", "--output", str(tmp_path)]
-    assert main([*words, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, "--json"]).out)
     assert found["verdict"] == "passed"
     assert [step["step"] for step in found["steps"]] == ["communication"]
     # The built-in bench has four nodes.
@@ -103,12 +99,10 @@ def test_a_shell_completes_verbs_and_options(tmp_path, capsys):
     assert set(completions(tmp_path, "hil-bench", '""')) == own_verbs().keys()
 
 
-def test_another_shell_is_refused(capsys):
-    assert main(["completion", "fish"]) == 2
-    assert "'fish' is unknown; bash, zsh, tcsh are right" in capsys.readouterr().err
+def test_another_shell_is_refused(cli):
+    assert "'fish' is unknown; bash, zsh, tcsh are right" in cli("completion fish", 2).err
 
 
 @pytest.mark.parametrize("shell", ["zsh", "tcsh"])
-def test_other_shells(shell, capsys):
-    assert main(["completion", shell]) == 0
-    assert "hil-bench" in capsys.readouterr().out
+def test_other_shells(shell, cli):
+    assert "hil-bench" in cli(["completion", shell]).out

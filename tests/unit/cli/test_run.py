@@ -23,9 +23,8 @@ def _virtual_time(monkeypatch):
     monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", VirtualClock)
 
 
-def test_it_introduces_itself_runs_and_sums_up(capsys):
-    assert main(["run", *BUS, "--duration", "0.25"]) == 0
-    out, err = capsys.readouterr()
+def test_it_introduces_itself_runs_and_sums_up(cli):
+    out, err = cli(["run", *BUS, "--duration", "0.25"])
     assert out.startswith(
         "bench  built-in bench, 1000 Hz, 20 plant steps a tick\nbus    virtual test_run\n\nnode 1"
     )
@@ -44,11 +43,10 @@ def io_alone(tmp_path):
     return path
 
 
-def test_a_bench_without_an_axis_runs_and_is_recorded_and_drawn(io_alone, tmp_path, capsys):
+def test_a_bench_without_an_axis_runs_and_is_recorded_and_drawn(io_alone, tmp_path, cli):
     recording = tmp_path / "run.mf4"
     words = ["--duration", "0.05", "--record", str(recording), str(io_alone)]
-    assert main(["run", *BUS, *words]) == 0
-    out = capsys.readouterr().out
+    out = cli(["run", *BUS, *words]).out
     assert out.startswith(f"bench  {io_alone}, 1000 Hz, no axis\n")
     assert "ticks     50 of 1000 us, 0 overran, 0 skipped\n" in out
     assert f"recorded  50 rows, 1 frames: {recording}\n" in out  # the boot-up message
@@ -72,11 +70,9 @@ def test_what_needs_an_axis_says_so(io_alone, tmp_path, monkeypatch, words, caps
     assert capsys.readouterr().err == f"hil-bench: error: {right}"
 
 
-def test_what_is_hard_to_believe_is_said_once(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text("[plant.axis1]\nsupply_pressure_bar = 2000\n")
-    assert main(["run", str(path), *BUS, "--duration", "0.01"]) == 0
-    said = capsys.readouterr().err.splitlines()
+def test_what_is_hard_to_believe_is_said_once(make_file, cli):
+    path = make_file("bench.toml", "[plant.axis1]\nsupply_pressure_bar = 2000\n")
+    said = cli(["run", str(path), *BUS, "--duration", "0.01"]).err.splitlines()
     line, consequence = [line for line in said if "warning" in line]
     assert "plant.axis1: largest acceleration is" in consequence
     # 2000 bar of 1e5 Pa each are 200 MPa.
@@ -108,17 +104,15 @@ class SlowClock(VirtualClock):
         return super().now()
 
 
-def test_strict_timing_fails_on_an_overrun(monkeypatch, capsys):
+def test_strict_timing_fails_on_an_overrun(monkeypatch, cli):
     monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", SlowClock)
-    assert main(["run", *BUS, "--duration", "0.01", "--strict-timing"]) == 4
-    assert "10 overran" in capsys.readouterr().out
+    assert "10 overran" in cli(["run", *BUS, "--duration", "0.01", "--strict-timing"], 4).out
     assert main(["run", *BUS, "--duration", "0.01"]) == 0
 
 
-def test_an_overrun_stops_it_where_that_is_wanted(monkeypatch, capsys):
+def test_an_overrun_stops_it_where_that_is_wanted(monkeypatch, cli):
     monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", SlowClock)
-    assert main(["run", *BUS, "--duration", "1", "--overrun", "stop"]) == 4
-    out, err = capsys.readouterr()
+    out, err = cli(["run", *BUS, "--duration", "1", "--overrun", "stop"], 4)
     assert "ticks     101 of 1000 us, 101 overran" in out  # the first 100 are forgiven
     assert err.startswith("hil-bench: error: tick 101 ended ")
 
@@ -155,7 +149,7 @@ def test_the_bus_load_is_told(capsys):
     assert "\nbus load  12.0% of 100 kbit/s\n" in capsys.readouterr().out
 
 
-def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypatch):
+def test_the_present_load_is_right_at_the_first_look(tmp_path, cli, monkeypatch):
     """A heartbeat is 55 bits and (42 - 1) / 4 / 2 stuff bits: 100 of them are 6 % of 100 kbit/s."""
 
     class OneLook(Progress):
@@ -168,8 +162,7 @@ def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypat
     path.write_text(
         '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n[nodes.valve.objects]\n"0x1017" = 10\n'
     )
-    assert main(["run", str(path), *BUS, "-b", "100000", "--duration", "1.6"]) == 0
-    assert "bus 6.0 %" in capsys.readouterr().err
+    assert "bus 6.0 %" in cli(["run", str(path), *BUS, "-b", "100000", "--duration", "1.6"]).err
 
 
 def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
@@ -202,14 +195,12 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
         ),
     ],
 )
-def test_arguments_that_cannot_be_meant(arguments, message, capsys):
-    assert main(["run", *arguments]) == 2
-    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+def test_arguments_that_cannot_be_meant(arguments, message, cli):
+    assert cli(["run", *arguments], 2).err == f"hil-bench: error: {message}\n"
 
 
-def test_a_hub_is_hosted_and_joined(capsys):
-    assert main(["run", "--hub", "0", "--duration", "0.05"]) == 0
-    out = capsys.readouterr().out
+def test_a_hub_is_hosted_and_joined(cli):
+    out = cli("run --hub 0 --duration 0.05").out
     assert "\nbus    socketcand can0\n" in out
     assert "\njoin   -i socketcand -c can0 --bus-kwargs host=127.0.0.1 port=" in out
 
@@ -254,22 +245,20 @@ def test_its_speed_is_that_of_the_clock_times_a_factor(monkeypatch, capsys):
     assert clock.now() == pytest.approx(2e9, rel=2e-3)  # [ns], a tick more or less
 
 
-def test_at_full_speed_it_looks_at_no_clock_and_records_every_tick(monkeypatch, capsys, tmp_path):
+def test_at_full_speed_it_looks_at_no_clock_and_records_every_tick(monkeypatch, cli, tmp_path):
     monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", None)
     path = tmp_path / "run.csv"
     words = ["--duration", "2", "--speed", "max", "--record", str(path)]
-    assert main(["run", *BUS, *words]) == 0
-    out = capsys.readouterr().out
+    out = cli(["run", *BUS, *words]).out
     assert "ticks     2000 of 1000 us, 0 overran, 0 skipped\n" in out
     assert f"recorded  2000 rows: {path}\n" in out
     assert "lateness" not in out
     assert len(read_recording(path)) == 2000
 
 
-def test_faults_are_announced(capsys):
+def test_faults_are_announced(cli):
     words = ["--fault", "freeze", "pressure_a", "at_s=2", "for_s=1", "--fault", "stick", "valve"]
-    assert main(["run", *BUS, "--duration", "0.02", *words]) == 0
-    text = capsys.readouterr().out
+    text = cli(["run", *BUS, "--duration", "0.02", *words]).out
     assert "fault  freeze pressure_a at 2 s, for 1 s\nfault  stick valve at 0 s\n" in text
     assert "fault     0.000 s stick valve begins\n" in text  # in the summary
 
@@ -279,21 +268,18 @@ def test_a_fault_of_what_is_not_there_is_told(capsys):
     assert '"valve" is no sensor; give one of pressure_a' in capsys.readouterr().err
 
 
-def test_modbus_is_served_beside_the_bus(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text('[modbus]\nport = 0\nserial_port = "pty"\n')
-    assert main(["run", str(path), *BUS, "--duration", "0.02"]) == 0
-    out = capsys.readouterr().out
+def test_modbus_is_served_beside_the_bus(make_file, cli):
+    path = make_file("bench.toml", '[modbus]\nport = 0\nserial_port = "pty"\n')
+    out = cli(["run", str(path), *BUS, "--duration", "0.02"]).out
     assert re.search(r"^modbus TCP 127\.0\.0\.1:\d+$", out, re.MULTILINE)
     assert re.search(r"^modbus RTU /dev/\S+$", out, re.MULTILINE)
     assert "units  2 pressure_a, 3 pressure_b, 4 position\n" in out
 
 
-def test_a_modbus_port_in_use_is_one_line_and_3(tmp_path, capsys):
+def test_a_modbus_port_in_use_is_one_line_and_3(make_file, capsys):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        path = tmp_path / "bench.toml"
-        path.write_text(f"[modbus]\nport = {port}\n")
+        path = make_file("bench.toml", f"[modbus]\nport = {port}\n")
         assert main(["run", str(path), *BUS, "--duration", "0.02"]) == 3
     assert capsys.readouterr().err == (
         f"hil-bench: error: modbus 127.0.0.1:{port}: the port is in use; "
@@ -318,9 +304,8 @@ node_id = 1
 """
 
 
-def test_a_bench_on_two_buses_opens_and_counts_both(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(TWO_BUSES)
+def test_a_bench_on_two_buses_opens_and_counts_both(make_file, capsys):
+    path = make_file("bench.toml", TWO_BUSES)
     with can.Bus(interface="virtual", channel="test_run_2") as sensors:
         assert main(["run", str(path), "--duration", "0.05"]) == 0
         assert sensors.recv(0).arbitration_id == 0x701  # its boot-up message
@@ -331,11 +316,9 @@ def test_a_bench_on_two_buses_opens_and_counts_both(tmp_path, capsys):
     assert "of 2 Mbit/s" in out
 
 
-def test_a_hub_has_a_channel_for_each_bus(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(TWO_BUSES)
-    assert main(["run", str(path), "--hub", "0", "--duration", "0.01"]) == 0
-    out = capsys.readouterr().out
+def test_a_hub_has_a_channel_for_each_bus(make_file, cli):
+    path = make_file("bench.toml", TWO_BUSES)
+    out = cli(["run", str(path), "--hub", "0", "--duration", "0.01"]).out
     port = re.search(r"port=(\d+)", out)[1]
     for name, channel in (("bus", "can0"), ("sensors", "can1")):
         assert f"bus    {name}: socketcand {channel}\n" in out

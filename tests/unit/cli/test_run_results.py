@@ -15,10 +15,9 @@ RUN = ["run", "-i", "virtual", "-c", CHANNEL, "--speed", "max", "--duration", "0
 FAULT = ["--fault", "freeze", "pressure_a", "at_s=0.1"]
 
 
-def test_a_program_reads_the_summary_alone(tmp_path, capsys):
+def test_a_program_reads_the_summary_alone(tmp_path, cli):
     recording = tmp_path / "run.mf4"
-    assert main([*RUN, "--json", *FAULT, "--record", str(recording)]) == 0
-    out, err = capsys.readouterr()
+    out, err = cli([*RUN, "--json", *FAULT, "--record", str(recording)])
     found = json.loads(out)
     assert found["bench_time"] == 0.2
     assert found["loop"] == {"tick_us": 1000.0, "ticks": 200, "overruns": 0, "skipped": 0}
@@ -77,33 +76,27 @@ def put_in_place(monkeypatch, bus):
 
 
 @pytest.mark.parametrize("mode", [[], ["--lockstep"]])
-def test_a_lost_bus_leaves_its_summary_and_an_error(mode, monkeypatch, capsys):
+def test_a_lost_bus_leaves_its_summary_and_an_error(mode, monkeypatch, cli):
     put_in_place(monkeypatch, ScriptedBus())
     words = ["run", "-i", "virtual", "-c", CHANNEL, *mode]
-    assert main([*words, "--json"]) == 3
-    out, err = capsys.readouterr()
+    out, err = cli([*words, "--json"], 3)
     assert json.loads(out)["ended_by"] == "the bus is gone"
     assert err.endswith("hil-bench: error: the bus is gone\n")
-    assert main([*words, "-q"]) == 3
-    assert capsys.readouterr() == ("", "hil-bench: error: the bus is gone\n")
+    assert cli([*words, "-q"], 3) == ("", "hil-bench: error: the bus is gone\n")
 
 
-def test_in_lock_step_a_program_gets_how_far_it_went(monkeypatch, capsys):
+def test_in_lock_step_a_program_gets_how_far_it_went(monkeypatch, cli):
     put_in_place(monkeypatch, ScriptedBus(*[Frame(0x080)] * 5))
     words = ["run", "-i", "virtual", "-c", CHANNEL, "--lockstep", "--sync-period-us", "2000"]
-    assert main([*words, "--duration", "0.01", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, "--duration", "0.01", "--json"]).out)
     assert (found["syncs"], found["sync_period"], found["bench_time"]) == (5, 0.002, 0.01)
 
 
-def test_quiet_prints_nothing(capsys):
-    assert main([*RUN, "-q", *FAULT]) == 0
-    assert capsys.readouterr() == ("", "")
+def test_quiet_prints_nothing(cli):
+    assert cli([*RUN, "-q", *FAULT]) == ("", "")
 
 
-def test_a_check_or_a_replay_says_nothing_under_quiet_either(tmp_path, capsys):
-    log = tmp_path / "bus.log"
-    log.write_text("(0.1) can0 181#0102\n(0.2) can0 080#\n")
+def test_a_check_or_a_replay_says_nothing_under_quiet_either(make_file, cli):
+    log = make_file("bus.log", "(0.1) can0 181#0102\n(0.2) can0 080#\n")
     assert main(["check", "-q"]) == 0
-    assert main(["replay", str(log), "-i", "virtual", "-c", CHANNEL, "-q"]) == 0
-    assert capsys.readouterr() == ("", "")
+    assert cli(["replay", str(log), "-i", "virtual", "-c", CHANNEL, "-q"]) == ("", "")

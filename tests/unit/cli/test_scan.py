@@ -17,9 +17,8 @@ serial_number = 77
 """
 
 
-def test_the_virtual_bench_is_scanned(capsys):
-    assert main(["scan", "--virtual"]) == 0
-    out = capsys.readouterr().out
+def test_the_virtual_bench_is_scanned(cli):
+    out = cli("scan --virtual").out
     header, valve, *_ = (line.split("  ") for line in out.splitlines()[3:])
     assert [cell.strip() for cell in header if cell] == [
         *("node", "NMT state", "profile", "revision", "errors", "name"),
@@ -33,27 +32,22 @@ def test_the_virtual_bench_is_scanned(capsys):
     assert out.rstrip().endswith("4 nodes found")
 
 
-def test_json_has_a_record_a_node(capsys):
-    assert main(["scan", "--virtual", "--json", "--nodes", "2-3"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_json_has_a_record_a_node(cli):
+    found = json.loads(cli("scan --virtual --json --nodes 2-3").out)
     assert [node["node_id"] for node in found["nodes"]] == [2, 3]
     assert found["nodes"][0]["profile"] == "CiA 404, measuring device"
     assert found["unconfigured"] is None
 
 
-def test_a_device_without_node_id_is_found_on_request(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(UNCONFIGURED, encoding="utf-8")
-    assert main(["scan", str(path), "--virtual", "--lss"]) == 0
-    assert "no node-ID" in (out := capsys.readouterr().out)
+def test_a_device_without_node_id_is_found_on_request(make_file, cli):
+    path = make_file("bench.toml", UNCONFIGURED)
+    assert "no node-ID" in (out := cli(["scan", str(path), "--virtual", "--lss"]).out)
     assert "serial 0x0000004D" in out
 
 
-def test_an_empty_bus_is_inconclusive_with_a_hint(tmp_path, capsys):
-    path = tmp_path / "bench.toml"
-    path.write_text(UNCONFIGURED, encoding="utf-8")
-    assert main(["scan", str(path), "--virtual"]) == 6
-    assert "0 nodes found: is the bus powered" in capsys.readouterr().out
+def test_an_empty_bus_is_inconclusive_with_a_hint(make_file, cli):
+    path = make_file("bench.toml", UNCONFIGURED)
+    assert "0 nodes found: is the bus powered" in cli(["scan", str(path), "--virtual"], 6).out
 
 
 def test_nobody_is_guarded_on_a_bus_without_remote_frames(monkeypatch, capsys):
@@ -63,20 +57,18 @@ def test_nobody_is_guarded_on_a_bus_without_remote_frames(monkeypatch, capsys):
     assert "--by guarding: this bus has no remote frames" in capsys.readouterr().err
 
 
-def test_a_bus_of_j1939_is_said_to_be_one(capsys):
+def test_a_bus_of_j1939_is_said_to_be_one(capsys, cli):
     """The lever and the valve driver claim their addresses, and send."""
     bench = str(Path(__file__).parents[3] / "examples" / "j1939_lever.toml")
-    assert main(["scan", bench, "--virtual"]) == 6
-    out = capsys.readouterr().out
+    out = cli(["scan", bench, "--virtual"], 6).out
     assert "0 nodes found: " in out
     assert "frames with 29-bit identifiers were heard, as J1939 has them" in out
     assert main(["scan", bench, "--virtual", "--listen", "0.5"]) == 0
     assert "as J1939: PGN 60928 address claimed, from 19" in capsys.readouterr().out
 
 
-def test_listening_tells_what_was_heard(capsys):
-    assert main(["scan", "--virtual", "--listen", "0.5", "-b", "500000"]) == 0
-    out = capsys.readouterr().out
+def test_listening_tells_what_was_heard(cli):
+    out = cli("scan --virtual --listen 0.5 -b 500000").out
     assert "heard  4 frames" in out  # the boot-up messages of the four nodes
     assert "boot-up" in out
     assert "% of 500 kbit/s" in out
@@ -93,17 +85,15 @@ def test_listening_tells_what_was_heard(capsys):
         (["--virtual", "--nodes", "x"], "from 1 to 127"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
-    assert main(["scan", *arguments]) == 2
-    assert message in capsys.readouterr().err
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, cli):
+    assert message in cli(["scan", *arguments], 2).err
 
 
-def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys):
-    assert main(["scan", "-i", "socketcan", "-c", "nosuchbus0"]) == 3
-    assert "nosuchbus0" in capsys.readouterr().err
+def test_a_bus_that_cannot_be_opened_is_exit_code_3(cli):
+    assert "nosuchbus0" in cli("scan -i socketcan -c nosuchbus0", 3).err
 
 
-def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
+def test_nodes_that_are_there_twice_are_named(monkeypatch, cli):
     """Two benches with the same node-IDs: each read has two answers."""
     from hil_bench.abilities.commissioning import discovery  # noqa: PLC0415
 
@@ -116,8 +106,7 @@ def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
             for each in discover(*args, **options)
         ],
     )
-    assert main(["scan", "--virtual"]) == 1
-    out = capsys.readouterr().out
+    out = cli("scan --virtual", 1).out
     assert "4 nodes found; twice on the bus: 1, 4" in out
     assert out.count("twice on the bus\n") == 2
     assert out.count("more than one device answers under this node-ID") == 2
@@ -138,7 +127,7 @@ def test_an_identifier_has_all_its_digits(can_id, is_extended, words):
     assert line.split()[: len(words)] == words
 
 
-def test_a_bus_in_operation_is_only_heard(monkeypatch, capsys):
+def test_a_bus_in_operation_is_only_heard(monkeypatch, capsys, cli):
     """The line names what was heard, and what the scan would send."""
     from hil_bench.abilities.commissioning import discovery  # noqa: PLC0415
 
@@ -146,12 +135,10 @@ def test_a_bus_in_operation_is_only_heard(monkeypatch, capsys):
         discovery, "signs_of_operation", lambda _traffic: ("node 3 is OPERATIONAL",)
     )
     arguments = ["scan", "--virtual", "--lss", "--nodes", "1-9"]
-    assert main(arguments) == 6
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(arguments, 6).out.splitlines()
     assert "the bus is in operation: node 3 is OPERATIONAL" in lines
     assert "  a read of 0x1000 to each of the node-IDs 1 to 9" in lines
     assert any("LSS fastscan" in line for line in lines)
     assert main([*arguments, "--ask"]) == 0
     capsys.readouterr()
-    assert main(["scan", "--virtual", "--json"]) == 6
-    assert json.loads(capsys.readouterr().out)["operation"] == ["node 3 is OPERATIONAL"]
+    assert json.loads(cli("scan --virtual --json", 6).out)["operation"] == ["node 3 is OPERATIONAL"]

@@ -28,28 +28,25 @@ def log(tmp_path_factory):
     return path
 
 
-def test_windows_are_told_and_the_worst_at_the_end(log, capsys):
-    assert main(["shadow", "--log", str(log)]) == 0
-    out = capsys.readouterr().out
+def test_windows_are_told_and_the_worst_at_the_end(log, cli):
+    out = cli(["shadow", "--log", str(log)]).out
     assert "axis1  position" in out
     assert "windows, 0 of them beyond a limit; the worst:" in out
     assert "limit 0.500 mm: ok" in out
     assert out.endswith("verdict: follows; the machine does what its twin does\n")
 
 
-def test_a_limit_that_is_passed_is_exit_code_1(log, capsys):
+def test_a_limit_that_is_passed_is_exit_code_1(log, cli):
     limits = ["--position-mm", "0.000001", "--horizon", "0.2"]
-    assert main(["shadow", "--log", str(log), *limits]) == 1
-    out = capsys.readouterr().out
+    out = cli(["shadow", "--log", str(log), *limits], 1).out
     assert "limit 0.000 mm: TOO MUCH" in out
     assert " mm !" in out
     assert out.endswith("verdict: differs; the machine does something else than its twin\n")
 
 
-def test_json_and_a_recording_of_both_sides(log, tmp_path, capsys):
+def test_json_and_a_recording_of_both_sides(log, tmp_path, cli):
     csv = tmp_path / "residuals.csv"
-    assert main(["shadow", "--log", str(log), "--json", "--record", str(csv)]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli(["shadow", "--log", str(log), "--json", "--record", str(csv)]).out)
     assert content["exceeded"] == 0
     assert content["verdict"] == "follows"
     assert set(content["worst"]["axis1"]) == {"position", "P_A", "P_B", "spool_position"}
@@ -69,28 +66,24 @@ def test_json_and_a_recording_of_both_sides(log, tmp_path, capsys):
         (["--log", "absent.log"], "absent.log: cannot be read: No such file or directory"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
-    assert main(["shadow", *arguments]) == 2
-    assert message in capsys.readouterr().err
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, cli):
+    assert message in cli(["shadow", *arguments], 2).err
 
 
-def test_when_it_joins_and_what_it_took_over_is_said(log, capsys):
-    assert main(["shadow", "--log", str(log)]) == 0
-    err = capsys.readouterr().err
+def test_when_it_joins_and_what_it_took_over_is_said(log, cli):
+    err = cli(["shadow", "--log", str(log)]).err
     assert re.fullmatch(r" +0\.\d\d s  axis1  the twin follows; its valve is ACTIVE\n", err)
 
 
-def test_quiet_says_nothing(log, capsys):
-    assert main(["shadow", "--log", str(log), "-q"]) == 0
-    assert capsys.readouterr() == ("", "")
+def test_quiet_says_nothing(log, cli):
+    assert cli(["shadow", "--log", str(log), "-q"]) == ("", "")
 
 
-def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, capsys):
+def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, cli):
     log = tmp_path / "quiet.log"
     with VirtualBench(record=log) as bench:
         bench.run(0.1)  # boot-ups, and nothing more: the nodes are not started
-    assert main(["shadow", "--log", str(log)]) == 6
-    assert capsys.readouterr().err == (
+    assert cli(["shadow", "--log", str(log)], 6).err == (
         "axis1: nothing was compared in 0.0 s, 4 frames heard; missing: "
         "position (node 4, PDO 0x184, PRE_OPERATIONAL): not heard; "
         "P_A (node 2, PDO 0x182, PRE_OPERATIONAL): not heard; "
@@ -107,23 +100,21 @@ def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, capsys):
     ],
 )
 def test_what_was_compared_for_a_part_of_the_time_does_not_follow(
-    log, tmp_path, capsys, cut, verdict, code
+    log, tmp_path, cli, cut, verdict, code
 ):
     silent = tmp_path / "silent.log"
     lines = log.read_text().splitlines(keepends=True)
     kept = [line for line in lines if " 182#" not in line or float(line[1:9]) < cut]
     silent.write_text("".join(kept))
     shown = ["shadow", "--log", str(silent), "--horizon", "0.1"]
-    assert main([*shown, "--json"]) == code
-    content = json.loads(capsys.readouterr().out)
+    content = json.loads(cli([*shown, "--json"], code).out)
     assert content["verdict"] == ("in part" if code else "follows")
     seen = {
         axis: {name: round(gap["compared"], 1) for name, gap in gaps.items() if name == "P_A"}
         for axis, gaps in content["gaps"].items()
     }
     assert seen == verdict
-    assert main(shown) == code
-    out = capsys.readouterr().out
+    out = cli(shown, code).out
     assert ("axis1 P_A: compared for 0.20 s, and not from 0.38 s to" in out) == bool(code)
     assert ("misses at the end P_A (node 2, PDO 0x182): silent for 1.2 s" in out) == bool(code)
 
@@ -172,10 +163,9 @@ def test_the_duration_ends_where_nothing_is_heard(silent_bus, capsys):
     assert ended.startswith("axis1: nothing was compared in 3.0 s, 0 frames heard; missing: posi")
 
 
-def test_a_bus_that_falls_silent_is_compared_in_part(log, silent_bus, capsys):
+def test_a_bus_that_falls_silent_is_compared_in_part(log, silent_bus, cli):
     silent_bus.messages = [message_of(logged) for logged in read_frames(log)]
-    assert main(["shadow", "--duration", "3", "--horizon", "0.1"]) == 6
-    out = capsys.readouterr().out
+    out = cli("shadow --duration 3 --horizon 0.1", 6).out
     assert re.search(r"compared for 1\.\d\d s, and not from 1\.\d\d s to 3\.\d\d s\n", out)
     assert out.endswith(
         "verdict: in part; the machine did what its twin did while it could be compared\n"
@@ -183,18 +173,15 @@ def test_a_bus_that_falls_silent_is_compared_in_part(log, silent_bus, capsys):
 
 
 @pytest.mark.usefixtures("silent_bus")
-def test_json_says_what_was_missing(capsys):
-    assert main(["shadow", "--duration", "3", "--json"]) == 6
-    content = json.loads(capsys.readouterr().out)
+def test_json_says_what_was_missing(cli):
+    content = json.loads(cli("shadow --duration 3 --json", 6).out)
     assert content["verdict"] == "not compared"
     assert content["missing"]["axis1"]["position (node 4, PDO 0x184)"] == "not heard"
 
 
-def test_a_bench_without_sensors_is_refused_before_the_bus_is_opened(tmp_path, capsys):
-    bench = tmp_path / "bench.toml"
-    bench.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
-    assert main(["shadow", str(bench), "--duration", "1"]) == 2
-    assert capsys.readouterr().err == (
+def test_a_bench_without_sensors_is_refused_before_the_bus_is_opened(make_file, cli):
+    bench = make_file("bench.toml", '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
+    assert cli(["shadow", str(bench), "--duration", "1"], 2).err == (
         f"hil-bench: error: {bench}: no node reports position, P_A and P_B of axis1 on the bus; "
         "give it an encoder_406 and a pressure_404 at each port\n"
     )

@@ -59,16 +59,14 @@ def test_an_example_passes_and_its_variant_fails(name, capsys):
         ("whenever axis1.P_A > 250 bar then axis1.P_B > 1 bar", ExitCode.INCONCLUSIVE),
     ],
 )
-def test_the_exit_code_is_the_worst_outcome(tmp_path, capsys, that, code):
-    assert main(["test", scenario(tmp_path, that)]) == code
-    assert capsys.readouterr().out.splitlines()[1].startswith("  R1  ")
+def test_the_exit_code_is_the_worst_outcome(tmp_path, cli, that, code):
+    assert cli(["test", scenario(tmp_path, that)], code).out.splitlines()[1].startswith("  R1  ")
 
 
-def test_a_folder_is_searched_and_k_chooses(tmp_path, capsys):
+def test_a_folder_is_searched_and_k_chooses(tmp_path, cli):
     scenario(tmp_path, "always axis1.P_A < 250 bar")
     assert main(["test", str(tmp_path), "-k", "r1"]) == ExitCode.DONE
-    assert main(["test", str(tmp_path), "-k", "R2"]) == ExitCode.USAGE
-    assert "-k R2: no requirement" in capsys.readouterr().err
+    assert "-k R2: no requirement" in cli(["test", str(tmp_path), "-k", "R2"], ExitCode.USAGE).err
 
 
 def test_the_junit_file_has_requirements_and_margins(tmp_path):
@@ -119,42 +117,38 @@ def test_a_run_that_ends_at_a_failure_says_what_it_has_seen(tmp_path, capsys):
     assert 0.0 < float(seen) < 0.1
 
 
-def test_a_junit_file_that_is_somebody_elses_is_refused_before_anything_is_played(tmp_path, capsys):
+def test_a_junit_file_that_is_somebody_elses_is_refused_before_anything_is_played(tmp_path, cli):
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
-    assert main(["test", path, "--junit", path]) == ExitCode.USAGE
-    printed = capsys.readouterr()
+    printed = cli(["test", path, "--junit", path], ExitCode.USAGE)
     assert "is there already, and not written by hil-bench" in printed.err
     assert not printed.out
 
 
-def test_a_junit_file_without_a_folder_is_refused_before_anything_is_played(tmp_path, capsys):
+def test_a_junit_file_without_a_folder_is_refused_before_anything_is_played(tmp_path, cli):
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
-    assert main(["test", path, "--junit", str(tmp_path / "no" / "j.xml")]) == ExitCode.USAGE
-    found = capsys.readouterr()
+    found = cli(["test", path, "--junit", str(tmp_path / "no" / "j.xml")], ExitCode.USAGE)
     assert found.out == ""
     assert "there is no folder" in found.err
 
 
 @pytest.mark.parametrize("option", ["--junit", "--report"])
 def test_a_read_only_folder_is_refused_before_anything_is_played(
-    option, tmp_path, capsys, monkeypatch
+    option, tmp_path, cli, monkeypatch
 ):
     """Root may write into all folders but those of a read-only disk."""
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
     monkeypatch.setattr("os.access", lambda folder, _mode: Path(folder) != tmp_path)
     file = str(tmp_path / "result.html")
-    assert main(["test", path, option, file]) == ExitCode.USAGE
-    found = capsys.readouterr()
+    found = cli(["test", path, option, file], ExitCode.USAGE)
     assert found.out == ""
     assert f"{option} {file}: its folder is read-only" in found.err
 
 
-def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
+def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, cli):
     path = scenario(
         tmp_path, "always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'
     )
-    assert main(["test", path]) == ExitCode.CHECK_FAILED
-    assert "  /no/such: cannot be started: " in capsys.readouterr().out
+    assert "  /no/such: cannot be started: " in cli(["test", path], ExitCode.CHECK_FAILED).out
 
 
 @pytest.mark.parametrize(
@@ -165,18 +159,16 @@ def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
         (["--set", "x=1"], '"x" is not in [parameters]; add it there'),
     ],
 )
-def test_a_wrong_parameter_is_a_line(tmp_path, capsys, words, wrong):
+def test_a_wrong_parameter_is_a_line(tmp_path, cli, words, wrong):
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
-    assert main(["test", path, *words]) == ExitCode.USAGE
-    assert wrong in capsys.readouterr().err
+    assert wrong in cli(["test", path, *words], ExitCode.USAGE).err
 
 
-def test_an_empty_folder_is_refused(tmp_path, capsys):
-    assert main(["test", str(tmp_path)]) == ExitCode.USAGE
-    assert "holds no *.scenario.toml" in capsys.readouterr().err
+def test_an_empty_folder_is_refused(tmp_path, cli):
+    assert "holds no *.scenario.toml" in cli(["test", str(tmp_path)], ExitCode.USAGE).err
 
 
-def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, monkeypatch):
+def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, cli, monkeypatch):
     for name in "abc":
         (tmp_path / f"{name}.scenario.toml").write_text(
             f'{HEAD}[[expect]]\nid = "R-{name}"\nthat = "always axis1.P_A < 250 bar"\n'
@@ -191,8 +183,7 @@ def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, 
 
     monkeypatch.setattr("hil_bench.abilities.scenario.results.play", play_until_ctrl_c)
     junit = tmp_path / "result.xml"
-    assert main(["test", str(tmp_path), "--junit", str(junit)]) == ExitCode.INTERRUPTED
-    out = capsys.readouterr().out
+    out = cli(["test", str(tmp_path), "--junit", str(junit)], ExitCode.INTERRUPTED).out
     assert "b.scenario.toml: T\n  interrupted\n" in out
     assert "R-c" not in out
     assert "R-a" in junit.read_text()
@@ -281,13 +272,12 @@ def test_a_process_that_dies_is_a_result(tmp_path, capsys, monkeypatch):
     assert second.endswith("b.scenario.toml: T")
 
 
-def test_ctrl_c_ends_all_and_keeps_what_is_done(tmp_path, capsys, monkeypatch):
+def test_ctrl_c_ends_all_and_keeps_what_is_done(tmp_path, cli, monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.scenario.verbs.test.Pool", Interrupted)
     folder = several(tmp_path)
     (tmp_path / "c.scenario.toml").unlink()
     (tmp_path / "c.scenario.toml").write_text((tmp_path / "a.scenario.toml").read_text())
-    assert main(["test", folder, "--jobs", "2"]) == ExitCode.INTERRUPTED
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(["test", folder, "--jobs", "2"], ExitCode.INTERRUPTED).out.splitlines()
     assert [line.rpartition("/")[2] for line in lines[:3]] == [
         "a.scenario.toml: T",
         "  interrupted",

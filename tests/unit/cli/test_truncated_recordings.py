@@ -3,8 +3,7 @@
 import can
 import pytest
 
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import RecordingWish, VirtualBench
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
 

@@ -4,8 +4,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_drivers import Network

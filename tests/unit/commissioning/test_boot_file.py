@@ -157,10 +157,9 @@ def test_times_reach_as_far_as_16_bits_of_milliseconds(plan_of):
     assert (plan.heartbeat, plan.slaves[0].heartbeat_time) == (0.001, 65.535)
 
 
-def test_a_dcf_is_a_configuration(plan_of, tmp_path):
+def test_a_dcf_is_a_configuration(plan_of, make_file):
     text = PRESSURE_404.read_text(encoding="utf-8")
-    dcf = tmp_path / "a.dcf"
-    dcf.write_text(text.replace("[1017]\n", "[1017]\nParameterValue=50\n"), encoding="utf-8")
+    make_file("a.dcf", text.replace("[1017]\n", "[1017]\nParameterValue=50\n"))
     (slave,) = plan_of('[slaves.a]\nnode_id = 2\ndcf = "a.dcf"\n').slaves
     assert slave.configuration == (ConciseEntry(0x1017, 0, b"\x32\0"),)
     assert slave.device_type == 0x0002_0194

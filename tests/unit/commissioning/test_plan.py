@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.commissioning.plan import (
     StepKind,
     check_against,
@@ -12,8 +13,6 @@ from hil_bench.abilities.commissioning.plan import (
     expected_travel,
     load_plan,
 )
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "commissioning.toml"

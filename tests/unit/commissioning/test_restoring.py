@@ -7,15 +7,13 @@ from types import SimpleNamespace
 import can
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.commissioning.journal import SettingsJournal
 from hil_bench.abilities.commissioning.measures import Verdict
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.commissioning.session import Console, commission
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.devices.valve_state_machine import FAULT_STATES
-from hil_bench.errors import ConfigError
 from hil_drivers import Network
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
@@ -380,8 +378,7 @@ def test_a_line_that_was_not_written_to_its_end_leaves_those_before_it(tmp_path,
         "[1]",
     ],
 )
-def test_a_file_that_is_no_journal_is_refused(tmp_path, line):
-    path = tmp_path / "unrestored.jsonl"
-    path.write_text(line)
+def test_a_file_that_is_no_journal_is_refused(make_file, line):
+    path = make_file("unrestored.jsonl", line)
     with pytest.raises(ConfigError, match="is no journal of settings; each line of one names"):
         SettingsJournal.read(path)

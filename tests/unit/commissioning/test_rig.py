@@ -7,11 +7,10 @@ from dataclasses import replace
 import can
 import pytest
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.commissioning.plan import LimitError, Limits, Sample, check_sample
 from hil_bench.abilities.commissioning.rig import Rig
 from hil_bench.abilities.common.members import find_members
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import DriverError, Network, ValveState
 
 PERIOD = 0.004  # [s], two ticks

@@ -15,11 +15,10 @@ from support.machines import (
     with_fault,
 )
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.commissioning.measures import Verdict
 from hil_bench.abilities.commissioning.plan import StepKind, load_plan
 from hil_bench.abilities.commissioning.session import Console, commission
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
@@ -397,14 +396,13 @@ def test_half_the_nodes_missing_are_told_one_by_one_and_nothing_moves(machine):
     assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
 
 
-def test_a_silent_bus_is_told_node_by_node(tmp_path):
+def test_a_silent_bus_is_told_node_by_node(make_file):
     with (
         can.Bus(interface="virtual", channel="test_silent") as bus,
         Network(bus, clock=(ticks := iter(range(10**9))).__next__) as network,
     ):
         del ticks
-        path = tmp_path / "plan.toml"
-        path.write_text(PLAN)
+        path = make_file("plan.toml", PLAN)
         found = commission(network, load_config(), load_plan(path))
     assert names(found) == ["node missing"] * 4
     assert verdicts(found) == [Verdict.NOT_RUN] * 3

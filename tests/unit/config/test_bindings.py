@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench import ConfigError, load_config
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.power_on import load_objects
 from hil_bench.cli import main
 from hil_bench.devices.kinds.generic import GenericConfig
-from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
 
@@ -192,40 +191,36 @@ def test_an_object_that_is_no_number(write, data_type, kind):
     )
 
 
-def test_objects_and_eds_files_of_several_nodes_are_told_together(write, capsys):
+def test_objects_and_eds_files_of_several_nodes_are_told_together(write, cli):
     bad = '"0x6401.09" = { source = "axis1.P_A" }'
     path = write(f'{VALVE}objects = {{ "0x6042" = 3 }}\n{IO}{OBJECTS}{bad}')
 
-    assert main(["check", str(path)]) == 2
-    lines = capsys.readouterr().err.splitlines()
+    lines = cli(["check", str(path)], 2).err.splitlines()
     assert [line.split(": ")[2] for line in lines] == [
         "bench.toml:nodes.valve.objects.0x6042.00",
         "bench.toml:nodes.io.objects.0x6401.09",
     ]
 
 
-def test_check_prints_bindings_that_load_again(write, tmp_path, capsys):
+def test_check_prints_bindings_that_load_again(write, make_file, capsys):
     binding = '{ source = "axis1.P_A", unit = "bar", scale = 2.5 }'
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {binding}\n"0x1801.05" = 7')
 
     assert main(["check", str(path)]) == 0
 
-    again = tmp_path / "again.toml"
-    again.write_text(capsys.readouterr().out, encoding="utf-8")
+    again = make_file("again.toml", capsys.readouterr().out)
     assert load_config(again).nodes == load_config(path).nodes
 
 
-def test_devices_shows_what_is_bound(write, capsys):
+def test_devices_shows_what_is_bound(write, cli):
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {{ source = "axis1.P_A" }}')
 
-    assert main(["devices", str(path)]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(cli(["devices", str(path)]).out.split())
     assert "node 10 io generic EDS" in text
     assert "source 0x6401.01 <- axis1.P_A Analogue input 1 (INTEGER16)" in text
     assert "sink 0x6411.01 -> axis1.spool_setpoint Analogue output 1 (INTEGER16)" in text
 
-    assert main(["devices", str(path), "--json"]) == 0
-    (device,) = json.loads(capsys.readouterr().out)
+    (device,) = json.loads(cli(["devices", str(path), "--json"]).out)
     assert device["axis"] is None
     assert [bound["role"] for bound in device["bound"]] == ["source", "sink"]
 

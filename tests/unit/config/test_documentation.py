@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.copper.section import WIRE_KEYS
 from hil_bench.abilities.faults.registry import COMMON_KEYS, FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
 from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.modbus.section import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.bench.assembly import build_node
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.axes import KIND_KEY
 from hil_bench.bench.configuration.bindings import SCRIPT_KEYS
 from hil_bench.bench.configuration.loop import (
@@ -25,7 +25,6 @@ from hil_bench.bench.configuration.loop import (
 )
 from hil_bench.devices.kinds.chains import CHAIN_KEYS
 from hil_bench.devices.kinds.registry import KINDS
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS, TANK_KEYS
 
 ROOT = Path(__file__).parents[3]

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench import ConfigError, Faults
 from hil_bench.abilities.faults.checks import BrokenReading, FaultDirection, LeakPath
 from hil_bench.abilities.faults.fault import FaultConfig
-from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.options import parse_fault
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.faults.section import FaultsPart
@@ -17,7 +17,6 @@ from hil_bench.abilities.j1939 import fault_kinds as ecu_kinds
 from hil_bench.abilities.j1939.protocol.signal_table import Indication
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import Origin, load_config
-from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
 

@@ -4,11 +4,7 @@ import json
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.cli import main
-from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, VirtualBench, load_config
 
 SHARED = """
 [supply.hpu]
@@ -133,9 +129,8 @@ def test_the_oil_of_a_shared_supply_says_its_viscosity(write):
     assert supply.unit.filter.resistance == pytest.approx(2e5 / 1e-3 * 6.8 / 30.0)
 
 
-def test_check_says_the_drop(write, capsys):
-    assert main(["check", "--json", str(write())]) == ExitCode.DONE
-    facts = json.loads(capsys.readouterr().out)["summary"]["hpu"]
+def test_check_says_the_drop(write, cli):
+    facts = json.loads(cli(["check", "--json", str(write())]).out)["summary"]["hpu"]
     (drop,) = [fact["value"] for fact in facts if fact["name"] == "drop of the filter"]
     assert drop == pytest.approx(RESISTANCE * 5e-4 / 1e5)
 

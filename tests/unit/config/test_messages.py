@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
+from hil_bench import ConfigError, load_config
 from hil_bench.config.values import describe
-from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.bench.assembly import build_node
-from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
-from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 5\n'
@@ -160,23 +159,20 @@ def test_an_object_that_is_not_there(write):
     assert str(caught.value).endswith('valve_408.eds; the nearest is 0x1F80.00, "NMT startup"')
 
 
-def test_check_prints_a_table_that_loads_again(write, tmp_path, capsys):
+def test_check_prints_a_table_that_loads_again(write, make_file, capsys):
     objects = '{ "0x1400.05" = 100, "0x1008" = "a \\"valve\\"" }'
     path = write(f"{VALVE}objects = {objects}")
 
     assert main(["check", str(path)]) == 0
 
-    again = tmp_path / "again.toml"
-    again.write_text(capsys.readouterr().out, encoding="utf-8")
+    again = make_file("again.toml", capsys.readouterr().out)
     assert load_config(again).nodes[0].objects == {(0x1400, 5): 100, (0x1008, 0): 'a "valve"'}
 
 
-def test_devices_shows_the_pdos_that_are_in_force(write, capsys):
+def test_devices_shows_the_pdos_that_are_in_force(write, cli):
     path = write(f'{VALVE}objects = {{ "0x1800.05" = 3, "0x1400.01" = "$NODEID+0x300" }}')
 
-    assert main(["devices", str(path), "--json"]) == 0
-
-    rpdo, tpdo = json.loads(capsys.readouterr().out)[0]["pdos"]
+    rpdo, tpdo = json.loads(cli(["devices", str(path), "--json"]).out)[0]["pdos"]
     assert (rpdo["can_id"], tpdo["event_time_ms"]) == (0x305, 3)
 
 

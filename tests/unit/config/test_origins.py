@@ -48,10 +48,9 @@ def test_the_command_line_wins_over_environment_file_and_default(write, monkeypa
     ]
 
 
-def test_the_environment_names_the_file_where_nobody_else_does(write, tmp_path, monkeypatch):
+def test_the_environment_names_the_file_where_nobody_else_does(write, make_file, monkeypatch):
     path = write("[bench]\nseed = 2\n")
-    other = tmp_path / "other.toml"
-    other.write_text("[bench]\nseed = 5\n")
+    other = make_file("other.toml", "[bench]\nseed = 5\n")
     monkeypatch.setenv("HIL_BENCH_CONFIG", str(path))
 
     assert load_config().path == path

@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
+from hil_bench import ConfigError, load_config
 from hil_bench.bench.configuration.plausibility import MISTAKEN, find_doubts
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequencies
 

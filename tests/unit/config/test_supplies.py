@@ -6,12 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.cli import main
-from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
 
 BENCH = """
 [supply.hpu]
@@ -92,19 +88,16 @@ def test_axes_have_the_pressures_of_their_supply(write):
     assert names[0] == names[1] == [*names[2], "P_S", "Q_S", "T_oil"]
 
 
-def test_check_says_where_the_values_of_an_axis_come_from_and_loads_again(write, capsys, tmp_path):
-    assert main(["check", str(write())]) == ExitCode.DONE
-    text = capsys.readouterr().out
+def test_check_says_where_the_values_of_an_axis_come_from_and_loads_again(write, cli, make_file):
+    text = cli(["check", str(write())]).out
     assert re.search(r"\n# relief_pressure_bar = 150 +# from supply.hpu\n", text)
-    again = tmp_path / "again.toml"
-    again.write_text(text)
+    again = make_file("again.toml", text)
     assert load_config(again).supplies == load_config(write()).supplies
     assert load_config(again).axes[1].parameters == load_config(write()).axes[1].parameters
 
 
-def test_check_sums_up_what_the_supply_can_give(write, capsys):
-    assert main(["check", "--json", str(write())]) == ExitCode.DONE
-    summary = json.loads(capsys.readouterr().out)["summary"]
+def test_check_sums_up_what_the_supply_can_give(write, cli):
+    summary = json.loads(cli(["check", "--json", str(write())]).out)["summary"]
     found = {fact["name"].strip(): fact["value"] for fact in summary["hpu"]}
     assert found["flow of the pump"] == pytest.approx(30.0)
     # P_R + Q / G = 150 bar + 30 l/min / 12 l/(min bar)

@@ -152,9 +152,8 @@ AccessType=ro
 """
 
 
-def test_the_smallest_device_passes_and_the_rest_is_not_applicable(make_laboratory, tmp_path):
-    path = tmp_path / "smallest.eds"
-    path.write_text(SMALLEST, encoding="ascii")
+def test_the_smallest_device_passes_and_the_rest_is_not_applicable(make_laboratory, make_file):
+    path = make_file("smallest.eds", SMALLEST)
     results = make_laboratory(path).run()
     assert [r for r in results if r.outcome is Outcome.FAILED] == []
     skipped = [r for r in results if r.outcome is Outcome.NOT_APPLICABLE]

@@ -206,7 +206,7 @@ def test_the_general_abort_code_of_a_wrong_length(laboratory, code):
     check_all(laboratory)
 
 
-def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_path):
+def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, make_file):
     """The device type that the file gives is no number, a constant text is not ASCII."""
     text = eds_path.read_text(encoding="utf-8")
     text = text.replace("DefaultValue=0x00000191", "DefaultValue=four")
@@ -214,8 +214,7 @@ def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_
         r"AccessType=\w+\nDefaultValue=Test device", "AccessType=const\nDefaultValue=Gerät", text
     )
     assert count == 1
-    path = tmp_path / "doubtful.eds"
-    path.write_text(text, encoding="utf-8")
+    path = make_file("doubtful.eds", text)
     laboratory = make_laboratory(path)
     for index, value in ((0x1000, 0x191), (0x1008, "Geraet")):
         variable = laboratory.node.object_dictionary.variable(index)

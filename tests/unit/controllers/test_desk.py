@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ControllerEnd, ControllerKind, TimedFrame, load_config
 from hil_bench.abilities.controllers import turns
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
-from hil_bench.abilities.controllers.seam import ControllerEnd, ControllerKind, TimedFrame
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError

@@ -5,8 +5,7 @@ import importlib.util
 import pytest
 from support.fmus import CAN_BUILD, describe_2, write_fmu, write_law
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, ControllerError
@@ -62,7 +61,7 @@ def test_one_of_another_tool_drives_the_axis_and_starts_anew(exported, capsys):
     )
 
 
-def test_a_parameter_of_the_scenario_reaches_it(exported, capsys):
+def test_a_parameter_of_the_scenario_reaches_it(exported, cli):
     """With the sign turned round it drives away from its target."""
     wrong = exported / "away.scenario.toml"
     text = SCENARIO.replace("gain = 0.01", "gain = -0.02").replace(
@@ -71,8 +70,7 @@ def test_a_parameter_of_the_scenario_reaches_it(exported, capsys):
     wrong.write_text(
         text.replace("at_s = 1.6", "at_s = 0.5").replace("1.2 s to 2.4", "0.4 s to 0.6")
     )
-    assert main(["test", str(wrong)]) == ExitCode.CHECK_FAILED
-    assert "SRS-50" in capsys.readouterr().out
+    assert "SRS-50" in cli(["test", str(wrong)], ExitCode.CHECK_FAILED).out
 
 
 TABLE = {

@@ -13,12 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ControllerEnd, TimedFrame, VirtualBench, load_config
 from hil_bench.abilities.controllers import library
 from hil_bench.abilities.controllers.library import controller as library_controller
 from hil_bench.abilities.controllers.library.controller import LibraryController
-from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError
 

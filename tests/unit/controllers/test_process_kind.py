@@ -6,8 +6,7 @@ import sys
 import pytest
 from support.bus_programs import JOIN
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_bench.errors import ConfigError, ControllerError
 
 PROGRAM = (

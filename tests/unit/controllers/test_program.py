@@ -23,11 +23,10 @@ from support.programs import (
     surroundings_of,
 )
 
+from hil_bench import ControllerEnd, TimedFrame, load_config
 from hil_bench.abilities.controllers.program import controller as controller_module
 from hil_bench.abilities.controllers.program.exchange import RING
 from hil_bench.abilities.controllers.program.kind import KIND
-from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
@@ -366,13 +365,13 @@ def test_nothing_is_left_open(start):
     assert sorted(Path("/proc/self/fd").iterdir()) == before
 
 
-def test_scripts_and_their_tools(start, tmp_path):
+def test_scripts_and_their_tools(start, make_file):
     require_tool("cansend", "can-utils")
-    script = tmp_path / "script"
-    script.write_text(
+    script = make_file(
+        "script",
         "#!/bin/sh\nsleep 0.01\ncansend {bus} 123#1122\ncandump -ta -n 1 $1 | cat\n".replace(
             "{bus}", "can0"
-        )
+        ),
     )
     script.chmod(0o755)
     life = live(start(script, "{bus}"), 30, {20_000: [Frame(0x181, b"\7")]})

@@ -5,10 +5,8 @@ import re
 
 import pytest
 
+from hil_bench import Surroundings, VirtualBench, load_config
 from hil_bench.abilities.controllers.python.kind import KIND, find_call
-from hil_bench.abilities.controllers.seam import Surroundings
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
 
 FILE = """

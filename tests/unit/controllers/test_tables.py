@@ -4,12 +4,11 @@ import json
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.errors import ConfigError
 
 FILE = """
 import can

@@ -6,6 +6,7 @@ from itertools import pairwise
 import can
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.copper.measured_traffic import measure_traffic
 from hil_bench.abilities.copper.section import _gaps
@@ -14,12 +15,9 @@ from hil_bench.abilities.copper.wire.bits import exact_bits
 from hil_bench.abilities.copper.wire.error_frames import broken_frame, event_frame
 from hil_bench.abilities.copper.wire.station import Order, Station
 from hil_bench.abilities.copper.wire.wire import ErrorFrame
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.emcy import CanEvent
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.measurement.low_pass import random_stream
-from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
 
 MS = 1_000_000

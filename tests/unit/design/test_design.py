@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.commissioning.plan import Limits
 from hil_bench.abilities.identification.design import (
     Bounds,
@@ -13,8 +14,6 @@ from hil_bench.abilities.identification.design import (
     plan_strokes,
     shorten_course,
 )
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 if TYPE_CHECKING:

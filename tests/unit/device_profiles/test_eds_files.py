@@ -272,8 +272,7 @@ def test_lely_accepts_it(path):
     assert Device(file, {"NODEID": NODE_ID})
 
 
-def test_lely_would_find_a_mistake(path, text, tmp_path):
-    broken = tmp_path / path.name
-    broken.write_text(re.sub(r"(\[1018\][^\[]*SubNumber=)5", r"\g<1>6", text), encoding="ascii")
+def test_lely_would_find_a_mistake(path, text, make_file):
+    broken = make_file(path.name, re.sub(r"(\[1018\][^\[]*SubNumber=)5", r"\g<1>6", text))
     with pytest.warns(UserWarning, match="1018"):
         assert not lint(parse_file(str(broken)))

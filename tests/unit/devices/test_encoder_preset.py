@@ -84,12 +84,11 @@ def test_a_node_reset_takes_the_preset_back(rig):
     assert (position(rig), rig.value(0x6509)) == (100000, 0)
 
 
-def test_an_unsigned_preset_beyond_the_counter_is_refused(make_rig, tmp_path):
+def test_an_unsigned_preset_beyond_the_counter_is_refused(make_rig, make_file):
     # Profile files have UNSIGNED32 for 0x6003, and makers of linear encoders INTEGER32 for 0x6004.
     text = ENCODER_406.read_text(encoding="ascii")
     start = text.index("[6003]")
-    eds = tmp_path / "unsigned.eds"
-    eds.write_text(text[:start] + text[start:].replace("0x0004", "0x0007", 1), encoding="ascii")
+    eds = make_file("unsigned.eds", text[:start] + text[start:].replace("0x0004", "0x0007", 1))
     rig = fit_encoder(make_rig(eds))
     move(rig, 1000.0)  # 1,000,000,000 steps, so that the offset would fit
     assert rig.write(0x6003, 0, 2147483648, 4) == 0x06090030

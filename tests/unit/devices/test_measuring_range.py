@@ -4,8 +4,7 @@ import pytest
 from support.encoders import move, position
 
 from device_profiles import ENCODER_406, IMITATIONS
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_bench.devices.encoder_406 import EncoderDevice
 
 FIXED = 0x01000302  # profile version 3.2 in the low word, software version 1.0 above it
@@ -95,13 +94,13 @@ def test_a_file_that_lets_the_bus_write_the_range_takes_no_other(make_rig, tmp_p
 
 
 @pytest.mark.parametrize("eds", [ENCODER_406, IMITATIONS / "encoder_multi_sensor.eds"])
-def test_on_a_bench_it_is_the_stroke_and_the_serial_number_that_of_the_node(tmp_path, eds):
-    path = tmp_path / "bench.toml"
-    path.write_text(
+def test_on_a_bench_it_is_the_stroke_and_the_serial_number_that_of_the_node(make_file, eds):
+    path = make_file(
+        "bench.toml",
         "[plant.axis1]\nstroke_mm = 250.0\n"
         '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
         f'[nodes.position]\nprofile = "encoder_406"\nnode_id = 4\neds = "{eds}"\n'
-        "serial_number = 4711\n"
+        "serial_number = 4711\n",
     )
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.001)

@@ -224,30 +224,27 @@ def test_the_smallest_object_set_works(make_rig):
     assert rig.value(0x6150, 1) == 0x03
 
 
-def test_a_default_unit_that_is_no_pressure_is_refused(make_rig, tmp_path):
-    eds = tmp_path / "other.eds"
-    eds.write_text(PRESSURE_404.read_text().replace("0x004E0000", "0x002D0000"))
+def test_a_default_unit_that_is_no_pressure_is_refused(make_rig, make_file):
+    eds = make_file("other.eds", PRESSURE_404.read_text().replace("0x004E0000", "0x002D0000"))
     with pytest.raises(EdsError, match=r"object 0x6131\.01 .* is 0x002D0000; the units are"):
         PressureDevice(make_rig(eds).node, SPAN)
 
 
-def test_digits_are_checked_where_the_eds_has_no_limit(make_rig, tmp_path):
+def test_digits_are_checked_where_the_eds_has_no_limit(make_rig, make_file):
     limits = "LowLimit=0\nHighLimit=3\nDefaultValue=2\n"
     text = PRESSURE_404.read_text()
     assert text.count(limits) == 1
-    eds = tmp_path / "other.eds"
-    eds.write_text(text.replace(limits, "DefaultValue=2\n"))
+    eds = make_file("other.eds", text.replace(limits, "DefaultValue=2\n"))
     rig = fit_transducer(make_rig(eds))
     assert rig.write(0x6132, 1, 4, 1) == 0x06090031
     assert rig.write(0x6132, 1, 3, 1) is None
 
 
-def test_a_span_that_the_eds_lets_write_is_still_the_transducers_own(make_rig, tmp_path):
+def test_a_span_that_the_eds_lets_write_is_still_the_transducers_own(make_rig, make_file):
     text = PRESSURE_404.read_text()
     head = "[6149sub1]\nParameterName=AI span end 1\nObjectType=0x7\nDataType=0x0008\n"
     assert head + "AccessType=ro" in text
-    eds = tmp_path / "other.eds"
-    eds.write_text(text.replace(head + "AccessType=ro", head + "AccessType=rw"))
+    eds = make_file("other.eds", text.replace(head + "AccessType=ro", head + "AccessType=rw"))
     rig = fit_transducer(make_rig(eds))
     assert rig.write(0x6149, 1, 0x42C80000, 4) == 0x06010002
     assert rig.value(0x6149, 1) == 250.0

@@ -6,13 +6,12 @@ from device_profiles import ENCODER_406
 from hil_bench.devices.encoder_406 import EncoderDevice
 
 
-def test_an_end_below_0_is_0_where_the_object_is_unsigned(make_rig, tmp_path):
+def test_an_end_below_0_is_0_where_the_object_is_unsigned(make_rig, make_file):
     text = ENCODER_406.read_text(encoding="ascii")
     for section in ("[650Asub2]", "[650Asub3]"):
         before, after = text.split(section)
         text = before + section + after.replace("DataType=0x0004", "DataType=0x0007", 1)
-    path = tmp_path / "unsigned.eds"
-    path.write_text(text, encoding="ascii")
+    path = make_file("unsigned.eds", text)
     rig = make_rig(path)
     rig.device = EncoderDevice(rig.node, (-0.1, 0.3))
     move(rig, 0.0)

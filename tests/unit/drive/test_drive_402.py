@@ -7,8 +7,7 @@ are well below its top speed.
 import pytest
 
 from device_profiles import DRIVE_402
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, VirtualBench
 from hil_drivers import Network, SdoAbortError
 
 BENCH = """\

@@ -168,8 +168,7 @@ def test_a_real_number_may_be_given_by_its_bits(tmp_path):
         assert convert_dcf(path, 1) == (ConciseEntry(0x6126, 0, bytes.fromhex("0000C03F")),)
 
 
-def test_what_is_no_dcf_is_refused(tmp_path):
-    path = tmp_path / "none.dcf"
-    path.write_bytes(bytes(range(256)))
+def test_what_is_no_dcf_is_refused(make_file):
+    path = make_file("none.dcf", bytes(range(256)))
     with pytest.raises(EdsError):
         convert_dcf(path, 1)

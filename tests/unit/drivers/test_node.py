@@ -194,9 +194,8 @@ def test_emergencies_come_under_the_cob_id_of_the_eds(network, bus, edit_eds, en
         ("[DeviceInfo]\n[MandatoryObjects]\n1=0x1000\n", "no object such as"),
     ],
 )
-def test_an_eds_that_is_none_is_refused_in_one_line(network, tmp_path, content, reason):
-    eds = tmp_path / "broken.eds"
-    eds.write_text(content)
+def test_an_eds_that_is_none_is_refused_in_one_line(network, make_file, content, reason):
+    eds = make_file("broken.eds", content)
     with pytest.raises(EdsError, match=rf"^[^\n]*broken\.eds [^\n]*{reason}[^\n]*$"):
         network.add_node(4, eds)
 
@@ -229,20 +228,19 @@ DEVIATIONS = {
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
 @pytest.mark.parametrize("name", DEVIATIONS)
-def test_what_makers_write_is_read(network, tmp_path, name, encoding):
+def test_what_makers_write_is_read(network, make_file, name, encoding):
     text, expected = DEVIATIONS[name]
-    eds = tmp_path / "maker.eds"
-    eds.write_bytes(text.encode(encoding))
+    eds = make_file("maker.eds", text.encode(encoding))
     variable = network.add_node(4, eds).variable(0x2000)
     assert (variable.data_type, variable.access_type, variable.default) == expected
 
 
-def test_entries_written_compactly_and_without_their_object(network, tmp_path):
-    eds = tmp_path / "maker.eds"
-    eds.write_text(
+def test_entries_written_compactly_and_without_their_object(network, make_file):
+    eds = make_file(
+        "maker.eds",
         "[1800]\nObjectType=9\n[1800sub1]\nDataType=7\nDefaultValue=$NODEID+0x180\n"
         "[1A00]\nObjectType=9\nDataType=7\nCompactSubObj=3\n[1A00Value]\n1=0x20010210\n2=0x20020008\n"
-        "[2001sub2]\nDataType=6\n[2002]\nDataType=5\n"
+        "[2001sub2]\nDataType=6\n[2002]\nDataType=5\n",
     )
     node = network.add_node(4, eds)
     (mapping,) = eds_mappings(node, PdoKind.TPDO)

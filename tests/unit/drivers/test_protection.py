@@ -5,11 +5,9 @@ CRC-8 SAE J1850 of the ASCII digits 1 to 9 is 0x4B (its published check value).
 
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.pdo_parameters import Seal
-from hil_bench.errors import ConfigError
 from hil_drivers import Network, PositionSensor, StaleValueError
 from hil_drivers.protection import Protection, crc8
 

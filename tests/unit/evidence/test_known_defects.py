@@ -12,13 +12,12 @@ import pytest
 from support.bus_side import BusSide, valve_command
 from support.documents import ROOT
 
+from hil_bench import ConfigError, VirtualBench
 from hil_bench.abilities.evidence.content import classification, known_defects
 from hil_bench.bench.configuration import OverrunPolicy, load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.devices.position_control import POSITION
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW
 from hil_bench.devices.valve_408 import SPOOL
-from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics

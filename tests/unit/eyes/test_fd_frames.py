@@ -155,10 +155,9 @@ def written_log():
     assert message.decode(data) == {"pressure": 305.5}
 
 
-def test_a_message_of_64_bytes_of_a_dbc_is_read_in_words_and_as_channels(capsys):
+def test_a_message_of_64_bytes_of_a_dbc_is_read_in_words_and_as_channels(cli):
     written_log()
-    assert main(["decode", "f.blf", "--dbc", "v.dbc", "--raw"]) == 0
-    first, second = capsys.readouterr().out.splitlines()
+    first, second = cli("decode f.blf --dbc v.dbc --raw").out.splitlines()
     assert first.split()[:3] == ["0.000000", "123", "pump"]
     assert first.endswith("pressure 305.5 bar")
     assert second.endswith("speed 2.5 rpm")
@@ -170,7 +169,7 @@ def test_a_message_of_64_bytes_of_a_dbc_is_read_in_words_and_as_channels(capsys)
     assert [logged.frame.fd for logged in read_frames(Path("d.mf4"))] == [FDF | BRS, 0]
 
 
-def test_json_says_which_frames_are_of_can_fd(capsys):
+def test_json_says_which_frames_are_of_can_fd(cli):
     with open_frame_file(Path("f.log")) as file:
         file.write_frames(
             [
@@ -178,7 +177,6 @@ def test_json_says_which_frames_are_of_can_fd(capsys):
                 LoggedFrame(Frame(0x123, bytes(8)), MS, True),
             ]
         )
-    assert main(["decode", "f.log", "--json"]) == 0
-    first, second = capsys.readouterr().out.splitlines()
+    first, second = cli("decode f.log --json").out.splitlines()
     assert '"is_fd": true, "has_brs": true, "has_esi": false' in first
     assert '"is_fd": false, "has_brs": false, "has_esi": false' in second

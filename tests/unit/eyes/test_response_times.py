@@ -104,13 +104,12 @@ def test_no_simulation_is_slower_than_the_bound(seed):
         assert 0 < worst[name] <= bound
 
 
-def test_a_pdo_without_inhibit_time_and_event_timer_has_the_period_that_is_assumed(tmp_path):
+def test_a_pdo_without_inhibit_time_and_event_timer_has_the_period_that_is_assumed(make_file):
     text = PRESSURE_404.read_text()
     for section in ("1800sub3", "1800sub5"):
         before, _, rest = text.partition(f"[{section}]")
         text = before + rest.partition("\n\n")[2]
-    path = tmp_path / "device.eds"
-    path.write_text(text)
+    path = make_file("device.eds", text)
     objects = load_eds(path, 2)
     objects.variable(0x1800, 2).value = 255
     streams = find_streams([KnownNode(2, "pressure", objects)], Assumptions(1_000_000, 7 * MS))

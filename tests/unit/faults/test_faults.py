@@ -4,13 +4,10 @@
 import pytest
 from support import fault_verbs
 
+from hil_bench import ConfigError, Faults, VirtualBench, load_config
 from hil_bench.abilities.faults.commands import BeginFault
-from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.points import PLANTS
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 
 
 @pytest.fixture(scope="module")

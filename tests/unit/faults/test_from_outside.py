@@ -9,18 +9,13 @@ import pytest
 from support.distribution import PLUGIN, declare
 from support.feed_loop import FeedLoop
 
-from hil_bench.abilities.campaign.table import run_campaign
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import ConfigError, Faults, RecordingWish, VirtualBench, load_config, run_campaign
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.live import ctl
 from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.recording.mdf_blocks import read_events
-from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario.schema import scenario_schema
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
-from hil_bench.errors import ConfigError
 
 pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.usefixtures("spring_rig")
@@ -131,13 +126,11 @@ that = "{that}"
 """
 
 
-def test_a_scenario_and_a_campaign_take_it(write, tmp_path):
+def test_a_scenario_and_a_campaign_take_it(write, make_file):
     write()
     titles = [step["title"] for step in scenario_schema()["properties"]["step"]["items"]["anyOf"]]
     assert "fault fatigue" in titles
-    path = tmp_path / "weak.scenario.toml"
-    # After 0.2 s the weak spring is at 20 mm cos(1) = 10.8 mm, a sound one at 20 mm cos(2) < 0.
-    path.write_text(SCENARIO.format(that="rig.position > 10 mm"), encoding="utf-8")
+    path = make_file("weak.scenario.toml", SCENARIO.format(that="rig.position > 10 mm"))
     table = run_campaign(path, runs=2, jobs=1)
     assert table["outcome"].tolist() == ["passed", "passed"]
     assert table["loss_percent"].nunique() == 2
@@ -184,12 +177,11 @@ def test_an_error_in_its_code_names_its_distribution(site, write, tmp_path, caps
     assert said in capsys.readouterr().err
 
 
-def test_a_misspelt_name_of_a_plant_is_doubted(monkeypatch, write, capsys):
+def test_a_misspelt_name_of_a_plant_is_doubted(monkeypatch, write, capsys, cli):
     import spring_rig.mass_on_spring as plant  # noqa: PLC0415 - installed by the fixture
 
     path = write()
-    assert main(["check", str(path)]) == 0
-    assert capsys.readouterr().err == ""
+    assert cli(["check", str(path)]).err == ""
     monkeypatch.setattr(plant, "PICTURE", plant.PICTURE.replace('text="force"', 'text="forze"'))
     monkeypatch.setattr(
         plant.SpringConfig, "defects", (plant.Influence("lost_stifness", "-", 0.0, 1.0),)

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.panel.bench_link import fault_choices
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
 from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir

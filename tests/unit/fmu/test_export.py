@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.common.together import build_together
 from hil_bench.abilities.fmu.export import export_axis, find_inputs, validate
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]
 DRUM = ROOT / "examples" / "machines" / "drum.toml"

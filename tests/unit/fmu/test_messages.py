@@ -119,14 +119,13 @@ def test_a_zip_with_a_link(load, tmp_path):
         load()
 
 
-def test_a_scenario_on_an_fmu_that_fails_ends_in_one_line(load, tmp_path, capsys):
+def test_a_scenario_on_an_fmu_that_fails_ends_in_one_line(load, tmp_path, cli):
     load(parameters="{ fails_at = 0.5 }")
     scenario = tmp_path / "t.scenario.toml"
     scenario.write_text(
         'title = "t"\nbench = "bench.toml"\nduration_s = 1.0\n[[expect]]\nid = "A"\nthat = "always axis1.position < 1 m"\n'
     )
-    assert main(["test", str(scenario)]) == ExitCode.CHECK_FAILED
-    out = capsys.readouterr().out
+    out = cli(["test", str(scenario)], ExitCode.CHECK_FAILED).out
     lines = [line for line in out.splitlines() if "slider.fmu" in line]
     assert len(lines) == 1
     assert "Traceback" not in out

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.identification.against import (
     Change,
     compare,
@@ -18,8 +19,6 @@ from hil_bench.abilities.identification.against import (
 from hil_bench.abilities.identification.fit import Clock
 from hil_bench.abilities.identification.identify import Options, make_coarse
 from hil_bench.abilities.identification.record import AxisRecord, join_records
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 if TYPE_CHECKING:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, load_config
 from hil_bench.abilities.j1939.configuration.ecus import _COMMON_KEYS, ECU_KINDS
 from hil_bench.abilities.j1939.kinds.signal_table import SENT_KEYS, TAKEN_KEYS
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 
 PAGE = (Path(__file__).parents[3] / "docs" / "j1939.md").read_text(encoding="utf-8")
 ROWS = {

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench import VirtualBench, load_config
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.j1939.protocol.signals import Signal
-from hil_bench.errors import ConfigError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 LEVER = '[j1939.lever]\naddress = 19\ndbc = "joystick.dbc"\n[j1939.lever.signals]\n'

@@ -8,7 +8,7 @@ import pytest
 from support.feed_loop import FeedLoop
 
 import hil_bench
-from hil_bench import VirtualBench, load_config
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.live import attached, ctl
 from hil_bench.abilities.live.view import hello_of
 from hil_bench.abilities.panel.bench_link import fault_choices
@@ -16,7 +16,6 @@ from hil_bench.abilities.scenario.records import SetStep
 from hil_bench.abilities.scenario.writing import JournalSteps
 from hil_bench.cli import main
 from hil_bench.cli.paced_run import node_lines
-from hil_bench.errors import ConfigError
 
 BENCH = Path(__file__).parents[3] / "examples" / "j1939_lever.toml"
 

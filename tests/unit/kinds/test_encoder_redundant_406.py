@@ -3,8 +3,7 @@
 import pytest
 
 from device_profiles import ENCODER_REDUNDANT_406
-from hil_bench.bench.assembly import embedded_bus
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, embedded_bus
 from hil_drivers import Network, PositionSensor
 
 BENCH = """\

@@ -14,12 +14,9 @@ import can
 import pytest
 from support.distribution import PLUGIN, declare, pip_install
 
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.cli import main
 from hil_bench.devices.kinds.registry import KINDS
-from hil_bench.errors import ConfigError
 from hil_bench.plants.registry import PLANTS
 from hil_bench.units import METRE
 from hil_drivers import Network, PositionSensor
@@ -106,11 +103,11 @@ def test_influence_and_defect_of_the_foreign_plant(vessel):
 
 
 @pytest.mark.usefixtures("spring_rig")
-def test_a_full_opening_is_refused_where_the_command_is_no_length(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(
+def test_a_full_opening_is_refused_where_the_command_is_no_length(make_file):
+    path = make_file(
+        "bench.toml",
         '[plant.vessel]\nkind = "vessel"\n'
-        '[nodes.v]\nprofile = "valve_408"\nnode_id = 1\nfull_opening_mm = 1.0\n'
+        '[nodes.v]\nprofile = "valve_408"\nnode_id = 1\nfull_opening_mm = 1.0\n',
     )
     with pytest.raises(ConfigError) as caught:
         load_config(path)
@@ -207,13 +204,13 @@ def test_device_and_plant_may_have_faults(rig):
 
 
 @pytest.mark.usefixtures("rig")
-def test_what_does_not_go_with_the_plant_is_told(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(
+def test_what_does_not_go_with_the_plant_is_told(make_file):
+    path = make_file(
+        "bench.toml",
         '[plant.rig]\nkind = "mass_on_spring"\nmass_kgg = 1\n'
         '[nodes.v]\nprofile = "valve_408"\nnode_id = 1\n'
         '[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\n'
-        '[nodes.p.objects]\n"0x2000.01" = { source = "rig.P_A" }\n'
+        '[nodes.p.objects]\n"0x2000.01" = { source = "rig.P_A" }\n',
     )
     with pytest.raises(ConfigError) as caught:
         load_config(path)
@@ -232,10 +229,9 @@ def test_what_does_not_go_with_the_plant_is_told(tmp_path):
 
 
 @pytest.mark.usefixtures("rig")
-def test_a_verb_for_cylinders_says_that_it_needs_one(capsys):
-    assert main(["analyse", "root-locus", str(BENCH)]) == 2
+def test_a_verb_for_cylinders_says_that_it_needs_one(cli):
     assert "plant.rig: is a mass_on_spring, and an analysis needs a hydraulic" in (
-        capsys.readouterr().err
+        cli(["analyse", "root-locus", str(BENCH)], 2).err
     )
 
 
@@ -274,13 +270,12 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_kind_is_one_line_that_names_its_distribution(site, tmp_path, name):
+def test_a_broken_kind_is_one_line_that_names_its_distribution(site, make_file, name):
     source, problem = BROKEN[name]
     (site / f"{name}.py").write_text(source)
     declare(site, "maker-of-it", "2.5", {KINDS.group: {name: f"{name}:KIND"}})
     importlib.invalidate_caches()
-    path = tmp_path / "bench.toml"
-    path.write_text(f'[nodes.n]\nprofile = "{name}"\nnode_id = 1\n')
+    path = make_file("bench.toml", f'[nodes.n]\nprofile = "{name}"\nnode_id = 1\n')
     with pytest.raises(ConfigError) as caught:
         load_config(path)
     told = f'maker-of-it 2.5: hil_bench.kinds: "{name}" ({name}:KIND) {problem}'

@@ -7,8 +7,7 @@ tells what is right.
 import pytest
 
 from device_profiles import PRESSURE_404, TRANSDUCER_404
-from hil_bench.bench.assembly import embedded_bus
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, embedded_bus
 from hil_drivers import Network, PressureSensor, TemperatureSensor
 from hil_drivers.errors import DeviceMismatchError
 

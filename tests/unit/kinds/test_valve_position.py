@@ -7,8 +7,7 @@ nearer as a first-order lag does. 0.1 mm is what a loop without integral part ma
 
 import pytest
 
-from hil_bench.bench.assembly import embedded_bus
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, embedded_bus
 from hil_drivers import ControlMode, DeviceFaultError, Network, ProportionalValve, SdoAbortError
 
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'

@@ -7,8 +7,7 @@ what such a loop may be off.
 
 import pytest
 
-from hil_bench.bench.assembly import embedded_bus
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, embedded_bus
 from hil_drivers import ControlMode, Network, ProportionalValve, SdoAbortError
 
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'

@@ -7,10 +7,9 @@ import pytest
 from support.feed_loop import FeedLoop, Wire
 
 import hil_bench
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import BusError, ConfigError, Faults, WaitTimeoutError
 from hil_bench.abilities.live import attached
 from hil_bench.abilities.live.client import FeedClient, only_one
-from hil_bench.errors import BusError, ConfigError, WaitTimeoutError
 
 
 @pytest.fixture

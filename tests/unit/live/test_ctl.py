@@ -7,11 +7,10 @@ from types import SimpleNamespace
 import pytest
 from support.feed_loop import FeedLoop
 
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import BusError, Faults
 from hil_bench.abilities.live import ctl
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import BusError
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def active(loop):
     return [(str(fault.kind), fault.target) for fault in loop.session.bench.part(Faults).active]
 
 
-def test_the_benches_are_listed(ask, monkeypatch, capsys):
+def test_the_benches_are_listed(ask, monkeypatch, cli):
     (bench,) = ask("list")["benches"]
     assert (bench["name"], bench["bench"]) == ("bench", "built-in bench")
 
@@ -46,22 +45,19 @@ def test_the_benches_are_listed(ask, monkeypatch, capsys):
         raise BusError(f"bench {name}: gone")
 
     monkeypatch.setattr(ctl, "connect", lost)
-    assert main(["ctl", "list"]) == 0
-    assert capsys.readouterr().out == "bench  bench  bench bench: gone\n"
+    assert cli("ctl list").out == "bench  bench  bench bench: gone\n"
     monkeypatch.setattr(ctl, "find_names", list)
-    assert main(["ctl", "list"]) == 0
-    assert capsys.readouterr().out.startswith("no bench runs (looked in ")
+    assert cli("ctl list").out.startswith("no bench runs (looked in ")
 
 
-def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, capsys):
+def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, cli):
     loop.session.bench.part(Faults).freeze("position", duration=1.0)
     loop.look_again()
     status = ask("status")
     values = status["values"]
     # Table I of the paper: a supply of 100 bar, which both chambers share at rest.
     assert values["axis1.P_A"] + values["axis1.P_B"] == pytest.approx(100e5)
-    assert main(["ctl", "status"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli("ctl status").out.splitlines()
     assert any(line.split() == ["node", "position", "PRE-OPERATIONAL"] for line in lines)
     shown = next(line.split() for line in lines if "axis1.P_A" in line)
     assert float(shown[2]) == pytest.approx(values["axis1.P_A"] / 1e5, abs=0.05)
@@ -108,14 +104,13 @@ def test_a_fault_has_the_keys_of_the_configuration(ask, loop):
         ("drop_supply axis1", "pressure_bar"),
     ],
 )
-def test_a_wrong_fault_is_one_line(loop, capsys, words, text):
-    assert main(["ctl", "fault", *words.split()]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_a_wrong_fault_is_one_line(loop, cli, words, text):
+    (line,) = cli(["ctl", "fault", *words.split()], 2).err.splitlines()
     assert text in line
     assert active(loop) == []
 
 
-def test_faults_are_cleared_by_number_kind_or_target(ask, loop, capsys):
+def test_faults_are_cleared_by_number_kind_or_target(ask, loop, cli):
     for words in (
         ["freeze", "position"],
         ["freeze", "pressure_a"],
@@ -125,8 +120,7 @@ def test_faults_are_cleared_by_number_kind_or_target(ask, loop, capsys):
     assert ask("clear", "pressure_a")["cleared"] == [2]
     assert ask("clear", "freeze", "3")["cleared"] == [1, 3]
     assert active(loop) == []
-    assert main(["ctl", "clear", "freeze"]) == 2
-    assert "clear freeze: there is no such fault; active: none" in capsys.readouterr().err
+    assert "clear freeze: there is no such fault; active: none" in cli("ctl clear freeze", 2).err
     ask("fault", "freeze", "position")
     assert ask("clear")["cleared"] is None
     assert active(loop) == []
@@ -170,9 +164,8 @@ def test_objects_are_set_and_read(ask, loop):
     ],
 )
 @pytest.mark.usefixtures("loop")
-def test_a_wrong_word_is_one_line(capsys, words, text):
-    assert main(["ctl", *words.split()]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_a_wrong_word_is_one_line(cli, words, text):
+    (line,) = cli(["ctl", *words.split()], 2).err.splitlines()
     assert text in line
 
 
@@ -183,25 +176,22 @@ def test_nothing_is_set_where_a_word_is_wrong(loop, capsys):
     assert "cannot be set" in capsys.readouterr().err
 
 
-def test_a_bench_whose_time_stands_still_is_said(loop, capsys):
+def test_a_bench_whose_time_stands_still_is_said(loop, capsys, cli):
     loop.session.door.close()
     assert main(["ctl", "fault", "freeze", "position"]) == 3
     assert "the bench has ended; it takes no more commands" in capsys.readouterr().err
     loop.tick = lambda: None
-    assert main(["ctl", "fault", "freeze", "position"]) == 3
-    assert "no answer in 1 s; its time stands still" in capsys.readouterr().err
+    assert "no answer in 1 s; its time stands still" in cli("ctl fault freeze position", 3).err
 
 
-def test_no_bench_is_said(monkeypatch, tmp_path, capsys):
+def test_no_bench_is_said(monkeypatch, tmp_path, cli):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    assert main(["ctl", "status"]) == 3
-    assert capsys.readouterr().err == (
+    assert cli("ctl status", 3).err == (
         "hil-bench: error: no bench runs; start one with hil-bench run "
         f"(looked in {tmp_path}/hil-bench)\n"
     )
     (tmp_path / "hil-bench").mkdir(mode=0o755)
-    assert main(["ctl", "--bench", "x", "status"]) == 3
-    assert capsys.readouterr().err == (
+    assert cli("ctl --bench x status", 3).err == (
         f'hil-bench: error: no bench with the name "x" runs ({tmp_path}/hil-bench: must be a '
         "folder that only its owner may enter (0700))\n"
     )
@@ -229,11 +219,10 @@ def test_the_bench_may_be_named_before_the_action_and_after_it(loop, monkeypatch
     assert json.loads(capsys.readouterr().out)["name"] == "bench"
 
 
-def test_a_recording_that_is_not_complete_is_lost_output(monkeypatch, capsys):
+def test_a_recording_that_is_not_complete_is_lost_output(monkeypatch, cli):
     found = {"path": "r.mf4", "rows": 3, "frames": None, "end": 0.1, "problem": "", "lost": 2}
     client = SimpleNamespace(request=lambda _action: found)
     monkeypatch.setattr(ctl, "connect", lambda _name: contextlib.nullcontext(client))
-    assert main(["ctl", "record", "--stop"]) == ExitCode.LOST
-    said = capsys.readouterr()
+    said = cli("ctl record --stop", ExitCode.LOST)
     assert said.out == "r.mf4: 3 rows, until 0.100 s\n"
     assert said.err == "hil-bench: error: 2 messages left out\n"

@@ -11,6 +11,7 @@ import pytest
 from support.patience import GUARD
 
 import hil_bench
+from hil_bench import BusError, ConfigError, load_config
 from hil_bench.abilities.common.shared_ring import SharedRing
 from hil_bench.abilities.live.places import (
     Place,
@@ -22,10 +23,8 @@ from hil_bench.abilities.live.places import (
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed
 from hil_bench.abilities.live.view import hello_of
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.cli import main
-from hil_bench.errors import BusError, ConfigError
 
 TICK = 1_000_000
 
@@ -186,14 +185,12 @@ def test_without_a_runtime_folder_it_is_among_the_temporary_files(monkeypatch, t
     assert runtime_folder() == tmp_path / f"hil-bench-{os.getuid()}"
 
 
-def test_a_run_without_a_folder_goes_on_unwatched(folder, capsys):
+def test_a_run_without_a_folder_goes_on_unwatched(folder, cli):
     folder.write_text("")
     run = ["run", "-i", "virtual", "-c", "feed", "--speed", "max", "--duration", "0.01"]
-    assert main(run) == 0
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if "feed:" in line]
+    (line,) = [line for line in cli(run).err.splitlines() if "feed:" in line]
     assert line.endswith("the run goes on, and nobody can watch it")
-    assert main([*run, "--no-feed"]) == 0
-    assert "feed:" not in capsys.readouterr().err
+    assert "feed:" not in cli([*run, "--no-feed"]).err
 
 
 def test_a_run_looks_at_its_feed_in_each_tick(monkeypatch):

@@ -6,12 +6,10 @@ import pytest
 from rich.console import Console
 from support.feed_loop import FeedLoop
 
+from hil_bench import BusError, Faults
 from hil_bench.abilities.common.terminal import bar
-from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.live import watch
 from hil_bench.abilities.live.watch import WatchView
-from hil_bench.cli import main
-from hil_bench.errors import BusError
 
 
 @pytest.fixture
@@ -36,11 +34,10 @@ def state(**node):
     return {"type": "state", "nodes": node, "faults": []}
 
 
-def test_one_picture_has_it_all(loop, capsys):
+def test_one_picture_has_it_all(loop, cli):
     loop.session.bench.part(Faults).freeze("pressure_a", duration=60.0)
     loop.look_again()
-    assert main(["watch", "--once"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli("watch --once").out.splitlines()
     assert lines[0].startswith("bench  bench, process ")
     for channel in loop.session.channels:
         assert any(line.startswith(channel.name + " ") for line in lines)
@@ -165,11 +162,10 @@ def test_time_that_stands_still_is_said(loop):
     assert "its time stands still" in drawn(view)[0]
 
 
-def test_without_its_library_it_says_what_to_install(monkeypatch, capsys):
+def test_without_its_library_it_says_what_to_install(monkeypatch, cli):
     monkeypatch.setitem(sys.modules, "rich.console", None)
-    assert main(["watch"]) == 2
     assert "watch needs rich, which is missing; pip install 'hil-bench[watch]'" in (
-        capsys.readouterr().err
+        cli("watch", 2).err
     )
 
 

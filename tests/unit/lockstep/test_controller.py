@@ -7,11 +7,9 @@ import pytest
 from support.built_in_nodes import NODES
 from support.direct_lockstep import DirectLockStep
 
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import BusError, Faults, load_config
 from hil_bench.abilities.lockstep.controller import QUIET, LockStepController
-from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_drivers import BusLostError, DriverTimeoutError, Network, SdoAbortError
 

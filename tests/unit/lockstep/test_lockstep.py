@@ -8,12 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import BusError, load_config
 from hil_bench.abilities.lockstep.lockstep import LockStep, run_lockstep
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import FDF, Frame
-from hil_bench.errors import BusError
 from hil_bench.outside.transports.transport import TransportCounters
 
 TICK = 1_000_000  # [ns]

@@ -33,9 +33,8 @@ def test_the_rows_come_back_with_names_and_units(tmp_path):
     np.testing.assert_array_equal(table["<b>&"], [-0.25, 0.125])
 
 
-def test_no_rows_are_a_file_without_rows(tmp_path):
-    path = tmp_path / "scope.mf4"
-    path.write_bytes(make_mf4(body([["a", "m"]], b"")))
+def test_no_rows_are_a_file_without_rows(make_file):
+    path = make_file("scope.mf4", make_mf4(body([["a", "m"]], b"")))
     assert len(read_recording(path)) == 0
 
 

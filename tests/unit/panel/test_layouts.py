@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.panel.layouts import (
     check_layout,
     list_layouts,
@@ -14,8 +15,6 @@ from hil_bench.abilities.panel.layouts import (
     read_layout,
     write_layout,
 )
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, DiskError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

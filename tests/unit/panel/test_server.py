@@ -20,7 +20,6 @@ from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_te
 from hil_bench.abilities.panel.server import open_port, read_password
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 
 
@@ -342,9 +341,8 @@ def test_the_usual_port_gives_way(monkeypatch):
             assert listener.getsockname()[1] != port
 
 
-def test_a_password_is_for_its_owner_only(tmp_path):
-    path = tmp_path / "password"
-    path.write_text("correct horse battery\nrest", encoding="utf-8")
+def test_a_password_is_for_its_owner_only(tmp_path, make_file):
+    path = make_file("password", "correct horse battery\nrest")
     path.chmod(0o600)
     assert read_password(path) == "correct horse battery"
     path.chmod(0o640)
@@ -367,9 +365,8 @@ def test_a_password_is_for_its_owner_only(tmp_path):
         (["--tests", "absent"], "--tests absent: there is no such folder"),
     ],
 )
-def test_wrong_arguments_are_one_line(words, error, capsys):
-    assert main(["panel", *words]) == 2
-    assert error in capsys.readouterr().err
+def test_wrong_arguments_are_one_line(words, error, cli):
+    assert error in cli(["panel", *words], 2).err
 
 
 FORM = {

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, load_config
 from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion

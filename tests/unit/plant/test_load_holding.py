@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import VirtualBench, load_config
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import lag, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions

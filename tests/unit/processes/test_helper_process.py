@@ -148,8 +148,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_program_that_lets_go_of_none_ends(tmp_path):
-    script = tmp_path / "forgetful.py"
-    script.write_text(FORGETFUL)
+def test_a_program_that_lets_go_of_none_ends(make_file):
+    script = make_file("forgetful.py", FORGETFUL)
     command = [sys.executable, str(script), str(Path(__file__).parent)]
     assert subprocess.run(command, check=False).returncode == 0  # noqa: S603

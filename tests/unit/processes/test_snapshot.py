@@ -122,9 +122,8 @@ if __name__ == "__main__":
 """
 
 
-def test_nothing_is_left_behind_nor_said_when_a_reader_is_killed(tmp_path):
-    program = tmp_path / "program.py"
-    program.write_text(PROGRAM)
+def test_nothing_is_left_behind_nor_said_when_a_reader_is_killed(make_file):
+    program = make_file("program.py", PROGRAM)
     done = subprocess.run(  # noqa: S603 - the program just written
         [sys.executable, "-W", "error", program], capture_output=True, text=True, check=True
     )

@@ -2,14 +2,13 @@
 
 import pytest
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.copper.extension import Copper
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.explain import explain
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.frame_words import error_text
 from hil_bench.abilities.recording.frames import LeftOut, read_frames
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.transports.socketcan import pack_frame, unpack_frame
@@ -49,13 +48,13 @@ def test_they_are_left_out_and_counted_for_who_does_not_ask(log):
     assert left_out.error_frames == failed
 
 
-def test_explain_finds_them_first(tmp_path):
-    path = tmp_path / "trace.log"
-    path.write_text(
+def test_explain_finds_them_first(make_file):
+    path = make_file(
+        "trace.log",
         "(0.000000) can0 701#00\n"
         "(0.000500) can0 20000288#0000040000000001\n"
         "(0.000600) can0 20000204#0030000000008000\n"
-        "(0.001000) can0 701#7F\n"
+        "(0.001000) can0 701#7F\n",
     )
     found = explain(read_frames(path, errors=True), (), 125_000)
     (finding,) = (each for each in found.findings if each.cause is Cause.ERROR_FRAMES)
@@ -95,9 +94,8 @@ def test_on_socketcan_they_have_the_flag_and_no_device_gets_them():
 @pytest.mark.parametrize(
     "line", ["(1) can0 20000288#00", "(9e9) can0 20000288#0", "(1.0) x 2FFFFFFF#"]
 )
-def test_a_damaged_line_is_counted_or_read_and_nothing_else(tmp_path, line):
-    path = tmp_path / "trace.log"
-    path.write_text(f"(0.000000) can0 701#00\n{line}\n(0.001000) can0 701#7F\n")
+def test_a_damaged_line_is_counted_or_read_and_nothing_else(make_file, line):
+    path = make_file("trace.log", f"(0.000000) can0 701#00\n{line}\n(0.001000) can0 701#7F\n")
     frames = list(read_frames(path, left_out := LeftOut(), errors=True))
     assert sum(not is_error_frame(each.frame) for each in frames) == 2
     assert len(frames) - 2 + left_out.error_frames == 1

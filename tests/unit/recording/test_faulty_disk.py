@@ -5,12 +5,11 @@ import struct
 import pytest
 from support.faulty_disk import Fault, FaultyDisk
 
+from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.recording.formats import SIGNAL_SUFFIXES, SUFFIXES
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import Recorder, RecordingPlan
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, LoggedFrame
 
 FULL, BROKEN, SHORT, FORBIDDEN, INTERRUPTED = (

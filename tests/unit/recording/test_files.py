@@ -67,9 +67,8 @@ def test_names_with_separators_and_quotes_read_back(tmp_path):
     assert recording_channels(read_recording(path)) == channels
 
 
-def test_the_file_is_not_there_before_it_is_whole(tmp_path):
-    path = tmp_path / "run.csv"
-    path.write_text("time of the last good run")
+def test_the_file_is_not_there_before_it_is_whole(tmp_path, make_file):
+    path = make_file("run.csv", "time of the last good run")
     with RecordingFile(path) as file:
         assert path.read_text() == "time of the last good run"
         file.write(recording((0.0, 1.0, 2.0)))
@@ -78,9 +77,8 @@ def test_the_file_is_not_there_before_it_is_whole(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
 
 
-def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path):
-    path = tmp_path / "run.csv"
-    path.write_text("time of the last good run")
+def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path, make_file):
+    path = make_file("run.csv", "time of the last good run")
     with pytest.raises(RuntimeError), RecordingFile(path):
         raise RuntimeError
 
@@ -124,9 +122,8 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
         ("\n\n", "it has no row of numbers"),
     ],
 )
-def test_a_file_that_is_no_recording_says_why(tmp_path, text, reason):
-    path = tmp_path / "run.csv"
-    path.write_text(text)
+def test_a_file_that_is_no_recording_says_why(make_file, text, reason):
+    path = make_file("run.csv", text)
     with pytest.raises(ConfigError) as caught:
         read_recording(path)
 
@@ -142,9 +139,8 @@ def test_a_file_that_is_no_recording_says_why(tmp_path, text, reason):
         "t [s]\taxis1.P_A [bar]\n0\t1\n0.01\tERR\n0.02\t2",  # its writer was killed
     ],
 )
-def test_a_table_of_another_tool_is_a_recording(tmp_path, text):
-    path = tmp_path / "run.csv"
-    path.write_text(text)
+def test_a_table_of_another_tool_is_a_recording(make_file, text):
+    path = make_file("run.csv", text)
     found = read_recording(path)
 
     assert recording_channels(found) == (Channel("time", "s"), Channel("axis1.P_A", "Pa"))
@@ -160,18 +156,16 @@ def test_a_table_of_another_tool_is_a_recording(tmp_path, text):
         ("t [s],x [m],x [mm]\n0,1,2\n", "recording channel x: is there twice"),
     ],
 )
-def test_a_table_of_another_tool_that_is_none_says_why(tmp_path, text, wrong):
-    path = tmp_path / "run.csv"
-    path.write_text(text)
+def test_a_table_of_another_tool_that_is_none_says_why(make_file, text, wrong):
+    path = make_file("run.csv", text)
     with pytest.raises(ConfigError) as caught:
         read_recording(path)
 
     assert str(caught.value).startswith(f"{path}: {wrong}")
 
 
-def test_a_binary_file_is_no_recording(tmp_path):
-    path = tmp_path / "run.csv"
-    path.write_bytes(b"\xff\x00\xff")
+def test_a_binary_file_is_no_recording(make_file):
+    path = make_file("run.csv", b"\xff\x00\xff")
     with pytest.raises(ConfigError, match="is no recording: "):
         read_recording(path)
 

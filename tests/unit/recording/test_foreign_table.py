@@ -93,9 +93,8 @@ def test_the_vectors_of_a_mat_file_are_columns(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x89HDF" * 40])
-def test_a_broken_mat_file_is_refused_in_a_line(tmp_path, content):
-    path = tmp_path / "rig.mat"
-    path.write_bytes(content)
+def test_a_broken_mat_file_is_refused_in_a_line(make_file, content):
+    path = make_file("rig.mat", content)
 
     with pytest.raises(ConfigError, match="is no recording") as error:
         read_columns(path)

@@ -42,9 +42,8 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path):
     ]
 
 
-def test_a_candump_log_says_a_direction_where_python_can_wrote_it(tmp_path):
-    path = tmp_path / "bus.log"
-    path.write_text("(1.0) can0 181#0F00 T\n(2.0) can0 201#07 R\n\n(3.0) can0 080#\n")
+def test_a_candump_log_says_a_direction_where_python_can_wrote_it(make_file):
+    path = make_file("bus.log", "(1.0) can0 181#0F00 T\n(2.0) can0 201#07 R\n\n(3.0) can0 080#\n")
     assert [frame.is_received for frame in read_frames(path)] == [False, True, None]
 
 
@@ -166,9 +165,8 @@ def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path, suffix):
     ("name", "content"),
     [("x.log", b"no log at all\n"), ("x.blf", b"no log at all"), ("x.mf4", b"nor this")],
 )
-def test_a_file_that_is_no_log_says_so(tmp_path, name, content):
-    path = tmp_path / name
-    path.write_bytes(content)
+def test_a_file_that_is_no_log_says_so(make_file, name, content):
+    path = make_file(name, content)
     with pytest.raises(ConfigError, match=rf"^{path}: "):
         list(read_frames(path))
 
@@ -265,9 +263,8 @@ def test_frames_that_candump_has_lost_are_counted(tmp_path):
         ("[1] of 123", "is one of candump -L"),
     ],
 )
-def test_a_file_without_a_line_of_candump_is_refused(tmp_path, line, ending):
-    path = tmp_path / "bus.log"
-    path.write_text(f"{line}\n" * 3)
+def test_a_file_without_a_line_of_candump_is_refused(make_file, line, ending):
+    path = make_file("bus.log", f"{line}\n" * 3)
     with pytest.raises(ConfigError, match="not one line is one of candump -L") as caught:
         list(read_frames(path))
     assert str(caught.value).endswith(ending)

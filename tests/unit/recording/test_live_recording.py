@@ -11,7 +11,6 @@ import hil_bench
 from hil_bench.abilities.live import attached, ctl
 from hil_bench.abilities.recording import sessions
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.cli import main
 from hil_bench.errors import ConfigError, ControllerError
 
 
@@ -49,15 +48,12 @@ def test_after_its_end_no_row_is_made_for_it(loop, tmp_path):
     assert loop.session._frame_observers == []
 
 
-def test_the_shell_begins_and_ends_it(loop, tmp_path, monkeypatch, capsys):
+def test_the_shell_begins_and_ends_it(loop, tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
-    assert main(["ctl", "record", "run.mf4"]) == 0
-    assert "run.mf4: recording since 0.0" in capsys.readouterr().out
+    assert "run.mf4: recording since 0.0" in cli("ctl record run.mf4").out
     loop.look_again()
-    assert main(["ctl", "status"]) == 0
-    assert f"record {Path.cwd()}/run.mf4 since 0.0" in capsys.readouterr().out
-    assert main(["ctl", "record", "--stop", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    assert f"record {Path.cwd()}/run.mf4 since 0.0" in cli("ctl status").out
+    found = json.loads(cli("ctl record --stop --json").out)
     assert Path(found["path"]) == tmp_path / "run.mf4"
     assert found["rows"] == len(read_recording(tmp_path / "run.mf4"))
 

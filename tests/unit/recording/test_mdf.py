@@ -7,14 +7,13 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.recording import mdf_reader
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.mdf_blocks import pack_block
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -113,12 +112,11 @@ def test_a_file_without_data_reads_back(tmp_path):
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1), byte=st.integers(0, 255), end=st.floats(0, 1))
 def test_a_damaged_file_is_read_or_refused_in_one_line(
-    path_with_errors, tmp_path, place, byte, end
+    path_with_errors, make_file, place, byte, end
 ):
     content = bytearray(path_with_errors.read_bytes())
     content[int(place * (len(content) - 1))] = byte
-    damaged = tmp_path / "damaged.mf4"
-    damaged.write_bytes(content[: len(content) - int((1 - end**0.1) * len(content))])
+    damaged = make_file("damaged.mf4", content[: len(content) - int((1 - end**0.1) * len(content))])
     message = ""
     try:
         read_mdf(damaged)

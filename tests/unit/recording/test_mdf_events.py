@@ -4,12 +4,10 @@ import shutil
 
 import pytest
 
+from hil_bench import RecordingWish, VirtualBench, load_config
 from hil_bench.abilities.recording.mdf_blocks import append_events, read_events
 from hil_bench.abilities.recording.plot import Span
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 
 
@@ -58,29 +56,26 @@ def test_names_are_anybodys(recording, tmp_path):
     assert read_events(path) == [Span(0.5, 1.5, "leak \ufffd[2J $x_ <b> ü")]
 
 
-def test_a_damaged_chain_ends_where_it_is_damaged(recording, tmp_path):
+def test_a_damaged_chain_ends_where_it_is_damaged(recording, make_file):
     content = bytearray(recording.read_bytes())
     place = content.rindex(b"##EV")  # the end of the last one
     content[place : place + 4] = b"####"
-    path = tmp_path / "damaged.mf4"
-    path.write_bytes(content)
+    path = make_file("damaged.mf4", content)
     assert [each.label for each in read_events(path)] == ["freeze pressure_a"]
 
 
 @pytest.mark.parametrize("address", [1, 7, 1 << 40, (1 << 64) - 1])
-def test_an_address_that_leads_nowhere_is_no_event(recording, tmp_path, address):
+def test_an_address_that_leads_nowhere_is_no_event(recording, make_file, address):
     content = bytearray(recording.read_bytes())
     # ASAM MDF 4.1: the HD block is at 64, its fifth link leads to the first event.
     content[64 + 24 + 32 : 64 + 24 + 40] = address.to_bytes(8, "little")
-    path = tmp_path / "damaged.mf4"
-    path.write_bytes(content)
+    path = make_file("damaged.mf4", content)
     assert read_events(path) == []
 
 
-def test_a_chain_that_bites_its_tail_ends(recording, tmp_path):
+def test_a_chain_that_bites_its_tail_ends(recording, make_file):
     content = bytearray(recording.read_bytes())
     first = int.from_bytes(content[64 + 56 : 64 + 64], "little")
     content[first + 24 : first + 32] = first.to_bytes(8, "little")  # its next one is itself
-    path = tmp_path / "ring.mf4"
-    path.write_bytes(content)
+    path = make_file("ring.mf4", content)
     assert read_events(path) == []

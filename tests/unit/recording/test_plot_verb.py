@@ -4,9 +4,8 @@ import os
 
 import pytest
 
+from hil_bench import RecordingWish, VirtualBench
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
-from hil_bench.abilities.recording.report import RecordingWish
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.outside.recording.channels import Channel
@@ -30,12 +29,11 @@ def folder(tmp_path_factory):
         (["run.log"], ["0x701", "CAN identifier"]),
     ],
 )
-def test_each_kind_is_drawn(folder, tmp_path, monkeypatch, capsys, arguments, texts):
+def test_each_kind_is_drawn(folder, tmp_path, monkeypatch, cli, arguments, texts):
     monkeypatch.setitem(__import__("matplotlib").rcParams, "svg.fonttype", "none")
     picture = tmp_path / "x.svg"
     name, *options = arguments
-    assert main(["plot", str(folder / name), "-o", str(picture), *options]) == 0
-    assert capsys.readouterr().out == f"{picture}\n"
+    assert cli(["plot", str(folder / name), "-o", str(picture), *options]).out == f"{picture}\n"
     drawn = picture.read_text(encoding="utf-8")
     for text in texts:
         assert text in drawn
@@ -95,10 +93,9 @@ def test_a_name_that_is_no_text_is_drawn_too(folder):
         (["/"], "/: cannot be read: Is a directory; give a recording"),
     ],
 )
-def test_what_cannot_be_drawn(folder, arguments, message, capsys, monkeypatch):
+def test_what_cannot_be_drawn(folder, arguments, message, cli, monkeypatch):
     monkeypatch.chdir(folder)
-    assert main(["plot", *arguments]) == 2
-    error = capsys.readouterr().err
+    error = cli(["plot", *arguments], 2).err
     assert error.startswith("hil-bench: error: ")
     assert message in error
     assert error.count("\n") == 1

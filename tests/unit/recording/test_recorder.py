@@ -7,8 +7,8 @@ import struct
 import numpy as np
 import pytest
 
+from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import (
     BLOCK_PERIOD,
@@ -17,7 +17,6 @@ from hil_bench.abilities.recording.recorder import (
     RecordingPlan,
 )
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import block_file
 from hil_bench.outside.recording.channels import Channel, LoggedFrame
 
@@ -145,7 +144,7 @@ def test_a_writer_killed_at_any_moment_leaves_whole_blocks(tmp_path, operations,
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_power_cut_at_any_moment_leaves_all_but_the_last_two_blocks(
-    tmp_path, operations, monkeypatch, suffix
+    tmp_path, make_file, operations, monkeypatch, suffix
 ):
     """After the last fsync some writes reach the disk and some do not, in any order.
 
@@ -163,8 +162,7 @@ def test_a_power_cut_at_any_moment_leaves_all_but_the_last_two_blocks(
     recorder.close()
     chance = random.Random(3)  # noqa: S311 - no secret
     for number in range(blocks[1], len(done) + 1):
-        left = tmp_path / f"cut{suffix}"
-        left.write_bytes(after_power_cut(done[:number], chance))
+        left = make_file(f"cut{suffix}", after_power_cut(done[:number], chance))
         begun = sum(1 for end in blocks[1:] if end <= number)
         rows, frames = found(left)
         expected = rows if suffix in SIGNAL_SUFFIXES else frames

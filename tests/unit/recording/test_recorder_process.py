@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.common.packed_frames import pack_frames
 from hil_bench.abilities.common.shared_ring import _TAKEN, SharedRing
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import (
@@ -25,7 +25,6 @@ from hil_bench.abilities.recording.recorder_process import (
 )
 from hil_bench.abilities.recording.report import Progress
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 
 try:
@@ -232,9 +231,8 @@ if __name__ == "__main__":
 """
 
 
-def test_a_killed_loop_leaves_the_recorder_to_write_all(tmp_path):
-    script = tmp_path / "killed_loop.py"
-    script.write_text(KILLED_LOOP)
+def test_a_killed_loop_leaves_the_recorder_to_write_all(tmp_path, make_file):
+    script = make_file("killed_loop.py", KILLED_LOOP)
     path = tmp_path / "run.mf4"
     # Ends when the recorder does too, which has the same standard output.
     ended = subprocess.run(  # noqa: S603 - our own script

@@ -21,10 +21,9 @@ def _virtual_time(monkeypatch):
 
 
 @pytest.mark.usefixtures("_virtual_time")
-def test_a_run_is_recorded_from_its_first_tick(tmp_path, capsys):
+def test_a_run_is_recorded_from_its_first_tick(tmp_path, cli):
     path = tmp_path / "run.mf4"
-    assert main([*RUN, "--record", str(path)]) == 0
-    assert f"recorded  100 rows, 4 frames: {path}\n" in capsys.readouterr().out
+    assert f"recorded  100 rows, 4 frames: {path}\n" in cli([*RUN, "--record", str(path)]).out
     signals = read_recording(path)
     assert signals["time"] == pytest.approx([tick * 1e-3 for tick in range(100)])
     # At rest at 100 bar supply the balanced chambers lie at half of it, P_A A_A = P_B A_B.
@@ -155,6 +154,5 @@ class FilteredBus(SyncOnly):
         ),
     ],
 )
-def test_what_cannot_be_meant_ends_before_the_bus_is_opened(arguments, message, capsys):
-    assert main([*RUN, *arguments]) == 2
-    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+def test_what_cannot_be_meant_ends_before_the_bus_is_opened(arguments, message, cli):
+    assert cli([*RUN, *arguments], 2).err == f"hil-bench: error: {message}\n"

@@ -5,8 +5,7 @@ import math
 import pytest
 from support.motors import LOSSLESS, STEP, write_bench
 
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
+from hil_bench import ConfigError, load_config
 
 D, E, V, J = 1e-5, 1e9, 2e-4, 0.05
 LINES = {

@@ -4,9 +4,8 @@
 import pytest
 from support.motors import LOSSLESS, VALVE, write_bench
 
-from hil_bench.bench.configuration import load_config
+from hil_bench import ConfigError, load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
-from hil_bench.errors import ConfigError
 
 RATED = {"rated_speed_rpm": 600, "rated_pressure_bar": 150}
 ENCODER = '[nodes.e]\nprofile = "{}"\nnode_id = 4\n'
@@ -37,9 +36,8 @@ def test_one_line_says_what_is_wrong(tmp_path, keys, rest, message):
     assert message in lines[0]
 
 
-def test_a_rotary_encoder_needs_a_shaft(tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(VALVE + ENCODER.format("rotary_encoder_406"))
+def test_a_rotary_encoder_needs_a_shaft(make_file):
+    path = make_file("bench.toml", VALVE + ENCODER.format("rotary_encoder_406"))
     with pytest.raises(ConfigError, match="is a hydraulic_cylinder and has no angle"):
         load_config(path)
 

@@ -6,10 +6,8 @@ import pytest
 from support.modbus_side import CONTROL, ENABLE, ModbusSide
 from support.motors import LOSSLESS, VALVE, write_bench
 
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import Faults, VirtualBench, load_config
 from hil_bench.abilities.modbus.protocol.register_map import Table
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import modbus
 from hil_drivers.modbus.framing import TcpFraming
 

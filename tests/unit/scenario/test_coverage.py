@@ -297,7 +297,7 @@ def test_requirements_alone_may_say_their_time(tmp_path, capsys):
     assert found["text"].endswith("seen 6 of 6 s")
 
 
-def test_a_time_that_is_none_is_refused(tmp_path, capsys):
+def test_a_time_that_is_none_is_refused(tmp_path, capsys, cli):
     (tmp_path / "r.toml").write_text(f"duration_s = -1.0\n[[expect]]\n{LIMIT}")
     (tmp_path / "run.csv").write_text("time,axis1.P_A\ns,Pa\n0,1\n1,1\n")
     assert main(["judge", str(tmp_path / "r.toml"), str(tmp_path / "run.csv")]) == ExitCode.USAGE
@@ -307,8 +307,7 @@ def test_a_time_that_is_none_is_refused(tmp_path, capsys):
     assert main(["judge", str(tmp_path / "r.toml"), str(tmp_path / "run.csv")]) == ExitCode.USAGE
     assert "needs 7 s to be decided" in capsys.readouterr().err
     words = ["judge", str(tmp_path / "r.toml"), str(tmp_path / "run.csv"), "--start", "inf"]
-    assert main(words) == ExitCode.USAGE
-    assert "inf: give a time in s, such as 12.5" in capsys.readouterr().err
+    assert "inf: give a time in s, such as 12.5" in cli(words, ExitCode.USAGE).err
 
 
 def test_a_recording_that_starts_late_lacks_the_beginning(tmp_path, capsys):

@@ -80,9 +80,8 @@ firmware = "restart"
 )
 
 
-def load(tmp_path, text, name="a.scenario.toml"):
-    path = tmp_path / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+def load(make_file, text, name="a.scenario.toml"):
+    path = make_file(name, text if isinstance(text, bytes) else text.encode())
     return load_scenario(path)
 
 
@@ -463,8 +462,7 @@ def test_the_language_takes_the_parameters_of_the_scenario(tmp_path):
     assert found.condition.operand.right.value == 60e5
 
 
-def test_a_byte_order_mark_does_not_shift_the_place_of_a_problem(tmp_path):
-    path = tmp_path / "a.scenario.toml"
-    path.write_bytes(b"\xef\xbb\xbfduration_s = 0\n" + EXPECT.encode())
+def test_a_byte_order_mark_does_not_shift_the_place_of_a_problem(make_file):
+    path = make_file("a.scenario.toml", b"\xef\xbb\xbfduration_s = 0\n" + EXPECT.encode())
     with pytest.raises(ConfigError, match=r"a\.scenario\.toml:1:14: duration_s: 0 is out of range"):
         load_scenario(path)

@@ -114,13 +114,12 @@ def test_a_requirement_on_frames_is_refused(tmp_path, capsys):
     assert "r.toml:3:20: R1: there are no frames here" in capsys.readouterr().err
 
 
-def test_a_scenario_is_checked_listed_and_converted(tmp_path, capsys):
+def test_a_scenario_is_checked_listed_and_converted(tmp_path, capsys, cli):
     path, table = tmp_path / "a.scenario.toml", tmp_path / "a.csv"
     path.write_text('title = "T"\nduration_s = 1.0\n' + PASSES)
     assert main(["scenario", "convert", str(path), str(table)]) == ExitCode.DONE
     assert main(["scenario", "check", str(path), str(table)]) == ExitCode.DONE
-    assert main(["scenario", "list", str(table)]) == ExitCode.DONE
-    out = capsys.readouterr().out
+    out = cli(["scenario", "list", str(table)]).out
     assert out.count("ok; 1 s, 0 steps, 1 requirement") == 2
     assert "  R1  always axis1.P_A < 250 bar" in out
     assert main(["scenario", "convert", str(path), str(table)]) == ExitCode.USAGE
@@ -144,7 +143,7 @@ def test_only_missing_values_of_its_own_are_told():
     assert reason == "axis1.P_A not seen after 0 s"
 
 
-def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_path, capsys):
+def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_path, capsys, cli):
     """At 1 ms CH1 shows 260 bar."""
     (tmp_path / "r.toml").write_text(PASSES)
     (tmp_path / "scope.csv").write_text("t;CH1\n0;1,5\n1;260,0\n")
@@ -158,8 +157,7 @@ def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_pat
         (["--map", "CH1=P_A:bar"], "scope.csv: its time has no unit"),
         (["--map", "t=time:ms", "--map", "CH1=P_A:bar", "--axis", "lift"], "nearest is lift.P_A"),
     ):
-        assert main([*files, *options]) == ExitCode.USAGE
-        assert wrong in capsys.readouterr().err
+        assert wrong in cli([*files, *options], ExitCode.USAGE).err
 
 
 def test_rows_too_far_apart_for_a_window_decide_nothing(tmp_path, capsys):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench import ConfigError, VirtualBench
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.protocol.register_map import DATA_TYPES, Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -11,8 +12,6 @@ from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import prepare_for_machine
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.abilities.scenario.targets import name_registers
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.units import BAR
 

@@ -218,10 +218,9 @@ def test_a_judged_recording_shows_its_own_frames(tmp_path):
     ("name", "wrong"),
     [("r.pdf", "give the name of an .html file"), ("no/r.html", "there is no folder")],
 )
-def test_a_report_that_cannot_be_is_refused_before_the_run(tmp_path, capsys, name, wrong):
+def test_a_report_that_cannot_be_is_refused_before_the_run(tmp_path, cli, name, wrong):
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 1 bar"))
-    assert main(["test", str(path), "--report", str(tmp_path / name)]) == ExitCode.USAGE
-    found = capsys.readouterr()
+    found = cli(["test", str(path), "--report", str(tmp_path / name)], ExitCode.USAGE)
     assert wrong in found.err
     assert found.out == ""
 

@@ -23,9 +23,8 @@ def expect(*texts):
     return "".join(f"[[expect]]\nid = \"R{k}\"\nthat = '{that}'\n" for k, that in enumerate(texts))
 
 
-def load(tmp_path, text):
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(text)
+def load(make_file, text):
+    path = make_file("a.scenario.toml", text)
     return load_scenario(path)
 
 

@@ -5,13 +5,12 @@ from types import SimpleNamespace
 import pytest
 from support.built_in_nodes import NODES
 
+from hil_bench import ConfigError, VirtualBench
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario import run
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.targets import Targets
-from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.errors import ConfigError
 
 KEYS = {
     "freeze": 'target = "position"',
@@ -114,10 +113,9 @@ def test_each_kind_is_tried():
 
 
 @pytest.mark.parametrize("kind", KEYS)
-def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
+def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, make_file, benches, kind):
     (tmp_path / "bench.toml").write_text(BENCH)
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(SCENARIO.format(kind=kind, keys=KEYS[kind]))
+    path = make_file("a.scenario.toml", SCENARIO.format(kind=kind, keys=KEYS[kind]))
     run.play(run.prepare(load_scenario(path)))
     (bench,) = benches
     found = [(event.time, event.kind, event.is_begin) for event in bench.faults.events]
@@ -138,11 +136,10 @@ def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
     ],
 )
 def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
-    tmp_path, kind, keys, is_idle
+    tmp_path, make_file, kind, keys, is_idle
 ):
     (tmp_path / "bench.toml").write_text(BENCH)
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(SCENARIO.format(kind=kind, keys=keys))
+    path = make_file("a.scenario.toml", SCENARIO.format(kind=kind, keys=keys))
     result = play_for_result(run.prepare(load_scenario(path)))
     (limit, _) = (finding.judgement for finding in result.findings)
     assert limit.outcome == ("not exercised" if is_idle else "passed")
@@ -163,10 +160,11 @@ def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
         ),
     ],
 )
-def test_a_fault_without_its_amount_is_refused_as_in_a_bench(tmp_path, kind, keys, wrong):
+def test_a_fault_without_its_amount_is_refused_as_in_a_bench(
+    tmp_path, make_file, kind, keys, wrong
+):
     (tmp_path / "bench.toml").write_text(BENCH)
-    path = tmp_path / "a.scenario.toml"
-    path.write_text(SCENARIO.format(kind=kind, keys=keys))
+    path = make_file("a.scenario.toml", SCENARIO.format(kind=kind, keys=keys))
     with pytest.raises(ConfigError) as caught:
         run.prepare(load_scenario(path))
     assert wrong in str(caught.value)

@@ -8,7 +8,6 @@ import pytest
 
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario.schema import scenario_schema
-from hil_bench.cli import main
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "scenarios").glob("*.toml"))
 
@@ -83,6 +82,5 @@ def test_what_is_wrong_does_not_fit(wrong):
     assert not fits(whole(**wrong), scenario_schema())
 
 
-def test_the_verb_prints_it(capsys):
-    assert main(["scenario", "schema"]) == 0
-    assert json.loads(capsys.readouterr().out) == scenario_schema()
+def test_the_verb_prints_it(cli):
+    assert json.loads(cli("scenario schema").out) == scenario_schema()

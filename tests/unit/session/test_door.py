@@ -6,16 +6,14 @@ from concurrent.futures import CancelledError
 
 import pytest
 
+from hil_bench import Faults, VirtualBench, load_config
 from hil_bench.abilities.common.commands import (
     SetObject,
     SetPlant,
 )
 from hil_bench.abilities.faults.commands import BeginFault, ClearFault
-from hil_bench.abilities.faults.faults import Faults
 from hil_bench.bench.commands import MOST_WAITING
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, ControllerError
 
 TICK = 1_000_000

@@ -5,10 +5,9 @@ from pathlib import Path
 import can
 import pytest
 
-from hil_bench import VirtualBench, load_config
+from hil_bench import VirtualBench, load_config, read_frames
 from hil_bench.abilities.common.packed_frames import MOST_FRAMES, pack_frames, unpack_frames
 from hil_bench.abilities.copper.wire.bits import exact_fd_bits
-from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
 
 FD_BUS = {"bus": {"bitrate": 500_000, "fd": True, "data_bitrate": 2_000_000}}

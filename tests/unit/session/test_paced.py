@@ -2,11 +2,9 @@
 
 import pytest
 
+from hil_bench import BusError, RecordingWish, load_config, read_frames
 from hil_bench.abilities.copper.wire.bits import exact_bits
-from hil_bench.abilities.recording.frames import read_frames
-from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,
@@ -15,7 +13,6 @@ from hil_bench.bench.paced import (
 )
 from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.transports.transport import TransportCounters

@@ -2,10 +2,9 @@
 
 import pytest
 
+from hil_bench import RecordingWish, load_config
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.recording.sessions import recorded
-from hil_bench.bench.configuration import load_config
 from hil_bench.bench.session import open_session
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel

@@ -3,10 +3,9 @@
 import pytest
 from support.built_in_nodes import NODES
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.twin import Shadow
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_drivers import ControlMode, Network, ProportionalValve
 
 POSITIONS = (0.1, 0.2, 0.05, 0.15)

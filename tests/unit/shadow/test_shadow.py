@@ -3,10 +3,9 @@
 import can
 import pytest
 
+from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.recording.frames import message_of
 from hil_bench.abilities.shadow.twin import Shadow
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,

@@ -176,9 +176,8 @@ if __name__ == "__main__":
 """
 
 
-def test_the_hub_dies_with_a_parent_that_is_killed(tmp_path):
-    program = tmp_path / "parent.py"
-    program.write_text(PARENT)
+def test_the_hub_dies_with_a_parent_that_is_killed(make_file):
+    program = make_file("parent.py", PARENT)
     parent = subprocess.Popen(  # noqa: S603 - the program just written
         [sys.executable, str(program)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )

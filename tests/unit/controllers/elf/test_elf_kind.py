@@ -6,16 +6,14 @@ import signal
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_example, build_for_chip
 
+from hil_bench import TimedFrame, VirtualBench, load_config
 from hil_bench.abilities.controllers.elf import kind as elf_kind
 from hil_bench.abilities.controllers.elf.controller import ElfController
 from hil_bench.abilities.controllers.elf.job import Job
 from hil_bench.abilities.controllers.elf.machine import Machine
-from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError, require_extra
 

@@ -611,9 +611,8 @@ def with_symbols(data, names):
         (elf(count=2, size=200), "is a damaged ELF file"),  # flashes its bytes twice
     ],
 )
-def test_a_file_that_is_no_program_for_a_chip(tmp_path, data, why):
-    path = tmp_path / "program.elf"
-    path.write_bytes(data)
+def test_a_file_that_is_no_program_for_a_chip(make_file, data, why):
+    path = make_file("program.elf", data)
     right = "give the .elf file that the linker for the chip made"
     with pytest.raises(ConfigError) as raised:
         read_program(path)
@@ -625,17 +624,15 @@ def test_a_program_of_this_machine_is_none_for_a_chip():
         read_program(Path(sys.executable))
 
 
-def test_a_right_file_is_read(tmp_path):
-    path = tmp_path / "program.elf"
-    path.write_bytes(elf())
+def test_a_right_file_is_read(make_file):
+    path = make_file("program.elf", elf())
     program = read_program(path)
     assert program.segments == ((0x08000000, b"abcd"),)
     assert program.function_at(0x08000000) == "0x08000000"
 
 
-def test_a_name_is_one_line_of_letters(tmp_path):
-    path = tmp_path / "program.elf"
-    path.write_bytes(with_symbols(elf(), [b"main", b"a\nb\x1b[1m", b"x" * 1000]))
+def test_a_name_is_one_line_of_letters(make_file):
+    path = make_file("program.elf", with_symbols(elf(), [b"main", b"a\nb\x1b[1m", b"x" * 1000]))
     program = read_program(path)
     assert program.names == ("main", "a?b?[1m", "x" * 120)
     assert program.function_at(0x08000003) == "a?b?[1m+0x1"

@@ -11,9 +11,7 @@ from typing import NamedTuple
 import pytest
 from support.chip_programs import CAN_BUILD, WHY_NOT, build_example
 
-from hil_bench.abilities.controllers.seam import TimedFrame
-from hil_bench.bench.configuration import load_config
-from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench import TimedFrame, VirtualBench, load_config
 from hil_bench.canopen_device.frame import Frame
 
 pytest.importorskip("unicorn")

@@ -31,10 +31,8 @@ def words(*values):
     return [word for value in values for word in struct.unpack(">2H", struct.pack(">f", value))]
 
 
-def make_map(tmp_path, text, profile="pressure_404"):
-    path = tmp_path / "map.toml"
-    path.write_text(HEAD.format(profile=profile) + text)
-    return path
+def make_map(make_file, text, profile="pressure_404"):
+    return make_file("map.toml", HEAD.format(profile=profile) + text)
 
 
 # Float 50 bar is 42480000; the profile's own map: pressure, sample, status in five registers.
@@ -193,9 +191,8 @@ def test_a_unit_id_out_of_range_is_refused(client, unit_id):
         "device = 1",
     ],
 )
-def test_a_map_that_is_none_is_refused(client, tmp_path, text):
-    path = tmp_path / "map.toml"
-    path.write_text(text)
+def test_a_map_that_is_none_is_refused(client, make_file, text):
+    path = make_file("map.toml", text)
     with pytest.raises(RegisterMapError, match=r"map\.toml: is not a register map"):
         PressureSensor(client, 2, path)
 

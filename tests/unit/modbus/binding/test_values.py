@@ -6,11 +6,9 @@ import pytest
 from support.bus_side import VALVE, BusSide
 from support.modbus_side import POSITION, PRESSURE_A, ModbusSide
 
-from hil_bench.abilities.faults.faults import Faults
+from hil_bench import ConfigError, Faults, load_config
 from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.protocol.register_map import Table
-from hil_bench.bench.configuration import load_config
-from hil_bench.errors import ConfigError
 
 
 def test_the_sensors_show_what_the_plant_has(side):

@@ -147,10 +147,9 @@ if __name__ == "__main__":
 
 
 @pytest.mark.long
-def test_the_server_ends_with_its_parent(tmp_path):
+def test_the_server_ends_with_its_parent(tmp_path, make_file):
     make_binding(tmp_path)
-    program = tmp_path / "parent.py"
-    program.write_text(PARENT)
+    program = make_file("parent.py", PARENT)
     command = [sys.executable, str(program), str(tmp_path / "bench.toml")]
     with subprocess.Popen(  # noqa: S603 - our own program
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -185,9 +185,8 @@ def test_what_is_no_certificate_has_no_role():
     assert role_of(b"garbage") is None
 
 
-def test_files_that_do_not_fit_are_told(tmp_path, authority, server_files):
-    garbage = tmp_path / "garbage.pem"
-    garbage.write_text("garbage")
+def test_files_that_do_not_fit_are_told(tmp_path, make_file, authority, server_files):
+    garbage = make_file("garbage.pem", "garbage")
     certificate, key = server_files
     other_key = authority.sign("other").key
 

@@ -27,11 +27,10 @@ MOST: Final = 6.0  # s of processor time for the tests of a mutant, as measured 
 QUICK: Final = ("bench", "contract", "generated", "referee", "transcripts", "unit")
 """Folders of tests; nothing that takes long, and nothing about pages and packages."""
 AS_PYTHON: Final = """\
-    balance bristles bulk_modulus cavitation chamber component_balance courses cushion cuts
-    data_sheet elementary extended extended_midpoint extended_oil extensions friction full_order
-    full_order_limits full_order_refusals implicit_midpoint kernel lands line_settings lines load
-    loads mirrored options orifice parameters parts reduced_order shared_supply spool
-    stability state supply supply_pressure tank waves
+    balance bulk_modulus cavitation component_balance courses cushion data_sheet elementary extended
+    extended_oil friction full_order full_order_limits full_order_refusals implicit_midpoint kernel
+    lands line_settings lines loads mirrored options orifice parameters parts reduced_order
+    shared_supply stability supply_pressure tank waves
     load_holding.py::test_the_lag_is_of_second_order_and_never_overshoots
     load_holding.py::test_each_valve_has_a_state_and_a_pilot_of_its_own"""
 """Those of the plants that are quick enough without Numba."""

@@ -117,7 +117,7 @@ def make_file(tmp_path):
 
     def make(name, content):
         path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
         return path
 
     return make

@@ -16,14 +16,9 @@ pytest_plugins = ["pytester"]
 BAR = 1e5
 
 FAULTY = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+pressure_a = { profile = "pressure_404", node_id = 2, source = "P_A" }
 
 [[faults]]
 kind = "offset"
@@ -46,9 +41,10 @@ at_s = 0.05
 """
 
 
-def trace(make_file, seed=1):
+def trace(tmp_path, seed=1):
     """Return all frames of half a second with the faults above, after NMT start."""
-    path = make_file("bench.toml", FAULTY)
+    path = tmp_path / "bench.toml"
+    path.write_text(FAULTY)
     with VirtualBench(load_config(path, seed=seed)) as bench:
         bench.run(0.002)
         bench.bus.send(can.Message(arbitration_id=0, data=b"\x01\x00", is_extended_id=False))

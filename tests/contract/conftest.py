@@ -215,10 +215,11 @@ def far_rig(request, tmp_path):
         yield opened
 
 
-def open_rig(request, make_file):
+def open_rig(request, tmp_path):
     place, _, kind = request.param.partition("-")
     if place == "embedded":
-        path = make_file("bench.toml", MODBUS_UNITS)
+        path = tmp_path / "bench.toml"
+        path.write_text(MODBUS_UNITS)
         return embedded_rig(kind, path)
     if place == "vcan":
         request.getfixturevalue("vcan_bench")

@@ -41,9 +41,10 @@ class RecordedLink:
         return data
 
 
-def record(make_file, *, is_serial):
+def record(tmp_path, *, is_serial):
     """A session with every function, and four exceptions; the messages as they passed."""
-    path = make_file("bench.toml", UNITS)
+    path = tmp_path / "bench.toml"
+    path.write_text(UNITS)
     with VirtualBench(load_config(path)) as bench:
         bench.run(0.005)
         framing = RtuFraming() if is_serial else TcpFraming()

@@ -9,9 +9,8 @@ from hil_bench.plants.rotary.kind import HydraulicMotor
 STEP = 50e-6
 
 VALVE = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
 """
 
 LOSSLESS = {

@@ -21,14 +21,9 @@ supply_pressure_bar = 120.0
 position_mm = 30.0
 end_stop = false
 
-[nodes.valve]
-profile = "valve_408"
-node_id = 9
-full_opening_mm = 2.6
-
-[nodes.position]
-profile = "encoder_406"
-node_id = 12
+[nodes]
+valve = { profile = "valve_408", node_id = 9, full_opening_mm = 2.6 }
+position = { profile = "encoder_406", node_id = 12 }
 """
 
 
@@ -84,7 +79,7 @@ def test_the_tick_runs_all_plant_steps(config):
 
 def test_a_valve_without_its_objects_is_refused(tmp_path):
     (tmp_path / "bench.toml").write_text(
-        OTHER_BENCH.replace('profile = "valve_408"', 'profile = "valve_408"\neds = "sensor.eds"')
+        OTHER_BENCH.replace('"valve_408"', '"valve_408", eds = "sensor.eds"')
     )
     eds = next(node.eds for node in load_config().nodes if node.profile == "encoder_406")
     (tmp_path / "sensor.eds").write_bytes(eds.read_bytes())
@@ -117,8 +112,10 @@ class BenchRig:
         return [frame.can_id for frame in sent]
 
 
-def write_bench(make_file, *lines):
-    return make_file("bench.toml", "\n".join(("[bench]\ntick_us = 2000\n[nodes.valve]", *lines)))
+def write_bench(tmp_path, *lines):
+    path = tmp_path / "bench.toml"
+    path.write_text("\n".join(("[bench]\ntick_us = 2000\n[nodes.valve]", *lines)))
+    return path
 
 
 VALVE = 'profile = "valve_408"'

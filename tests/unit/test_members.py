@@ -7,25 +7,17 @@ from hil_bench.abilities.common.members import find_members
 
 B_FIRST = """
 [plant.axis1]
-[nodes.of_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-[nodes.of_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-[nodes.rod]
-profile = "encoder_406"
-node_id = 4
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
+[nodes]
+of_b = { profile = "pressure_404", node_id = 3, source = "P_B" }
+of_a = { profile = "pressure_404", node_id = 2, source = "P_A" }
+rod = { profile = "encoder_406", node_id = 4 }
+valve = { profile = "valve_408", node_id = 1 }
 """
 
 
-def members(make_file, text):
-    path = make_file("bench.toml", text)
+def members(tmp_path, text):
+    path = tmp_path / "bench.toml"
+    path.write_text(text)
     return find_members(load_config(path), "axis1", "this test")
 
 

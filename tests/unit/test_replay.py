@@ -231,10 +231,8 @@ def test_a_recording_without_pressures_begins_at_rest(recorded):
 
 
 SHARED = """
-[supply.hpu]
-pump_flow_l_min = 30
-start_temperature_c = 50
-accumulator_volume_l = 0
+[supply]
+hpu = { pump_flow_l_min = 30, start_temperature_c = 50, accumulator_volume_l = 0 }
 
 [plant.lift]
 supply = "hpu"
@@ -245,15 +243,9 @@ displacement_cm3_rev = 28
 inertia_kg_m2 = 0.05
 supply = "hpu"
 
-[nodes.lift_valve]
-profile = "valve_408"
-axis = "lift"
-node_id = 1
-
-[nodes.winch_valve]
-profile = "valve_408"
-axis = "winch"
-node_id = 2
+[nodes]
+lift_valve = { profile = "valve_408", axis = "lift", node_id = 1 }
+winch_valve = { profile = "valve_408", axis = "winch", node_id = 2 }
 """
 
 

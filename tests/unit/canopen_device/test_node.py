@@ -1,12 +1,15 @@
 import gc
 import random
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.eds_sections import VERIFY_CONFIGURATION
 
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.datatypes import UNSIGNED32
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.errors import ConfigError, SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.frame import Frame
@@ -312,3 +315,68 @@ def turn_on_anew(rig):
     rig.receive(0x000, b"\x82\x00")
     rig.run()
     rig.receive(0x000, b"\x01\x00")
+
+
+# What a node leaves alone in the NMT state STOPPED (CiA 301: no SYNC, no EMCY).
+
+
+@pytest.fixture
+def stopped(rig):
+    rig.receive(0x000, b"\x02\x05")
+    rig.run()
+    return rig
+
+
+def test_sync_is_not_taken(stopped):
+    stopped.receive(0x080, b"")
+    assert stopped.node.syncs == 0
+
+
+def test_an_emergency_waits_without_waking_the_node(stopped):
+    stopped.node.emcy.raise_error(0x5000, 1)
+    assert stopped.run() == []
+    assert stopped.node.deadline == NEVER
+    stopped.receive(0x000, b"\x80\x05")  # enter PRE-OPERATIONAL
+    assert [frame.can_id for frame in stopped.run()] == [0x085]
+
+
+# 0x1020: what a master wrote of its configuration, until something changes (CiA 301).
+
+
+PLAIN = Path(__file__).parent / "device.eds"
+
+
+@pytest.fixture
+def objects(make_file):
+    text = PLAIN.read_text(encoding="utf-8")
+    text = text.replace("SupportedObjects=29\n", "SupportedObjects=30\n30=0x1020\n", 1)
+    path = make_file("device.eds", text + VERIFY_CONFIGURATION)
+    dictionary = load_eds(path, 5)
+    Node(dictionary, 5)
+    for subindex, value in ((1, 15000), (2, 3_600_000)):
+        dictionary.download(0x1020, subindex, value.to_bytes(4, "little"))
+    return dictionary
+
+
+def stamps(objects):
+    return [objects.number(0x1020, subindex) for subindex in (1, 2)]
+
+
+def test_it_keeps_what_the_master_wrote(objects):
+    assert stamps(objects) == [15000, 3_600_000]
+
+
+def test_a_changed_parameter_clears_both(objects):
+    objects.download(0x1017, 0, b"\x64\x00")
+    assert stamps(objects) == [0, 0]
+
+
+def test_to_clear_the_history_of_errors_changes_no_configuration(objects):
+    objects.download(0x1003, 0, b"\x00")
+    assert stamps(objects) == [15000, 3_600_000]
+
+
+def test_a_device_without_it_watches_nothing():
+    dictionary = load_eds(PLAIN, 5)
+    Node(dictionary, 5)
+    assert 0x1020 not in dictionary

@@ -23,15 +23,9 @@ moving_mass_kg = 80.0
 [plant.swing]
 moving_mass_kg = 20.0
 
-[nodes.lift_valve]
-profile = "valve_408"
-node_id = 1
-axis = "lift"
-
-[nodes.swing_valve]
-profile = "valve_408"
-node_id = 2
-axis = "swing"
+[nodes]
+lift_valve = { profile = "valve_408", node_id = 1, axis = "lift" }
+swing_valve = { profile = "valve_408", node_id = 2, axis = "swing" }
 """
 
 

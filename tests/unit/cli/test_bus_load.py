@@ -13,9 +13,8 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 BENCH = """\
 [bus]
 bitrate = 125_000
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
 [nodes.position]
 profile = "encoder_406"
 node_id = 4

@@ -109,15 +109,10 @@ def test_a_broken_eds_is_found(tmp_path, monkeypatch, capsys):
 
 
 LOAD = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.one]
-node_id = 20
-eds = "vendor.eds"
-[nodes.other]
-node_id = 21
-eds = "vendor.eds"
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+one = { node_id = 20, eds = "vendor.eds" }
+other = { node_id = 21, eds = "vendor.eds" }
 """
 
 

@@ -14,9 +14,8 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
 
 EMPTY_BUS = """
 [plant.axis1]
-[nodes.valve]
-profile = "valve_408"
-node_id = 9
+[nodes]
+valve = { profile = "valve_408", node_id = 9 }
 """
 
 

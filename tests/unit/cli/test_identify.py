@@ -21,9 +21,8 @@ step_us = 500
 [plant.lift]
 orifice_width_mm = 22.0
 
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
 """
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.cli import main
 
 # A coarse step, which makes this quick.
 BENCH = """
@@ -14,10 +15,8 @@ BENCH = """
 tick_us = 2000
 step_us = 500
 
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
 [nodes.pressure_a]
 profile = "pressure_404"
 node_id = 2
@@ -77,8 +76,9 @@ def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(bench, pla
     assert 3.0 < times[-1] < 31.0
 
 
-def refusal(cli, *arguments):
-    (line,) = cli(["identify", *map(str, arguments)], 2).err.splitlines()
+def refusal(capsys, *arguments):
+    assert main(["identify", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
     return line
 
 

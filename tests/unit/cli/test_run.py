@@ -294,13 +294,9 @@ channel = "test_run"
 [buses.sensors]
 interface = "virtual"
 channel = "test_run_2"
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.position]
-profile = "encoder_406"
-bus = "sensors"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+position = { profile = "encoder_406", bus = "sensors", node_id = 1 }
 """
 
 

@@ -10,10 +10,8 @@ from hil_bench.outside.transports.embedded import EmbeddedBus
 
 UNCONFIGURED = """
 [plant.axis1]
-[nodes.valve]
-profile = "valve_408"
-node_id = 255
-serial_number = 77
+[nodes]
+valve = { profile = "valve_408", node_id = 255, serial_number = 77 }
 """
 
 

@@ -21,8 +21,9 @@ ON_A_BUS = [*ALONE, "-i", "virtual", "-c", "scenario-run"]
 PASSING, FAILING = "always axis1.P_A < 250 bar", "always axis1.P_A < 1 bar"
 
 
-def scenario(make_file, that, more=""):
-    path = make_file("a.scenario.toml", f"{HEAD}{more}[[expect]]\nid = \"R1\"\nthat = '{that}'\n")
+def scenario(tmp_path, that, more=""):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(f"{HEAD}{more}[[expect]]\nid = \"R1\"\nthat = '{that}'\n")
     return str(path)
 
 

@@ -1,12 +1,14 @@
 """Standard streams that are closed, full, or of a narrow encoding."""
 
+import gc
 import io
 import subprocess
 import sys
 
 import pytest
 
-from hil_bench.cli.exit_codes import prepare_streams
+from hil_bench import cli
+from hil_bench.cli.exit_codes import collection_put_off, prepare_streams
 
 CALL = f"{sys.executable} -m hil_bench"
 
@@ -37,3 +39,46 @@ def test_a_character_that_the_encoding_lacks_is_escaped(encoding, monkeypatch):
     sys.stdout.write("√\n")
     sys.stdout.flush()
     assert written.getvalue() == b"\\u221a\n"
+
+
+def test_nothing_is_collected_within_the_block_and_all_is_as_before_after_it():
+    def fail():
+        with collection_put_off():
+            assert not gc.isenabled()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert gc.isenabled()
+
+
+def test_who_has_switched_it_off_finds_it_off():
+    gc.disable()
+    try:
+        with collection_put_off():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_a_verb_runs_with_it(monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        "hil_bench.cli._set_up_logging", lambda *_, **__: seen.append(gc.isenabled())
+    )
+    cli.main(["devices"])
+    assert seen == [True]
+
+
+@pytest.mark.parametrize(("argv", "frozen"), [(None, True), (["devices"], False)])
+def test_only_a_process_of_its_own_leaves_what_was_imported_out_of_later_collections(
+    monkeypatch, argv, frozen
+):
+    monkeypatch.setattr("sys.argv", ["hil-bench", "devices"])
+    before = gc.get_freeze_count()
+    try:
+        cli.main(argv)
+        assert (gc.get_freeze_count() > before) == frozen
+    finally:
+        gc.unfreeze()

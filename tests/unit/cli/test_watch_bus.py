@@ -20,13 +20,9 @@ from hil_bench.frame import frame_bits
 from hil_bench.outside.recording.channels import LoggedFrame
 
 BENCH = """\
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+pressure_a = { profile = "pressure_404", node_id = 2, source = "P_A" }
 """
 MS = 1_000_000
 OPERATIONAL = b"\x05"  # CiA 301, 7.2.8.3.2.2

@@ -18,15 +18,9 @@ from hil_drivers.boot_records import (
 from hil_drivers.concise_dcf import ConciseEntry
 
 BENCH = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-serial_number = 7
-objects = { "0x1017" = 50 }
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
+[nodes]
+valve = { profile = "valve_408", node_id = 1, serial_number = 7, objects = { "0x1017" = 50 } }
+pressure_a = { profile = "pressure_404", node_id = 2, source = "P_A" }
 """
 VALVE, PRESSURE = 0x198, 0x0002_0194
 HEARTBEAT = ConciseEntry(0x1017, 0, (50).to_bytes(2, "little"))
@@ -187,7 +181,7 @@ def stamped_bench(tmp_path):
         f"[OptionalObjects]\nSupportedObjects={count + 1}\n{count + 1}=0x1020\n",
     )
     (tmp_path / "stamped.eds").write_text(text + VERIFY_CONFIGURATION, encoding="utf-8")
-    return BENCH + 'eds = "stamped.eds"\n'
+    return BENCH.replace('"P_A"', '"P_A", eds = "stamped.eds"')
 
 
 def test_a_configuration_of_the_expected_date_is_kept(make, stamped_bench):

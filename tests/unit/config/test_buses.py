@@ -11,13 +11,9 @@ from hil_bench.errors import ConfigError
 Write = Callable[[str], Path]
 
 NODES = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.position]
-profile = "encoder_406"
-bus = "sensors"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+position = { profile = "encoder_406", bus = "sensors", node_id = 1 }
 """
 
 

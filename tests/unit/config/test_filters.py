@@ -25,16 +25,9 @@ supply = "hpu"
 supply = "hpu"
 orifice_width_mm = 10
 
-[nodes.lift_valve]
-profile = "valve_408"
-axis = "lift"
-node_id = 1
-
-[nodes.clamp_valve]
-profile = "valve_408"
-axis = "clamp"
-node_id = 2
-
+[nodes]
+lift_valve = { profile = "valve_408", axis = "lift", node_id = 1 }
+clamp_valve = { profile = "valve_408", axis = "clamp", node_id = 2 }
 [nodes.indicator]
 profile = "pressure_404"
 axis = "lift"

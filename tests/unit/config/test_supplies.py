@@ -27,21 +27,10 @@ position_mm = -50
 
 [plant.alone]
 
-[nodes.lift_valve]
-profile = "valve_408"
-axis = "lift"
-node_id = 1
-
-[nodes.clamp_valve]
-profile = "valve_408"
-axis = "clamp"
-node_id = 2
-
-[nodes.alone_valve]
-profile = "valve_408"
-axis = "alone"
-node_id = 3
-
+[nodes]
+lift_valve = { profile = "valve_408", axis = "lift", node_id = 1 }
+clamp_valve = { profile = "valve_408", axis = "clamp", node_id = 2 }
+alone_valve = { profile = "valve_408", axis = "alone", node_id = 3 }
 [nodes.port]
 profile = "pressure_404"
 axis = "clamp"

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hil_bench.abilities.doctor import verbs
 from hil_bench.abilities.doctor.machine import (
     Verdict,
     examine_machine,
@@ -10,6 +11,7 @@ from hil_bench.abilities.doctor.machine import (
 )
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.plants.hydraulic_cylinder.model.machine_code import MachineCode
 
 
 def reader(**files):
@@ -114,3 +116,22 @@ def test_the_shortest_measurement_is_a_tick_of_each_policy():
     policies = [RealtimePolicy.OFF, RealtimePolicy.OFF]
     tests = measure_lateness(load_config(), 1e-9, policies, VirtualClock())
     assert [test.summary.ticks for test in tests] == [1, 1]
+
+
+# The plant's kernel, as it was built, in the words of `hil-bench doctor`.
+
+
+@pytest.mark.parametrize(
+    ("code", "has_numba", "verdict", "advice"),
+    [
+        (MachineCode(bind=lambda *_: None), False, Verdict.GOOD, ""),
+        (MachineCode(refusal="of other sources"), True, Verdict.HINT, "each start imports Numba"),
+        (MachineCode(), False, Verdict.HINT, "the plant takes 57 us of a tick in place of 2"),
+    ],
+)
+def test_a_kernel_that_costs_time_is_a_hint(monkeypatch, code, has_numba, verdict, advice):
+    monkeypatch.setattr(verbs, "find_machine_code", lambda: code)
+    monkeypatch.setattr(verbs, "IS_COMPILED", has_numba)
+    (item,) = [each for each in verbs.examine_software().findings if each.name == "plant kernel"]
+    assert item.verdict is verdict
+    assert advice in item.advice

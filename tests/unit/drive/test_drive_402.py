@@ -26,9 +26,8 @@ frequency_90deg_hz = 80
 oil = "HLP 46"
 supply_pressure_bar = 210
 
-[nodes.drive]
-profile = "drive_402"
-node_id = 1
+[nodes]
+drive = { profile = "drive_402", node_id = 1 }
 """
 REVOLUTION = 65536
 ENABLED, FAULT, REACHED, ACKNOWLEDGED = 0x27, 0x08, 1 << 10, 1 << 12

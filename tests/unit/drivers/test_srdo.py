@@ -8,13 +8,9 @@ from hil_drivers import Network, StaleValueError
 from hil_drivers.srdo import SafetyInput
 
 BENCH = """\
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
-[nodes.encoder]
-profile = "encoder_redundant_406"
-node_id = 4
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+encoder = { profile = "encoder_redundant_406", node_id = 4 }
 """
 POSITION, SPEED = (0x6020, 1), (0x6030, 1)
 PLAIN, INVERTED = 0xFF + 2 * 4, 0x100 + 2 * 4

@@ -334,3 +334,35 @@ def moog_like(edit_eds):
 def test_an_eds_that_maps_too_little_is_refused(network, edit_eds, defaults, message):
     with pytest.raises(DeviceMismatchError, match=message):
         ProportionalValve(network, 1, edit_eds(VALVE_408, defaults))
+
+
+# What the valve's driver refuses before it says anything on the bus, and which fault it tells.
+
+
+@pytest.mark.parametrize("seconds", [-0.001, 65.536, float("nan"), float("inf")])
+def test_a_time_that_16_bits_of_milliseconds_cannot_hold_is_refused_at_once(valve, bus, seconds):
+    with pytest.raises(ValueError, match="command time-out"):
+        valve.setup(command_timeout=seconds)
+    assert bus.sent == []
+
+
+def test_of_several_emergencies_the_last_one_is_told(valve, network, bus):
+    bus.play(
+        "081#50.82.11.00.00.00.00.00",  # 8250
+        "081#30.81.11.00.00.00.00.00",  # 8130
+        "081#00.00.00.00.00.00.00.00",  # error reset
+    )
+    network.pump()
+    error = valve._fault(ValveState.FAULT_HOLD)
+    assert error.code == 0x8130
+    assert "after emergency 0x8130" in str(error)
+
+
+# A valve that somebody else has set up: the driver commands it with what its EDS file says.
+
+
+def test_the_reference_value_is_that_of_the_eds_file_until_setup_reads_it(network, bus):
+    valve = ProportionalValve(network, 1)
+    valve.spool_setpoint = 0.5
+    # Control word 0 and, as 0x6311.01 of our EDS file is 0x4000, a set-point of 0x2000.
+    assert bus.sent == ["201#00.00.00.20"]

@@ -1,13 +1,17 @@
 """Watches at their limits: gaps, jumps, jitter and silence, and what is just less than that."""
 
+import can
 import pytest
 
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.explain.silence import Heartbeats, Silence
 from hil_bench.abilities.eyes.explain.syncs import Syncs
+from hil_bench.abilities.eyes.listener import Listener
 from hil_bench.abilities.eyes.sight import Service, Sight
+from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import FDF, Frame
+from hil_bench.errors import BusError
 
 MS = 1_000_000
 
@@ -189,3 +193,27 @@ def test_a_bus_that_is_silent_to_the_end_is_told():
         "nothing is on the bus for 251 ms after 0.140 s, of 2 senders that were due"
     )
     assert silence(0, end=250) == []
+
+
+# The end of a bus, as who only listens hears it.
+
+
+def listen_for_ever(listener):
+    while True:  # pytest-timeout ends it where nothing is said
+        listener.hear(0.01)
+
+
+def test_a_hub_that_ends_is_a_lost_bus_and_silence_is_none():
+    """It needs the real client: python-can returns None for an end of file, as for silence."""
+    with HubProcess(port=0, channels=("can0",)) as hub:
+        bus = can.Bus(
+            interface="socketcand",
+            channel="can0",
+            host=hub.host,
+            port=hub.port,
+            ignore_config=True,
+        )
+        listener = Listener(bus, "can0")
+        assert listener.hear(0.0) is None
+    with bus, pytest.raises(BusError, match="can0: bus lost: socketcand has closed the connection"):
+        listen_for_ever(listener)

@@ -17,12 +17,9 @@ PLANT = {
     "inputs": '{ load = "F" }',
 }
 NODES = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+position = { profile = "encoder_406", node_id = 4 }
 """
 
 

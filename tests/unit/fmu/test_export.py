@@ -24,9 +24,8 @@ file = "axis.fmu"
 command = "spool_setpoint"
 outputs = { position = "position", speed = "speed", P_A = "P_A", spool_position = "spool_position" }
 inputs = { load = "load", supply_pressure = "supply_pressure" }
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
 """
 
 pytestmark = pytest.mark.skipif(

@@ -1,5 +1,6 @@
 """A panel on a port, in front of a bench: what gets in, what gets through, and what is refused."""
 
+import asyncio
 import contextlib
 import json
 import socket
@@ -14,13 +15,15 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from hil_bench.abilities.live.messages import MOST_REQUEST
-from hil_bench.abilities.panel import app
-from hil_bench.abilities.panel.hub import MOST_VIEWERS
+from hil_bench.abilities.panel import app, hub
+from hil_bench.abilities.panel import hub as hub_module
+from hil_bench.abilities.panel.bench_link import BenchLink
+from hil_bench.abilities.panel.hub import MOST_VIEWERS, BusFindings, FrameNews, Hub, Viewer
 from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
 from hil_bench.abilities.panel.server import open_port, read_password
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, WaitTimeoutError
 
 
 @pytest.fixture
@@ -464,3 +467,262 @@ def test_a_wrong_form_is_refused(change, error, tmp_path):
     with pytest.raises(ConfigError) as caught:
         make_scenario(form, tmp_path / "x.scenario.toml", {}, {"entries": [], "forgotten": 0})
     assert error in str(caught.value)
+
+
+# The middle of a panel: what it asks a bench for, and what it says when there is none.
+
+
+async def send_nowhere(_lines):
+    """Take what a browser would."""
+
+
+class Link:
+    """A bench that is asked for things."""
+
+    name = "bench"
+
+    def __init__(self, on_request):
+        self.hello = {"fault_targets": {}}
+        self.asked = []
+        self.on_request = on_request
+
+    async def request(self, action, **fields):
+        self.asked.append((action, fields))
+        self.on_request(len(self.asked))
+
+
+def care(hub, link):
+    """Let a hub care for a bench until it has nothing more to ask for."""
+
+    async def run():
+        task = asyncio.create_task(hub._care(link))
+        for _ in range(20):
+            await asyncio.sleep(0)
+        task.cancel()
+
+    asyncio.run(run())
+
+
+def test_a_browser_that_comes_while_the_bench_is_asked_gets_rows():
+    hub = Hub()
+    viewer = Viewer(send_nowhere)
+    link = Link(lambda number: hub.admit(viewer) if number == 1 else None)
+    care(hub, link)
+    assert [fields["rows_every_s"] for _, fields in link.asked] == [None, 0.0]
+
+
+def test_frames_are_asked_for_where_one_of_several_browsers_shows_them():
+    hub, link = Hub(), Link(lambda _number: None)
+    viewers = [Viewer(send_nowhere) for _ in range(2)]
+    for viewer in viewers:
+        hub.admit(viewer)
+    viewers[1].wants_marks = True
+    care(hub, link)
+    assert [fields["frames"] for _, fields in link.asked] == [True]
+
+
+def test_a_browser_that_comes_later_is_told_what_has_happened():
+    hub = Hub()
+    hub.link = Link(lambda _number: None)
+    for kind in ("event", "command", "rows", "frames"):
+        hub._take(kind, f'{{"type":"{kind}"}}\n'.encode(), {})
+    viewer = Viewer(send_nowhere)
+    hub.admit(viewer)
+    kinds = [json.loads(line).get("type") for line in b"".join(viewer._waiting).splitlines()]
+    assert kinds[-2:] == ["event", "command"]
+    assert not {"rows", "frames"} & {*kinds}
+
+
+def test_what_a_bench_did_not_hear_is_asked_again(monkeypatch):
+    monkeypatch.setattr(hub_module, "RETRY", 0.0)
+
+    def fail_once(number):
+        if number == 1:
+            raise WaitTimeoutError("no answer in 5 s")
+
+    link = Link(fail_once)
+    hub = Hub()
+    hub.admit(Viewer(send_nowhere))
+    care(hub, link)
+    assert [fields["rows_every_s"] for _, fields in link.asked] == [0.0, 0.0]
+
+
+def test_a_bench_that_does_not_greet_is_given_up():
+    async def greet():
+        await BenchLink("bench", asyncio.StreamReader(), None, timeout=0.0).greet()
+
+    with pytest.raises(WaitTimeoutError, match="bench bench: no greeting"):
+        asyncio.run(greet())
+
+
+class Ending(Link):
+    """A bench that ends at once."""
+
+    async def __aenter__(self):
+        return self
+
+    async def __aexit__(self, *_):
+        pass
+
+    async def listen(self, _take):
+        raise BusError("bench bench has ended")
+
+
+@pytest.mark.parametrize("error", ["no bench runs", "bench bench: the connection is lost"])
+def test_that_a_bench_has_ended_is_said_until_one_runs_again(monkeypatch, error):
+    words = []
+    links = [Ending(lambda _: None), BusError(error), Ending(lambda _: None)]
+
+    async def open_link(_name):
+        words.append(hub._status["words"])
+        found = links.pop(0)
+        if isinstance(found, BusError):
+            raise found
+        return found
+
+    monkeypatch.setattr(hub_module, "find_names", lambda: ["bench"])
+    monkeypatch.setattr(hub_module, "open_link", open_link)
+    monkeypatch.setattr(hub_module, "RETRY", 0.0)
+    hub = Hub()
+    with pytest.raises(IndexError):
+        asyncio.run(hub.run())
+    ended = "bench bench has ended; the page goes on when it runs again"
+    assert words == ["", ended, ended, ended]
+
+
+# A panel that ends with its bench, and a bench that was killed before the panel was there.
+
+
+class EnoughError(Exception):
+    """Ends a panel that would go on."""
+
+
+@pytest.fixture
+def running(monkeypatch):
+    """Return a list to be filled: which benches run, look by look; nobody answers in any."""
+    looks = []
+
+    def find_names():
+        if not looks:
+            raise EnoughError
+        return looks.pop(0)
+
+    async def open_link(name):
+        raise BusError(f"bench {name}: the connection is lost")
+
+    monkeypatch.setattr(hub, "find_names", find_names)
+    monkeypatch.setattr(hub, "open_link", open_link)
+    monkeypatch.setattr(hub, "RETRY", 0.0)
+    return looks
+
+
+@pytest.mark.parametrize("looks", [[[]], [["left"], ["left"], ["other"]]])
+def test_a_bench_that_is_gone_before_it_was_seen_ends_the_panel(running, looks):
+    running += looks
+    with pytest.raises(BusError, match="bench left does not run; the panel ends with it"):
+        asyncio.run(hub.Hub("left").run(is_once=True))
+    assert running == []
+
+
+@pytest.mark.parametrize(("name", "is_once"), [(None, True), ("left", False)])
+def test_other_panels_wait_for_a_bench(running, name, is_once):
+    running += [[]] * 5
+    with pytest.raises(EnoughError):
+        asyncio.run(hub.Hub(name).run(is_once=is_once))
+
+
+# Which frames a scope marks; identifiers are those of CiA 301's predefined connection set.
+
+
+def frame(identifier, data="", *, time=0.0, bus=0, extended=False, remote=False, fd=False):
+    return [time, bus, "out", identifier, data, extended, remote, 4 * fd]
+
+
+def test_emcy_and_nmt_are_news_and_process_data_is_not():
+    frames = [frame(0x000, "0100"), frame(0x081, "00"), frame(0x181, "11"), frame(0x080)]
+    assert FrameNews().take(frames) == frames[:2]
+
+
+def test_a_heartbeat_is_news_where_its_state_is_another_one():
+    news = FrameNews()
+    assert news.take([frame(0x701, "7f"), frame(0x701, "7f")]) == []
+    assert news.take([frame(0x701, "05")]) == [frame(0x701, "05")]
+    assert news.take([frame(0x701, "05"), frame(0x702, "05"), frame(0x701, "7f", bus=1)]) == []
+
+
+def test_frames_of_another_kind_are_no_news():
+    assert (
+        FrameNews().take(
+            [frame(0x81, extended=True), frame(0x81, remote=True), frame(0x81, fd=True)]
+        )
+        == []
+    )
+
+
+def test_of_a_flood_the_newest_are_kept():
+    frames = [frame(0x081, time=float(number)) for number in range(500)]
+    found = FrameNews().take(frames)
+    assert found == frames[-50:]
+
+
+# What the page's view of the bus says is wrong.
+
+
+DEVICES = {"valve": {"node_id": 1, "bus": 0}, "pressure": {"node_id": 2, "bus": 0}}
+
+
+def beats(node, begin, end, bus=0):
+    """Heartbeats each 100 ms, OPERATIONAL, as the feed has frames."""
+    return [
+        [time / 10, bus, "out", 0x700 + node, "05", False, False, 0] for time in range(begin, end)
+    ]
+
+
+def test_a_heartbeat_that_stops_is_told_once_and_by_name():
+    findings = BusFindings(DEVICES)
+    assert findings.take(sorted(beats(1, 0, 10) + beats(2, 0, 10))) is None
+    told = [message for each in beats(2, 10, 40) if (message := findings.take([each])) is not None]
+    (message,) = told
+    assert message["type"] == "findings"
+    (finding,) = message["findings"]
+    assert finding["title"] == "heartbeat lost"
+    assert finding["text"].startswith("valve: no heartbeat after 0.900 s")
+    assert finding["bus"] == 0
+
+
+def test_each_bus_is_judged_alone():
+    """Node 1 of bus 1 goes on; the bench knows no device there."""
+    findings = BusFindings(DEVICES)
+    frames = sorted(beats(1, 0, 10) + beats(2, 0, 40) + beats(1, 0, 40, bus=1))
+    message = findings.take(frames)
+    assert [each["bus"] for each in message["findings"]] == [0]
+
+
+def test_what_is_over_is_taken_back():
+    """No NMT start for a second after boot-up, while others are started; then it comes."""
+    findings = BusFindings(DEVICES)
+    frames = [
+        [0.0, 0, "out", 0x701, "00", False, False, 0],
+        [0.1, 0, "in", 0, "0102", False, False, 0],
+    ]
+    frames += [[time / 10, 0, "out", 0x702, "05", False, False, 0] for time in range(2, 30)]
+    assert findings.take(frames)["findings"][0]["title"] == "is not started"
+    frames = [[3.0, 0, "in", 0, "0101", False, False, 0]]
+    frames += [[time / 10, 0, "out", 0x702, "05", False, False, 0] for time in range(31, 60)]
+    assert findings.take(frames)["findings"] == []
+
+
+def test_the_load_of_can_fd_counts_at_both_rates():
+    """1600 frames a second of 64 bytes with bit-rate switch, on 500 kbit/s.
+
+    Each has 620 bits of data and CRC with their stuff bits, and 33 others: at one rate 200 % of the
+    bus, with a data phase that is eight times faster 35 %.
+    """
+    frames = [[n / 1600, 0, "in", 0x100, "00" * 64, False, False, 5] for n in range(1600)]
+    frames.append([1.0, 0, "in", 1, "", False, False, 0])
+    at_once = BusFindings({}, [[500_000, 1.0]]).take(frames)
+    assert [each["title"] for each in at_once["findings"]] == ["bus load"]
+    assert BusFindings({}, [[500_000, 8.0]]).take(frames) is None
+    # Of a bus that the greeting does not name: 1 Mbit/s at one rate, of which that is 104 %.
+    at_usual = BusFindings({}).take(frames)
+    assert [each["title"] for each in at_usual["findings"]] == ["bus load"]

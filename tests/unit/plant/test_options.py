@@ -4,7 +4,15 @@ import math
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model import ConstantLoad, EndStop, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model import (
+    ConstantLoad,
+    EndStop,
+    EntrainedAir,
+    LuGreFriction,
+    PlantOptions,
+    SupplyUnit,
+    balanced_state,
+)
 
 
 def test_paper_is_as_printed_with_the_tanh_of_section_iv():
@@ -65,3 +73,69 @@ def test_refuses_a_senseless_end_stop(change, message):
     with pytest.raises(ParameterError) as refusal:
         EndStop(**change)
     assert str(refusal.value).startswith(message)
+
+
+def test_the_ratio_of_air_to_oil():
+    # 1 part in 100 of the mixture is 1 part to 99 of oil.
+    assert EntrainedAir(air_fraction=0.01).ratio == pytest.approx(1.0 / 99.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("record", "change", "message"),
+    [
+        (EntrainedAir, {"air_fraction": 0.0}, "air_fraction = 0: must be greater than 0"),
+        (EntrainedAir, {"air_fraction": 0.6}, "air_fraction = 0.6: must be at most 0.5"),
+        (
+            EntrainedAir,
+            {"air_fraction": 0.01, "air_exponent": 0.9},
+            "air_exponent = 0.9: must be 1 (isothermal) to 2; adiabatic is 1.4",
+        ),
+        (LuGreFriction, {"sigma_0": 0.0}, "sigma_0 = 0 N/m: must be greater than 0"),
+        (LuGreFriction, {"sigma_1": -1.0}, "sigma_1 = -1 N s/m: must be 0 or greater"),
+        (SupplyUnit, {"pump_flow": -1.0}, "pump_flow = -1 m³/s: must be 0 or greater"),
+        (SupplyUnit, {"relief_gradient": 0.0}, "relief_gradient = 0 m³/(s Pa): must be greater"),
+        (SupplyUnit, {"line_volume": 0.0}, "line_volume = 0 m³: must be greater than 0"),
+        (SupplyUnit, {"accumulator_volume": -1.0}, "accumulator_volume = -1 m³: must be 0 or"),
+        (SupplyUnit, {"gas_exponent": 2.1}, "gas_exponent = 2.1: must be 1 (isothermal) to 2"),
+        (
+            SupplyUnit,
+            {"precharge_pressure": 1e7},
+            "precharge_pressure = 1e+07 Pa: must be below relief_pressure = 1e+07 Pa",
+        ),
+    ],
+)
+def test_refuses_senseless_values(record, change, message):
+    with pytest.raises(ParameterError) as refusal:
+        record(**change)
+    assert str(refusal.value).startswith(message)
+
+
+def test_balanced_state_holds_the_piston(paper):
+    state = balanced_state(paper)
+    P_A, P_B = state.P_A, state.P_B
+    assert math.isclose(P_A * paper.A_A, P_B * paper.A_B, rel_tol=1e-14)
+    assert math.isclose(P_A + P_B, paper.P_S, rel_tol=1e-14)
+    assert state[:2] == (0.0, 0.0)
+    assert state[4:] == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_balanced_state_at_another_place_and_pressure(paper):
+    # P_A = 2 p A_B / (A_A + A_B) = 2 * 3e6 * 4.7 / 9.7
+    state = balanced_state(paper, x=0.1, mean_pressure=3e6)
+    assert state.x == 0.1
+    assert state[2:4] == pytest.approx((2.907216e6, 3.092784e6), rel=1e-6)
+
+
+def test_balanced_state_under_a_load(paper):
+    state = balanced_state(paper, F_L=4e3)
+    assert state.P_A * paper.A_A - state.P_B * paper.A_B == pytest.approx(4e3, rel=1e-9)
+    assert state.P_A + state.P_B == pytest.approx(paper.P_S, rel=1e-12)
+
+
+def test_balanced_state_refuses_nan(paper):
+    with pytest.raises(ParameterError, match=r"^mean_pressure = nan Pa"):
+        balanced_state(paper, mean_pressure=math.nan)
+    with pytest.raises(ParameterError, match=r"^x = inf m"):
+        balanced_state(paper, x=math.inf)
+    with pytest.raises(ParameterError, match=r"^F_L = inf N"):
+        balanced_state(paper, F_L=math.inf)

@@ -53,21 +53,10 @@ supply = "hpu"
 orifice_width_mm = 10               # faster than it sticks
 bulk_modulus_mpa = 1400
 
-[nodes.lift_valve]
-profile = "valve_408"
-axis = "lift"
-node_id = 1
-
-[nodes.clamp_valve]
-profile = "valve_408"
-axis = "clamp"
-node_id = 2
-
-[nodes.gauge]
-profile = "transducer_404"
-axis = "clamp"
-source = "P_S"
-node_id = 3
+[nodes]
+lift_valve = { profile = "valve_408", axis = "lift", node_id = 1 }
+clamp_valve = { profile = "valve_408", axis = "clamp", node_id = 2 }
+gauge = { profile = "transducer_404", axis = "clamp", source = "P_S", node_id = 3 }
 """
 
 

@@ -80,8 +80,9 @@ firmware = "restart"
 )
 
 
-def load(make_file, text, name="a.scenario.toml"):
-    path = make_file(name, text if isinstance(text, bytes) else text.encode())
+def load(tmp_path, text, name="a.scenario.toml"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return load_scenario(path)
 
 

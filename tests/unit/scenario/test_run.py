@@ -23,8 +23,9 @@ def expect(*texts):
     return "".join(f"[[expect]]\nid = \"R{k}\"\nthat = '{that}'\n" for k, that in enumerate(texts))
 
 
-def load(make_file, text):
-    path = make_file("a.scenario.toml", text)
+def load(tmp_path, text):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(text)
     return load_scenario(path)
 
 

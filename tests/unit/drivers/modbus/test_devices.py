@@ -31,8 +31,10 @@ def words(*values):
     return [word for value in values for word in struct.unpack(">2H", struct.pack(">f", value))]
 
 
-def make_map(make_file, text, profile="pressure_404"):
-    return make_file("map.toml", HEAD.format(profile=profile) + text)
+def make_map(tmp_path, text, profile="pressure_404"):
+    path = tmp_path / "map.toml"
+    path.write_text(HEAD.format(profile=profile) + text)
+    return path
 
 
 # Float 50 bar is 42480000; the profile's own map: pressure, sample, status in five registers.

@@ -2,9 +2,8 @@ import pytest
 from support.modbus_side import CONTROL, ENABLE, ModbusSide
 
 UNITS = """
-[modbus.units.valve]
-commands = true
-watchdog_ms = 100
+[modbus.units]
+valve = { commands = true, watchdog_ms = 100 }
 [modbus.units.pressure_a]
 [modbus.units.pressure_b]
 [modbus.units.position]

@@ -9,18 +9,12 @@ BENCH = """
 [plant.axis1]
 load_n = 5000
 position_mm = 50
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressures]
-profile = "transducer_404"
-node_id = 2
-temperature_c = 55.0
-[nodes.position]
-profile = "encoder_redundant_406"
-node_id = 4
-[modbus.units.valve]
-commands = true
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+pressures = { profile = "transducer_404", node_id = 2, temperature_c = 55.0 }
+position = { profile = "encoder_redundant_406", node_id = 4 }
+[modbus.units]
+valve = { commands = true }
 [modbus.units.pressures]
 [modbus.units.position]
 """

@@ -6,9 +6,9 @@ Its own tests are run by tests/test_ci_recipes.py.
 import shutil
 
 import pytest
-from hil_bench.outside.processes.turns import Turns
 from support.firmware import build_controller, run_session
 
+from hil_bench.abilities.controllers.turns import Turns
 from hil_bench.abilities.lockstep import firmware
 from hil_bench.abilities.lockstep.firmware import HUB
 

@@ -180,21 +180,30 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
     results: list[StepResult] = []
     obstacle, is_confirmed = "", False
     for number, step in enumerate(planned, start=1):
-        if not obstacle and step.kind.moves and not is_confirmed:
-            is_confirmed, obstacle = _ask(console)
-        console.begin(step)
-        if obstacle:
-            result = StepResult(step.kind, Verdict.NOT_RUN, problem=obstacle)
-            result.is_interrupted = obstacle == INTERRUPTED
-        else:
-            result = _run_step(procedure, number, step)
-            if step.kind in _DECISIVE and result.verdict is not Verdict.PASSED:
-                obstacle = f"step {step.kind} {result.verdict}"
-            elif result.verdict is Verdict.STOPPED:
-                obstacle = f"step {step.kind} was stopped"
-        results.append(result)
-        console.end(result)
+        try:
+            if not obstacle and step.kind.moves and not is_confirmed:
+                is_confirmed, obstacle = _ask(console)
+            console.begin(step)
+            if obstacle:
+                result = _not_run(step, obstacle)
+            else:
+                result = _run_step(procedure, number, step)
+                if step.kind in _DECISIVE and result.verdict is not Verdict.PASSED:
+                    obstacle = f"step {step.kind} {result.verdict}"
+                elif result.verdict is Verdict.STOPPED:
+                    obstacle = f"step {step.kind} was stopped"
+            results.append(result)
+            console.end(result)
+        except KeyboardInterrupt:  # between two steps
+            obstacle = INTERRUPTED
+            results += [_not_run(step, obstacle)] * (len(results) < number)
     return results
+
+
+def _not_run(step: Step, obstacle: str) -> StepResult:
+    result = StepResult(step.kind, Verdict.NOT_RUN, problem=obstacle)
+    result.is_interrupted = obstacle == INTERRUPTED
+    return result
 
 
 def _ask(console: Console) -> tuple[bool, str]:

@@ -321,7 +321,7 @@ def _unknown_interface(name: str) -> str:
     if not name:
         return (
             "no CAN interface chosen; '-i socketcan -c vcan0', CAN_INTERFACE and CAN_CHANNEL, or a "
-            "can.conf name one"
+            f"can.conf name one; {_HUB_HINT}"
         )
     known = sorted(can.VALID_INTERFACES)
     near = close_names(name, known, most=3) or known

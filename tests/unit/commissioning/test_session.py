@@ -432,6 +432,22 @@ def test_an_interruption_closes_the_valve_and_leaves_what_was_found(machine):
     assert tested.is_closed()
 
 
+@pytest.mark.parametrize("moment", ["begin", "end"])
+def test_an_interruption_between_two_steps_leaves_what_was_found(machine, moment):
+    """What a console prints is where a program is between two steps."""
+    tested = machine(plan=LEAKAGE_PLAN)
+
+    def interrupt(step):
+        if step.kind is StepKind.SENSORS:
+            raise KeyboardInterrupt
+
+    found = tested.commission(**{moment: interrupt})
+    sensors = Verdict.PASSED if moment == "end" else Verdict.NOT_RUN
+    assert verdicts(found) == [Verdict.PASSED, sensors, Verdict.NOT_RUN, Verdict.NOT_RUN]
+    assert found.is_interrupted
+    assert tested.is_closed()
+
+
 def test_a_lost_bus_ends_the_motion_and_leaves_what_was_found(machine):
     tested = machine(plan=LEAKAGE_PLAN)
 

@@ -63,6 +63,7 @@ def test_what_is_not_given_comes_from_the_file(configuration):
 
 def test_no_interface_anywhere_names_the_ways_to_choose_one():
     assert refusal().startswith("no CAN interface chosen; '-i socketcan -c vcan0'")
+    assert "'hil-bench run --hub' makes a bus that needs none" in refusal()
 
 
 def test_an_unknown_interface_names_the_nearest():

@@ -580,3 +580,11 @@ def test_explain_says_that_the_clock_was_set_back(tmp_path, monkeypatch, cli):
     lines = [f"({time / 10:.6f}) can0 701#05\n" for time in times]
     (tmp_path / "back.log").write_text("".join(lines))
     assert "the log: the clock goes back at 9.900 s" in cli("explain back.log").out
+
+
+def test_an_instant_is_no_sound_bus(make_file, cli):
+    beat = "(1.{}00000) can0 701#05\n"
+    one, two = (make_file(f"{n}.log", "".join(map(beat.format, range(n)))) for n in (1, 2))
+    found = cli(["explain", str(one)], 6).out
+    assert "nothing wrong found, but an instant shows no period" in found
+    assert cli(["explain", str(two)]).out.endswith("nothing wrong found\n")

@@ -15,7 +15,7 @@ from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.abilities.eyes.verbs import eyes_arguments
 from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
@@ -78,9 +78,8 @@ def run(args: argparse.Namespace) -> int:
 
 def explanation_code(found: Explanation) -> ExitCode:
     """Return the exit code of an explanation."""
-    if found.findings:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if found.is_judged else ExitCode.INCONCLUSIVE
+    is_seen = found.is_judged and found.duration > 0.0
+    return verdict_code(fails=bool(found.findings), passes=is_seen)
 
 
 def explanation_lines(
@@ -120,7 +119,8 @@ def explanation_lines(
     if not found.is_judged:
         yield "not judged by CiA 301: load, silence and error frames are all that was looked at"
     elif not found.findings:
-        yield "nothing wrong found"
+        instant = "" if found.duration > 0.0 else ", but an instant shows no period and no silence"
+        yield f"nothing wrong found{instant}"
 
 
 def explanation_content(found: Explanation) -> dict[str, object]:

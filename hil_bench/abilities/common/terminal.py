@@ -24,11 +24,14 @@ STATE_STYLES = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": 
 """Colours of NMT states."""
 
 
-def make_console() -> "Console":
-    """Return the terminal.
+def make_console(*, once: bool) -> "Console":
+    """Return the terminal, or whatever standard output is.
+
+    Args:
+        once: whether one picture is drawn, which needs no terminal.
 
     Raises:
-        ConfigError: the library that draws is missing.
+        ConfigError: the library that draws is missing, or nothing can be drawn anew here.
     """
     try:
         from rich.console import Console  # noqa: PLC0415 - it is an extra
@@ -37,7 +40,10 @@ def make_console() -> "Console":
             "watch needs rich, which is missing; pip install 'hil-bench[watch]'"
         ) from None
     # Device names are texts from outside: no markup, no emoji, no guessed colours.
-    return Console(markup=False, emoji=False, highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
+    if not once and (not console.is_terminal or console.is_dumb_terminal):
+        raise ConfigError("watch draws on a terminal, which this is not; --once prints one picture")
+    return console
 
 
 def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:

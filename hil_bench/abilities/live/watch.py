@@ -324,7 +324,7 @@ def run(args: argparse.Namespace) -> int:
     code = take_over("watch", args)
     if code is not None:
         return code
-    console = terminal.make_console()
+    console = terminal.make_console(once=args.once)
     with bench_errors(), connect(args.bench) as client:
         if args.once:
             shown = picture(client)

@@ -80,11 +80,14 @@ def watched(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bench.toml").write_text(BENCH)
     monkeypatch.setenv("COLUMNS", "150")
+    monkeypatch.setenv("TERM", "xterm")
 
     def watch(frames, *words, bus=None):
         bus = bus or TimedBus(frames, math.inf)
         monkeypatch.setattr(listening, "open_can_bus", lambda *_: (bus, "can0"))
         monkeypatch.setattr(watch_bus, "monotonic", bus.clock)
+        if "--once" not in words:
+            monkeypatch.setenv("FORCE_COLOR", "1")  # for rich, a terminal
         code = main(["watch", "-i", "socketcan", "-c", "can0", *words])
         shown = capsys.readouterr()
         return code, [" ".join(line.split()) for line in shown.out.splitlines()], shown.err
@@ -160,6 +163,16 @@ def test_a_lost_bus_is_one_line(watched):
     code, _, errors = watched([], bus=bus)
     assert code == 3
     assert errors.splitlines() == ["hil-bench: error: can0: bus lost: Network is down"]
+
+
+@pytest.mark.parametrize("kind", ["file", "dumb terminal"])
+def test_what_cannot_be_drawn_anew_is_refused(kind, monkeypatch, capsys):
+    """Both showed nothing until Ctrl-C."""
+    if kind == "dumb terminal":
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        monkeypatch.setenv("TERM", "dumb")
+    assert main(["watch", "-i", "virtual", "-c", "x"]) == 2
+    assert "watch draws on a terminal, which this is not; --once" in capsys.readouterr().err
 
 
 def test_ctrl_c_ends_it(watched):

@@ -20,7 +20,7 @@ def take_over(args: argparse.Namespace) -> int | None:
     from hil_bench.abilities.common.terminal import make_console  # noqa: PLC0415 - likewise
     from hil_bench.abilities.eyes.verbs.watch_bus import watch_bus  # noqa: PLC0415 - brings much
 
-    return watch_bus(args, make_console())
+    return watch_bus(args, make_console(once=args.once))
 
 
 def _is_for_bus(args: argparse.Namespace) -> bool:

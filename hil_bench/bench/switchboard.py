@@ -124,8 +124,9 @@ class Switchboard:
 
         The ways of who came first are nearest to the bus.
         """
-        if ways is not self._layers.get(owner):
-            self._layers[owner] = ways
+        before = self._layers.get(owner, {})
+        self._layers[owner] = ways
+        if ways is not before and (ways or before):
             self._plug_in()
 
     def connect(self, device: object, emit: Emit) -> tuple[Emit, Callable[[], None] | None]:
@@ -326,8 +327,13 @@ class Switchboard:
             address for address, handlers in routes.items() if len(handlers) > 1
         )
         end = max([0, *self.routes]) + 1
-        self._table = [self.routes.get(address, ()) for address in range(end)]
-        self._marks = bytes(address in self._overheard for address in range(end))
+        table: list[tuple[Handler, ...]] = [()] * end
+        for address, route in self.routes.items():
+            table[address] = route
+        marks = bytearray(end)
+        for address in self._overheard:
+            marks[address] = True
+        self._table, self._marks = table, bytes(marks)
         self._timeless = frozenset(requests - self._overheard)
 
 

@@ -211,13 +211,18 @@ class ObjectDictionary:
         self.findings: tuple[EdsFinding, ...] = ()
         self.claims_lss = False
         self._objects: dict[int, dict[int, Variable]] = {}
+        self._in_order: list[Variable] = []  # all of them, once somebody has asked
         for variable in variables:
             self.add(variable)
 
     def __iter__(self) -> Iterator[Variable]:
-        for index in sorted(self._objects):
-            for subindex in sorted(self._objects[index]):
-                yield self._objects[index][subindex]
+        if not self._in_order:
+            self._in_order = [
+                entries[subindex]
+                for _, entries in sorted(self._objects.items())
+                for subindex in sorted(entries)
+            ]
+        return iter(self._in_order)
 
     def copy(self, source: str) -> "ObjectDictionary":
         """Return the same for another device: entries of its own, without checks and hooks."""
@@ -233,6 +238,7 @@ class ObjectDictionary:
     def add(self, variable: Variable) -> None:
         """Add an entry."""
         self._objects.setdefault(variable.index, {})[variable.subindex] = variable
+        self._in_order = []
 
     def __contains__(self, index: int) -> bool:
         return index in self._objects

@@ -93,13 +93,14 @@ class NodeCounters:
 
 _IDENTIFIERS: Final = frozenset({0x1005, 0x1012})
 _FIRST_IS_IDENTIFIER: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_BEHIND_IDENTIFIERS: Final = 0x1A00
 _ALL_ARE_IDENTIFIERS: Final = (range(0x1016, 0x1017), range(0x1201, 0x1280), range(0x1301, 0x1341))
 
 
 def names_identifier(variable: Variable) -> bool:
     """Return True if a write to `variable` may change which identifiers the device receives."""
     index, subindex = variable.index, variable.subindex
-    return (
+    return index < _BEHIND_IDENTIFIERS and (
         index in _IDENTIFIERS
         or (subindex == 1 and any(index in indices for indices in _FIRST_IS_IDENTIFIER))
         or (subindex > 0 and any(index in indices for indices in _ALL_ARE_IDENTIFIERS))

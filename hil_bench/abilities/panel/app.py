@@ -212,7 +212,7 @@ class Panel:
         self._desk = desk
         self._secret = secret
 
-    def app(self, port: int, *, is_local: bool = True) -> App:
+    def app(self, port: int, *, is_local: bool) -> App:
         """Return the guarded application.
 
         Args:

@@ -176,10 +176,8 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
     [
         (["--duration", "0"], "--duration 0: give a positive number of seconds"),
         (["--duration", "nan"], "--duration nan: give a positive number of seconds"),
-        (
-            ["--hub", "70000"],
-            "--hub 70000: give a port from 1 to 65535, or 0 for a free one",
-        ),
+        (["--hub", "65536"], "--hub 65536: give a port from 1 to 65535, or 0 for a free one"),
+        (["--hub", "-1"], "--hub -1: give a port from 1 to 65535, or 0 for a free one"),
         (
             ["--speed", "max", "--realtime", "fifo"],
             "--realtime: at --speed max there is no real time to miss; leave it out",

@@ -1,6 +1,8 @@
 """Strokes to record: both ways at three openings, within the bounds of the machine."""
 
 from dataclasses import replace
+from itertools import groupby
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -11,6 +13,7 @@ from hil_bench.abilities.commissioning.plan import Limits
 from hil_bench.abilities.identification.design import (
     Bounds,
     Twin,
+    _join,
     plan_strokes,
     shorten_course,
 )
@@ -96,3 +99,17 @@ def test_the_course_leads_through_every_setpoint():
         setpoints, abs=1e-5
     )
     assert len(course) < 100  # of 300 rows: only the sine needs one each
+
+
+def test_both_ways_of_a_stroke_go_as_far():
+    """Half an opening makes 50 mm/s one way and 25 mm/s the other, which has its 2.5 s for 62.5 mm,
+    less than 0.8 of the room."""
+
+    def run(setpoints, _start):
+        return np.column_stack([setpoints, np.where(setpoints > 0.0, 0.10, 0.05) * setpoints])
+
+    twin = SimpleNamespace(interval=0.01, run=run)
+    _, setpoints = _join(twin, SimpleNamespace(room=0.1, middle=0.0), (0.5,), pairs=1)
+    strokes = [(opening, len([*rows])) for opening, rows in groupby(setpoints)]
+    there, back, rest = (0.5, 125), (-0.5, 250), (0.0, 35)
+    assert strokes == [rest, there, rest, back, rest, back, rest, there, rest]

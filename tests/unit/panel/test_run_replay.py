@@ -16,9 +16,9 @@ def replayed(again, key=KEY):
     return asyncio.run(record.replay_run(again, key))
 
 
-@pytest.fixture
-def played(monkeypatch):
-    """The words that were started; the run fails, and its picture is a word."""
+@pytest.fixture(params=[0, 1, 6], ids=["passed", "failed", "undecided"])
+def played(monkeypatch, request):
+    """The words that were started; the run comes to an end, and its picture is a word."""
     found = []
 
     async def play(words):
@@ -26,7 +26,7 @@ def played(monkeypatch):
         (place,) = (word.partition("=")[2] for word in words if word.startswith("--picture="))
         with open(place, "wb") as file:  # noqa: PTH123 - three bytes, of a test
             file.write(b"svg")
-        return 1, json.dumps({"run": {"key": KEY}}).encode(), b""
+        return request.param, json.dumps({"run": {"key": KEY}}).encode(), b""
 
     monkeypatch.setattr(record, "_play", play)
     return found

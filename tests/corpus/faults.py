@@ -8,9 +8,9 @@ fault could befall. What it does stands in its first line; the label is what it 
 import itertools
 import random
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from corpus.logs import SoundLog, is_kept_apart
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding
@@ -18,6 +18,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
 
 MS = 1_000_000
+T = TypeVar("T")
 Frames = list[LoggedFrame]
 Found = tuple[Frames, str] | None
 """The broken frames, and the node whose fault it is; empty for the bus."""
@@ -100,6 +101,10 @@ class Download(NamedTuple):
     value: int
 
 
+class Nowhere(Exception):  # noqa: N818 - an answer, not an error
+    """The log has nothing that the fault could befall."""
+
+
 class Scene:
     """A sound log, and who does what in it.
 
@@ -114,6 +119,16 @@ class Scene:
         self.frames = list(log.frames)
         self.end = self.frames[-1].now
         self.is_apart = is_kept_apart(log.name)
+
+    def choose(self, among: Sequence[T]) -> T:
+        """Draw one of several.
+
+        Raises:
+            Nowhere: there is none.
+        """
+        if not among:
+            raise Nowhere
+        return self.random.choice(among)
 
     def share(self, low: float, high: float) -> float:
         """Draw a parameter: below 60 % of its range for one half of the logs, above for the other.
@@ -246,10 +261,18 @@ def faults_of_j1939() -> dict[str, Fault]:
     return FAULTS_OF_J1939
 
 
+def tried(make: Callable[["Scene"], T | None], log: SoundLog, name: str) -> T | None:
+    """Return what a function makes of a log; None where that has nothing for it."""
+    try:
+        return make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311 - of tests
+    except Nowhere:
+        return None
+
+
 def broken_log(log: SoundLog, name: str) -> BrokenLog | None:
     """Return the log with one fault; None where it has nothing that the fault could befall."""
     each = {**faults(), **faults_of_j1939()}[name]
-    found = each.make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311 - of tests
+    found = tried(each.make, log, name)
     if found is None:
         return None
     frames, node = found

@@ -25,12 +25,10 @@ def _cyclic(scene: Scene) -> dict[int, list[int]]:
     return {can_id: times for can_id, times in found.items() if len(times) >= 12}
 
 
-def _drawn(scene: Scene) -> tuple[int, int] | None:
+def _drawn(scene: Scene) -> tuple[int, int]:
     """Draw a cyclic message: its identifier and its period [ns]."""
     cyclic = _cyclic(scene)
-    if not cyclic:
-        return None
-    can_id = scene.random.choice(sorted(cyclic))
+    can_id = scene.choose(sorted(cyclic))
     times = cyclic[can_id]
     return can_id, sorted(b - a for a, b in itertools.pairwise(times))[len(times) // 2]
 
@@ -43,11 +41,7 @@ def _address(can_id: int) -> str:
 def ecu_falls_silent(scene: Scene) -> Found:
     """A device sends nothing from the middle on."""
     found, since = _drawn(scene), scene.end * 45 // 100
-    if (
-        found is None
-        or scene.end - since < 1300 * MS
-        or len({c & 0xFF for c in _cyclic(scene)}) < 2
-    ):
+    if scene.end - since < 1300 * MS or len({c & 0xFF for c in _cyclic(scene)}) < 2:
         return None
     return scene.without(lambda e: e.now > since and is_from(e, found[0] & 0xFF)), _address(
         found[0]
@@ -58,7 +52,7 @@ def ecu_falls_silent(scene: Scene) -> Found:
 def message_stays_out(scene: Scene) -> Found:
     """A cyclic message stays out for six periods."""
     found, since = _drawn(scene), scene.end * 6 // 10
-    if found is None or since + 7 * found[1] > scene.end:
+    if since + 7 * found[1] > scene.end:
         return None
     until = since + 6 * found[1]
     return scene.without(lambda e: since < e.now < until and e.frame.can_id == found[0]), _address(
@@ -103,7 +97,7 @@ def address_taken(scene: Scene) -> Found:
 def request_without_answer(scene: Scene) -> Found:
     """A tool asks a device for its software identification twice, and nothing comes."""
     found, at = _drawn(scene), scene.end * 3 // 10
-    if found is None or scene.end - at < 1800 * MS:
+    if scene.end - at < 1800 * MS:
         return None
     asked = Frame(0x18EA00F9 | (found[0] & 0xFF) << 8, bytes.fromhex("DAFE00"), is_extended=True)
     return merged(scene.frames, [(at, asked), (at + 200 * MS, asked)]), "249"
@@ -113,9 +107,7 @@ def request_without_answer(scene: Scene) -> Found:
 def trouble_code(scene: Scene) -> Found:
     """A device says by DM1 that SPN 110 is above its range, each second."""
     found = _drawn(scene)
-    if found is None or any(
-        e.frame.is_extended and e.frame.can_id & 0xFFFF00 == 0xFECA00 for e in scene.frames
-    ):
+    if any(e.frame.is_extended and e.frame.can_id & 0xFFFF00 == 0xFECA00 for e in scene.frames):
         return None
     source = found[0] & 0xFF
     said = Frame(0x18FECA00 | source, bytes.fromhex("04FF6E000001FFFF"), is_extended=True)

@@ -23,8 +23,6 @@ _TOOL = 249
 def device_babbles(scene: Scene) -> Found:
     """A device floods the bus with one message for a while."""
     message = drawn(scene)
-    if message is None:
-        return None
     step = int(1e9 * 128 / scene.log.bitrate / scene.share(0.85, 0.95))
     begin = int(scene.end * scene.share(0.3, 0.6))
     lasts = int(scene.share(400, 1500)) * MS
@@ -121,8 +119,6 @@ Asked = tuple[int, int, list[int]]
 
 def _asked(scene: Scene, group: int | None = None, times: int = 3) -> Asked | None:
     source = one_of_several(scene, 6000 * MS)
-    if source is None:
-        return None
     asked = group or scene.random.choice((0xFEE5, 0xFEDA, 0xFECB, 0xFEEB, 0xFEEC, 0xFEFC))
     if any(is_from(e, source) and group_of(e.frame.can_id) == asked for e in scene.frames):
         return None

@@ -52,8 +52,6 @@ def two_devices_vanish_together(scene: Scene) -> Found:
 def device_of_another_name_at_an_address(scene: Scene) -> Found:
     """A second device of a smaller NAME claims an address in use; the first one goes on sending."""
     owner = one_of_several(scene, 5000 * MS)
-    if owner is None:
-        return None
     number = int.from_bytes(name_of(scene, owner), "little")
     other = (number ^ 0x1F if number & 0x1F else number + 5).to_bytes(8, "little")
     at = int(scene.end * scene.share(0.2, 0.5))
@@ -64,8 +62,6 @@ def device_of_another_name_at_an_address(scene: Scene) -> Found:
 def message_comes_in_bursts(scene: Scene) -> Found:
     """A message is held back and comes in bursts of four from some time on."""
     message = drawn(scene, 40)
-    if message is None:
-        return None
     since = int(scene.end * scene.share(0.35, 0.5))
     late = [t for t in message.times if t > since]
     last = {t: late[min(k // 4 * 4 + 3, len(late) - 1)] for k, t in enumerate(late)}
@@ -104,7 +100,7 @@ def codes_by_broadcast(scene: Scene) -> Found:
         and is_from(e, source or 0)
         for e in scene.frames
     )
-    if source is None or busy:
+    if busy:
         return None
     codes = [(int(scene.share(20, 4000)) + k, 2 + k) for k in range(3)]
     data = bytes([0x04, 0xFF]) + b"".join(
@@ -124,8 +120,6 @@ def codes_by_broadcast(scene: Scene) -> Found:
 def code_comes_and_goes(scene: Scene) -> Found:
     """A device reports a code in every other DM1, as of a loose contact."""
     source = one_of_several(scene, 6000 * MS)
-    if source is None:
-        return None
     with_code = Frame(0x18FECA00 | source, bytes.fromhex("04FF640003017FFF"), is_extended=True)
     without = Frame(0x18FECA00 | source, bytes.fromhex("00FF00000000FFFF"), is_extended=True)
     frames = scene.without(lambda e: is_from(e, source) and e.frame.can_id >> 8 & 0xFFFF == _DM1)

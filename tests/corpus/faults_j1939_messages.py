@@ -32,9 +32,7 @@ def message_stops(scene: Scene) -> Found:
     found = cyclic(scene)
     found = [e for e in found if sum(o.source == e.source for o in found) > 1]
     found = [e for e in found if e.period * 12 < scene.end]
-    if not found:
-        return None
-    gone, since = scene.random.choice(found), int(scene.end * scene.share(0.4, 0.6))
+    gone, since = scene.choose(found), int(scene.end * scene.share(0.4, 0.6))
     return scene.without(
         lambda e: e.now > since and e.frame.can_id == gone.can_id
     ), f"{gone.source}"
@@ -44,7 +42,7 @@ def message_stops(scene: Scene) -> Found:
 def message_comes_more_seldom(scene: Scene) -> Found:
     """A message comes with twice or three times its period from some time on."""
     message = drawn(scene, 40)
-    if message is None or group_of(message.can_id) == 0xF004:
+    if group_of(message.can_id) == 0xF004:
         return None
     since, each_of = int(scene.end * scene.share(0.35, 0.5)), 2 + scene.random.randrange(2)
     late = [t for t in message.times if t > since]
@@ -58,8 +56,6 @@ def message_comes_more_seldom(scene: Scene) -> Found:
 def message_jitters(scene: Scene) -> Found:
     """A regular message comes up to most of a period early or late from some time on."""
     message = drawn(scene, 40)
-    if message is None:
-        return None
     since, width = int(scene.end * scene.share(0.35, 0.5)), scene.share(0.55, 0.95)
     frames = [
         e._replace(now=e.now + int(message.period * width * (scene.random.random() - 0.5) * 2))
@@ -74,8 +70,6 @@ def message_jitters(scene: Scene) -> Found:
 def message_gets_shorter(scene: Scene) -> Found:
     """A message of eight bytes has fewer from some time on."""
     message = drawn(scene, 16)
-    if message is None:
-        return None
     since, length = int(scene.end * scene.share(0.3, 0.6)), int(scene.share(1, 7.99))
     frames = [
         changed(e, e.frame.data[:length])
@@ -88,9 +82,7 @@ def message_gets_shorter(scene: Scene) -> Found:
 
 def _indicated(scene: Scene, high: int) -> Found:
     found = [e for e in cyclic(scene) if group_of(e.can_id) in _SPNS]
-    if not found:
-        return None
-    message, since = scene.random.choice(found), int(scene.end * scene.share(0.3, 0.6))
+    message, since = scene.choose(found), int(scene.end * scene.share(0.3, 0.6))
     at, length = _SPNS[group_of(message.can_id)]
     was = next(e.frame.data for e in scene.frames if e.frame.can_id == message.can_id)
     if was[at + length - 1] >= 0xFB:
@@ -121,8 +113,6 @@ def signal_is_not_available(scene: Scene) -> Found:
 def priority_changes(scene: Scene) -> Found:
     """A message comes with another priority from some time on."""
     message = drawn(scene, 16)
-    if message is None:
-        return None
     since, was = int(scene.end * scene.share(0.3, 0.6)), message.can_id >> 26
     other = scene.random.choice([each for each in range(8) if each != was])
     can_id = message.can_id & 0x3FFFFFF | other << 26
@@ -149,8 +139,6 @@ def code_appears(scene: Scene) -> Found:
 
 def _diagnosed(scene: Scene, dm1) -> Found:
     source = one_of_several(scene, 4000 * MS)
-    if source is None:
-        return None
     said = frame(_DM1, source, dm1(scene.random.choice((0x40, 0x10, 0x04, 0x01))))
     begin = int(scene.end * scene.share(0.1, 0.5))
     frames = scene.without(lambda e: e.now > begin and is_dm1(e, source))
@@ -166,8 +154,6 @@ def is_dm1(each: LoggedFrame, source: int) -> bool:
 def dm1_stops(scene: Scene) -> Found:
     """A device reports a trouble code each second, and stops while it is active."""
     source = one_of_several(scene, 9000 * MS)
-    if source is None:
-        return None
     said = frame(_DM1, source, bytes.fromhex("04FF6E000001FFFF"))
     end = int(scene.end * scene.share(0.45, 0.55))
     frames = scene.without(lambda e: is_dm1(e, source))

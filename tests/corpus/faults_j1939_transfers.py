@@ -37,7 +37,7 @@ def _broadcasts(frames: Frames) -> dict[int, list[list[LoggedFrame]]]:
     }
 
 
-def _one_broadcast(scene: Scene, fewest: int) -> list[LoggedFrame] | None:
+def _one_broadcast(scene: Scene, fewest: int) -> list[LoggedFrame]:
     """Draw a BAM of some packets, its announcement first."""
     found = [
         s
@@ -45,15 +45,13 @@ def _one_broadcast(scene: Scene, fewest: int) -> list[LoggedFrame] | None:
         for s in sessions
         if len(s) > fewest and s[-1].now < scene.end - 1500 * MS
     ]
-    return scene.random.choice(found) if found else None
+    return scene.choose(found)
 
 
 @fault_of_j1939(Cause.J1939_TRANSFER)
 def packet_of_a_broadcast_is_lost(scene: Scene) -> Found:
     """One packet of a BAM is lost: the first, the last or one between."""
     found = _one_broadcast(scene, 2)
-    if found is None:
-        return None
     gone = scene.random.choice(found[1:])
     return [e for e in scene.frames if e is not gone], f"{gone.frame.can_id & 0xFF}"
 
@@ -62,8 +60,6 @@ def packet_of_a_broadcast_is_lost(scene: Scene) -> Found:
 def packets_in_wrong_order(scene: Scene) -> Found:
     """Two packets of a BAM change places, or one comes in place of the one before it."""
     found = _one_broadcast(scene, 3)
-    if found is None:
-        return None
     at = scene.random.randrange(1, len(found) - 2)
     one, other = found[at], found[at + 1]
     frames = list(scene.frames)
@@ -78,9 +74,7 @@ def _paced(scene: Scene, every: float) -> Found:
     """Add BAMs of a device that has none, with a time between packets [ms]."""
     busy = {e.frame.can_id & 0xFF for e in scene.frames if pdu_format(e) in {0xEB, 0xEC}}
     free = [each for each in senders(scene) if each not in busy]
-    if not free:
-        return None
-    source, size = scene.random.choice(free), int(scene.share(40, 90))
+    source, size = scene.choose(free), int(scene.share(40, 90))
     lasts = int((-(-size // 7) + 1) * every * MS)
     frames, now = list(scene.frames), 1500 * MS
     while now + lasts < scene.end - 1000 * MS:

@@ -20,9 +20,7 @@ def guard_unanswered(scene: Scene) -> Found:
             if 0x700 < each.frame.can_id < 0x780 and each.frame.is_remote
         }
     )
-    if not asked:
-        return None
-    node, since = scene.random.choice(asked), scene.end * 55 // 100
+    node, since = scene.choose(asked), scene.end * 55 // 100
     return scene.without(lambda each: each.now > since and sender(each) == node), _name(node)
 
 
@@ -36,9 +34,7 @@ def set_points_stop(scene: Scene) -> Found:
         and timer.value
         and len(scene.times(0x200 + node)) >= 30
     ]
-    if not nodes:
-        return None
-    node, since = scene.random.choice(nodes), scene.somewhen()
+    node, since = scene.choose(nodes), scene.somewhen()
     if scene.end - since < 1000 * MS:
         return None
     return scene.without(lambda each: each.now > since and is_from(each, 0x200 + node)), _name(node)
@@ -80,9 +76,7 @@ def heartbeat_slower_than_set(scene: Scene) -> Found:
     """Three of four heartbeats stay out, from the first on: the device does not keep 0x1017."""
     nodes = [n for n in scene.slaves() if scene.download(n, 0x1017, 0) is not None]
     nodes = [n for n in nodes if len(scene.beats(n)) >= 16]
-    if not nodes:
-        return None
-    node = scene.random.choice(nodes)
+    node = scene.choose(nodes)
     gone = {now for k, now in enumerate(scene.beats(node)) if k % 4}
     return scene.without(lambda each: is_from(each, 0x700 + node) and each.now in gone), _name(node)
 
@@ -151,9 +145,7 @@ def reset_and_forgotten(scene: Scene) -> Found:
 def bus_off_reported(scene: Scene) -> Found:
     """A node is away for three heartbeats, and says EMCY 0x8140, recovered from bus-off."""
     nodes = scene.slaves()
-    if not nodes:
-        return None
-    node = scene.random.choice(nodes)
+    node = scene.choose(nodes)
     since, period = scene.somewhen(0.3, 0.4), scene.period(0x700 + node)
     until = since + 2 * period
     if until + 2 * period > scene.end:
@@ -217,9 +209,7 @@ def request_refused(scene: Scene) -> Found:
             if each.frame.is_extended and each.frame.can_id >> 16 & 0xFF >= 0xF0
         }
     )
-    if not sources:
-        return None
-    device, at = scene.random.choice(sources), scene.end * 3 // 10
+    device, at = scene.choose(sources), scene.end * 3 // 10
     asked = Frame(0x18EA00F9 | device << 8, bytes.fromhex("DAFE00"), is_extended=True)
     said = Frame(0x18E8FF00 | device, bytes.fromhex("01FFFFFFF9DAFE00"), is_extended=True)
     return merged(scene.frames, [(at, asked), (at + 20 * MS, said)]), "249"

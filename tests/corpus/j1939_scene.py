@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Callable
 from functools import wraps
 
-from corpus.faults import MS, Found, Scene, fault_of_j1939, merged
+from corpus.faults import MS, Found, Nowhere, Scene, fault_of_j1939, merged
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.canopen_device.frame import Frame
@@ -76,10 +76,9 @@ def cyclic(scene: Scene, fewest: int = 14) -> list[Cyclic]:
     return [each for each in messages if each.is_regular and len(each.times) >= fewest]
 
 
-def drawn(scene: Scene, fewest: int = 14) -> Cyclic | None:
-    """Draw a regular message; None where there are too few."""
-    found = cyclic(scene, fewest)
-    return scene.random.choice(found) if found else None
+def drawn(scene: Scene, fewest: int = 14) -> Cyclic:
+    """Draw a regular message; `Nowhere` where there are too few."""
+    return scene.choose(cyclic(scene, fewest))
 
 
 def senders(scene: Scene) -> list[int]:
@@ -106,8 +105,12 @@ def name_of(scene: Scene, address: int) -> bytes:
     return bytes([address, 7, 0x40, 0x0C, 0, address, 0, 0]) if claim is None else claim.frame.data
 
 
-def pair(scene: Scene, lasts: int) -> tuple[int, int, int] | None:
-    """Draw two senders without a transfer between them, and a time with `lasts` [ns] after it."""
+def pair(scene: Scene, lasts: int) -> tuple[int, int, int]:
+    """Draw two senders without a transfer between them, and a time with `lasts` [ns] after it.
+
+    Raises:
+        Nowhere: there are none.
+    """
     found = senders(scene)
     busy = {
         frozenset((each.frame.can_id & 0xFF, each.frame.can_id >> 8 & 0xFF))
@@ -115,17 +118,21 @@ def pair(scene: Scene, lasts: int) -> tuple[int, int, int] | None:
         if pdu_format(each) in _TRANSPORT
     }
     pairs = [(a, b) for a, b in itertools.permutations(found, 2) if frozenset((a, b)) not in busy]
-    if not pairs or scene.end < lasts + 2000 * MS:
-        return None
+    if scene.end < lasts + 2000 * MS:
+        raise Nowhere
     at = int(scene.end * scene.share(0.2, 0.5))
-    return (*scene.random.choice(pairs), min(at, scene.end - lasts))
+    return (*scene.choose(pairs), min(at, scene.end - lasts))
 
 
-def one_of_several(scene: Scene, longest: int) -> int | None:
-    """Draw a sender beside others on a log of some length [ns]."""
+def one_of_several(scene: Scene, longest: int) -> int:
+    """Draw a sender beside others on a log of some length [ns].
+
+    Raises:
+        Nowhere: there is none.
+    """
     found = senders(scene)
     if len(found) < 2 or scene.end < longest:
-        return None
+        raise Nowhere
     return scene.random.choice(
         [each for each in found if any(c.source == each for c in cyclic(scene))] or found
     )
@@ -204,10 +211,7 @@ def fault_of_a_transfer(lasts: int = 4000, shortest: int = 30) -> Callable[[Act]
     def register(act: Act) -> Act:
         @wraps(act)
         def make(scene: Scene) -> Found:
-            found = pair(scene, lasts * MS)
-            if found is None:
-                return None
-            source, destination, at = found
+            source, destination, at = pair(scene, lasts * MS)
             session = Session(source, destination, int(scene.share(shortest, 300)), at)
             blamed = act(scene, session)
             return merged(scene.frames, session.frames), f"{blamed}"

@@ -62,6 +62,12 @@ class Rig:
         self.row = SimpleNamespace(sequence=sequence, values=values or self.row.values)
         return order
 
+    def serve(self, count=1):
+        """Ticks of the loop, and a look of the server at each."""
+        for _ in range(count):
+            self.tick()
+            self.server.poll()
+
 
 @pytest.fixture
 def rig():

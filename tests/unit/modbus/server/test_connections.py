@@ -173,8 +173,7 @@ async def test_an_answer_that_comes_late_finds_its_client_or_nobody(rig, gone, p
         reset(stream)
         while len(pool):
             await asyncio.sleep(0)
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     if not gone:
         assert await stream[0].readexactly(12) == write
 
@@ -190,8 +189,7 @@ async def test_who_sends_on_while_a_write_waits_is_read_no_further_until_it_is_a
         await asyncio.sleep(0)
     (held,) = pool._connections
     assert len(held._session._buffer) < 2048 + 1024
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert await reader.readexactly(12) == write
     for _ in range(reads):
         assert await reader.readexactly(len(ANSWER)) == ANSWER
@@ -208,8 +206,7 @@ async def test_garbage_behind_a_write_closes_its_own_connection_and_says_whose(
     bad[1].write(WRITE + b"GARBAGE")
     while not rig.server.is_waiting:
         await asyncio.sleep(0)
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert await bad[0].readexactly(len(WRITE)) == WRITE
     assert await is_closed(bad)
     assert await ask(good) == ANSWER
@@ -243,8 +240,7 @@ async def test_who_has_closed_for_requests_gets_the_responses_that_are_due(rig, 
     writer.write_eof()
     while not rig.server.is_waiting:
         await asyncio.sleep(0)
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     received = await reader.read()
     while len(pool):
         await asyncio.sleep(0)

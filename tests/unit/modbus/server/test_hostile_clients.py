@@ -53,9 +53,7 @@ def test_every_request_gets_one_response_and_the_next_one_too(make_rig, pdus, un
     session = tcp_session(rig.server, written.append)
     session.receive(b"".join(tcp(pdu, unit_id, number) for number, pdu in enumerate(pdus)))
     session.receive(tcp(READ, 1, 999))
-    for _ in range(len(pdus) + 1):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(len(pdus) + 1)
     assert [int.from_bytes(response[:2], "big") for response in written] == [
         *range(len(pdus)),
         999,
@@ -84,9 +82,7 @@ def test_noise_on_a_line_is_over_with_the_next_silence(make_rig, pieces):
     for piece in pieces:
         session.receive(piece)
         assert len(session._buffer) < BACKLOG + 400
-    for _ in range(3):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(3)
     session.drop()
     written.clear()
     session.receive(rtu(READ))

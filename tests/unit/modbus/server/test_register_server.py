@@ -72,8 +72,7 @@ def test_writes_are_answered_in_their_order(rig):
     for value in range(3):
         rig.server.handle(1, bytes([6, 0, 0, 0, value]), responses.append)
     for answered in range(1, 4):
-        rig.tick()
-        rig.server.poll()
+        rig.serve()
         assert [response[4] for response in responses] == list(range(answered))
 
 
@@ -96,16 +95,14 @@ def test_a_server_that_looks_seldom_misses_no_answer(rig):
     responses = []
     for value in range(3 * SLOTS):
         rig.server.handle(1, bytes([6, 0, 0, 0, value]), responses.append)
-        rig.tick()
-    rig.server.poll()
+        rig.serve()
     assert [response[4] for response in responses] == list(range(3 * SLOTS))
 
 
 def test_more_writes_than_may_wait_are_told_busy(rig):
     waiting = [ask(rig, 1, WRITE) for _ in range(SLOTS + MOST_WAITING)]
     assert ask(rig, 1, WRITE) == [bytes.fromhex("86 06")]
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert waiting[0] == [WRITE]
     assert ask(rig, 1, WRITE) == []
 
@@ -233,8 +230,7 @@ def test_who_may_not_write_gets_exception_1(rig, function):
     session = tcp_session(rig.server, written.append, is_writer=False)
     session.receive(tcp(1, WRITING[function]))
     assert written == [tcp(1, f"{function | 0x80:02X} 01")]
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert len(written) == 1
 
 
@@ -243,8 +239,7 @@ def test_who_may_write_gets_no_exception_1(rig, function):
     written = []
     session = tcp_session(rig.server, written.append)
     session.receive(tcp(1, WRITING[function]))
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert written[0][7:9] != bytes([function | 0x80, 1])
 
 

@@ -50,11 +50,9 @@ def test_what_follows_a_write_waits_for_it(rig, session, written):
     session.receive(tcp(1, 1, "06 0000 0005") + tcp(2, 1, "04 0000 0002"))
     session.receive(tcp(3, 1, "06 0000 0006"))
     assert written == []
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert written == [tcp(1, 1, "06 0000 0005"), tcp(2, 1, "04 04 00010002")]
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert written[2:] == [tcp(3, 1, "06 0000 0006")]
 
 
@@ -82,9 +80,7 @@ def test_garbage_behind_a_write_ends_its_own_session_only(rig, session, written)
     bad.receive(tcp(1, 1, "06 0000 0005") + b"GARBAGE")
     session.receive(tcp(2, 1, "06 0000 0006"))
     assert reasons == []
-    for _ in range(2):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(2)
     # The write was whole, so it is answered; then the session ends, and the other one goes on.
     assert others == [tcp(1, 1, "06 0000 0005")]
     assert reasons == ["47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"]
@@ -99,9 +95,7 @@ def test_a_response_that_cannot_be_sent_ends_its_own_session_only(rig, session, 
     bad = tcp_session(rig.server, refuse, on_failure=reasons.append)
     bad.receive(tcp(1, 1, "06 0000 0005"))
     session.receive(tcp(2, 1, "06 0000 0006"))
-    for _ in range(2):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(2)
     assert reasons == ["internal error: OSError('the connection is gone')"]
     assert written == [tcp(2, 1, "06 0000 0006")]
 
@@ -124,9 +118,7 @@ def test_a_reply_that_fails_keeps_no_other_from_its_own(rig, caplog):
     responses = []
     rig.server.handle(1, bytes.fromhex("06 0000 0005"), refuse)
     rig.server.handle(1, bytes.fromhex("06 0000 0006"), responses.append)
-    for _ in range(2):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(2)
     assert responses == [bytes.fromhex("06 0000 0006")]
     assert [record.message for record in caplog.records] == ["modbus: a write got no response"]
 
@@ -153,9 +145,7 @@ def test_a_line_goes_on_after_an_error(rig, written, monkeypatch):
 
 def test_garbage_behind_a_write_costs_a_line_nothing(rig, line, written):
     line.receive(rtu(1, "06 0000 0005") + b"GARBAGE")
-    for _ in range(2):
-        rig.tick()
-        rig.server.poll()
+    rig.serve(2)
     assert written == [rtu(1, "06 0000 0005")]
     line.receive(rtu(1, "04 0000 0002"))
     assert written[1:] == [rtu(1, "04 04 00010002")]
@@ -177,8 +167,7 @@ REQUESTS = """01 0000 0001, 02 0000 0001, 03 0000 0001, 04 0000 0001, 05 0000 FF
 def test_a_line_finds_the_end_of_each_request(rig, line, written, pdu):
     """By the application protocol V1.1b3, chapter 6: it and the one behind it are answered."""
     line.receive(rtu(1, pdu) + rtu(1, "03 0000 0001"))
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert len(written) == 2
     assert written[1][:3] == bytes.fromhex("010302")
 
@@ -207,6 +196,5 @@ def test_other_devices_answers_are_no_requests(line, written):
 def test_silence_while_a_write_waits_drops_nothing(rig, line, written):
     line.receive(rtu(1, "06 0000 0005") + rtu(1, "04 0000 0002"))
     line.drop()
-    rig.tick()
-    rig.server.poll()
+    rig.serve()
     assert written == [rtu(1, "06 0000 0005"), rtu(1, "04 04 00010002")]

@@ -6,6 +6,7 @@ import errno
 import gc
 import logging
 import os
+import re
 import select
 import signal
 import sys
@@ -263,8 +264,21 @@ def exit_code_of(error: Exception) -> ExitCode:
     """Return the exit code for an error that ended a verb."""
     if isinstance(error, OSError) and not isinstance(error, HilBenchError):
         return _CODES_OF_NUMBERS.get(error.errno or 0, ExitCode.INTERNAL)
+    if _missing_extra(error):
+        return ExitCode.USAGE
     found = (code for kind, code in _CODES_OF_ERRORS.items() if isinstance(error, kind))
     return next(found, ExitCode.INTERNAL)
+
+
+def _missing_extra(error: Exception) -> str:
+    """Return the optional package whose absence is the error; empty for any other error."""
+    if not isinstance(error, ModuleNotFoundError) or not error.name:
+        return ""
+    from importlib.metadata import requires  # noqa: PLC0415 - for this alone
+
+    package = error.name.partition(".")[0]
+    own = [each for each in requires("hil-bench") or () if "extra == 'all'" in each]
+    return package if any(re.match(rf"{re.escape(package)}\b", each) for each in own) else ""
 
 
 def report_error(error: Exception, *, verbosity: int) -> ExitCode:
@@ -274,6 +288,8 @@ def report_error(error: Exception, *, verbosity: int) -> ExitCode:
     text, code = str(error), exit_code_of(error)
     if isinstance(error, HilBenchError):
         pass
+    elif missing := _missing_extra(error):
+        text = f"needs {missing}, which is missing; pip install 'hil-bench[all]' brings it"
     elif isinstance(error, OSError) and code is not ExitCode.INTERNAL:
         text = f"{error.filename or 'standard output'}: {error.strerror}"
         if not error.filename:

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from support.campaigns import REST, margin_of, write_rest
 
-from hil_bench import cli
+from hil_bench import cli, errors
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.reports import LARGEST, beyond, bin_margins, replay, svg_of
@@ -72,6 +72,14 @@ def test_a_report_that_cannot_be_is_refused_before_the_runs(verb, tmp_path, monk
     path = write_rest(tmp_path, CLOSE)
     assert cli.main([verb, str(path), "--jobs=0", "--report=nowhere/report.html"]) == 2
     assert "there is no folder nowhere; make it first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["campaign", "falsify"])
+def test_without_its_libraries_a_verb_says_what_to_install(verb, tmp_path, monkeypatch, capsys):
+    path = write_rest(tmp_path, CLOSE)
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _: None)
+    assert cli.main([verb, str(path)]) == 2
+    assert "pip install 'hil-bench[campaign]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])

@@ -28,6 +28,20 @@ PASSING, FAILING = "always axis1.P_A < 250 bar", "always axis1.P_A < 1 bar"
 UNDECIDED = "whenever axis1.P_A > 250 bar then axis1.P_B > 1 bar"
 
 
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [
+        ("scipy.io", ExitCode.USAGE, "needs scipy, which is missing; pip install 'hil-bench[all]'"),
+        ("hil_bench.gone", ExitCode.INTERNAL, "this is a bug"),
+        ("sci", ExitCode.INTERNAL, "this is a bug"),
+    ],
+)
+def test_a_missing_extra_is_no_bug(name, code, said, capsys):
+    error = ModuleNotFoundError(f"No module named {name!r}", name=name)
+    assert exit_codes.report_error(error, verbosity=0) is code
+    assert said in capsys.readouterr().err
+
+
 @pytest.fixture
 def full(tmp_path):
     """Makes an output file that takes no byte."""

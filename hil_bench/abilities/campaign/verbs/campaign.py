@@ -48,6 +48,7 @@ from hil_bench.errors import (
     ConfigError,
     HilBenchError,
     about_file,
+    require_extra,
 )
 
 logger = logging.getLogger(__name__)
@@ -145,6 +146,8 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: an argument is wrong.
     """
+    for package in ("pandas", "pyarrow", "scipy"):
+        require_extra(package, "hil-bench campaign", "campaign")
     check_report_argument(args)
     if args.picture and not args.key:
         raise ConfigError("--picture: is of one run; give --run KEY with it")

@@ -32,6 +32,7 @@ from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argu
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code
 from hil_bench.cli.parser import add_units_argument, count, count_from_zero, positive
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.errors import require_extra
 
 logger = logging.getLogger(__name__)
 
@@ -119,6 +120,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Search, and print what was found."""
+    for package in ("cmaes", "pyarrow", "scipy"):
+        require_extra(package, "hil-bench falsify", "campaign")
     check_report_argument(args)
     plan = SearchPlan(
         tuple(args.methods or ALL_METHODS),

@@ -370,6 +370,14 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
     return _template(text, node_id).copy(source)
 
 
+def commissioned_node_id(path: Path) -> int | None:
+    """Return the node-ID for which a DCF was made; None where the file says none."""
+    document = parse_eds(read_eds(path), str(path))
+    section = document.section("DeviceComissioning") or Section("DeviceComissioning", 1)
+    node_id = EntryReader(document, 0, []).number(section, "NodeID", 0)
+    return node_id if 1 <= node_id <= _HIGHEST_NODE_ID else None
+
+
 def read_eds(path: Path) -> str:
     """Return the text of the file at `path`.
 

@@ -9,6 +9,7 @@ from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
 from hil_bench.abilities.eyes.values import UNIT_OBJECTS, Reader, Scale, number_in, profile_of
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.configuration.nodes_section import warn_of_commissioning, warn_of_findings
 from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import (
@@ -19,6 +20,7 @@ from hil_bench.canopen_device.datatypes import (
     DataType,
 )
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.eds_document import Severity
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
@@ -258,7 +260,7 @@ def _scales(config: BenchConfig, settings: NodeConfig) -> Iterator[tuple[tuple[i
 
 
 def node_of_eds(text: str) -> KnownNode:
-    """Return the node that ``5=vendor.eds`` names.
+    """Return the node that ``5=vendor.eds`` names; what cannot be read of it is logged.
 
     Raises:
         ConfigError: the text has another form, or the file is no EDS.
@@ -266,8 +268,11 @@ def node_of_eds(text: str) -> KnownNode:
     number, sign, name = text.partition("=")
     if not sign or not number.strip().isdecimal() or int(number) not in _NODE_IDS or not name:
         raise ConfigError(f"--eds {text}: give NODE-ID=FILE, as in 5=vendor.eds")
-    path = Path(name)
-    return KnownNode(int(number), f"{path.stem}_{int(number)}", load_eds(path, int(number)))
+    path, node_id = Path(name), int(number)
+    objects = load_eds(path, node_id)
+    warn_of_commissioning(path, node_id)
+    warn_of_findings(path, (f for f in objects.findings if f.severity is Severity.ERROR))
+    return KnownNode(node_id, f"{path.stem}_{node_id}", objects)
 
 
 def merge_nodes(known: Iterable[KnownNode], more: Iterable[KnownNode]) -> list[KnownNode]:

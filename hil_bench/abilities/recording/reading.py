@@ -1,5 +1,6 @@
 """Recordings that are read: our own files, and those of others, in the bench's units."""
 
+import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
@@ -35,6 +36,9 @@ Units = dict[str, str]
 
 _DELIMITERS = ";\t,"
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]$")
+_SEPARATOR = re.compile(r"\s*sep=.\s*", re.IGNORECASE)
+"""A first line by which spreadsheets know the delimiter."""
+
 _HEAD = 50  # lines among which the one with the names is
 _TIMES = frozenset({"time", "t", "zeit"})
 
@@ -70,10 +74,21 @@ def as_recording(columns: Columns, units: Units) -> Recording:
     Args:
         columns: of the table, as `read_columns` returns them.
         units: likewise.
+
+    Raises:
+        ConfigError: no column is a time, or two have one name.
     """
     names = {column: _IN_BRACKETS.sub("", column).strip() for column in columns}
     called = (column for column, name in names.items() if name.casefold() in _TIMES)
-    time = next(called, next(iter(columns)))
+    time = next(called, None)
+    if time is None:
+        time = next(iter(columns))
+        unit = read_unit(units.get(time, ""))
+        if unit is None or unit.symbol != TIME.unit:
+            wrong = (
+                f"it has no column time, and the first, {printable(time)}, is in no unit of time"
+            )
+            raise ConfigError(f"{wrong}; name the one with the time, as in time [s]")
     names = {time: TIME.name} | {column: names[column] for column in columns if column != time}
     channels = [Channel(name, units.get(column, "")) for column, name in names.items()]
     recording = np.empty(len(columns[time]), dtype=recording_dtype(channels))
@@ -82,12 +97,24 @@ def as_recording(columns: Columns, units: Units) -> Recording:
     return recording
 
 
+def _decode(raw: bytes) -> str:
+    """Return the text of a table; spreadsheets write UTF-16, too, and loggers any code page."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
 def _read_lines(path: Path) -> tuple[list[str], str]:
     """Return the lines of a table that have their ends, and its delimiter."""
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = _decode(path.read_bytes())
     lines = text.splitlines()
     if text[-1:] not in {"", "\n", "\r"}:
         lines.pop()  # its writer may have been killed within a number
+    if lines and _SEPARATOR.fullmatch(lines[0]):
+        del lines[0]
     return lines, max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
 
 
@@ -105,7 +132,12 @@ def _read_head(lines: list[str], delimiter: str) -> tuple[list[list[str]], int, 
         if row:
             heads.append(row)
         line = reader.line_num
-    raise ConfigError("it has no row of numbers")
+    wrong = "it has no row of numbers"
+    if lines and any(map(str.isdigit, lines[-1])):  # dates, or decimal commas between commas
+        wrong += (
+            f": its last line is {lines[-1]!a:.60}; decimal numbers, also of the time, are right"
+        )
+    raise ConfigError(wrong)
 
 
 def _named_rows(above: list[list[str]], width: int) -> list[list[str]]:
@@ -119,7 +151,7 @@ def _read_text(path: Path) -> tuple[Columns, Units]:
     above, first, width = _read_head(lines, delimiter)
     heads = _named_rows(above, width)
     if not heads:
-        raise ConfigError(f"its {width} columns have no names; give a row of names")
+        raise ConfigError(f"its {width} columns have no names; give a row of {width} names")
     names, *below = heads
     if twice := {name for name in names if name and names.count(name) > 1}:
         raise ConfigError(f"it has the column {min(twice)} twice")

@@ -133,4 +133,6 @@ def show_dimension(dimension: Dimension) -> str:
         return "a number"
     if symbols:
         return f"in {symbols[min(1, len(symbols) - 1)]}"
+    if dimension == (("", 1),):
+        return "without a unit"
     return "in " + " ".join(f"{base}^{n}" if n != 1 else base for base, n in dimension)

@@ -76,6 +76,10 @@ def common_dimension(
     right = "give both the same kind of unit"
     if dimensions.NUMBER in {one.dimension, other.dimension}:
         right = "give the number its unit"
+    for base, _ in (*one.dimension, *other.dimension):
+        if base not in _KNOWN_BASES:
+            wrong = f"{base} is no unit here; " if base else ""
+            right = f"{wrong}name its unit, as --map of 'hil-bench judge' does"
     raise syntax.ExpectationError(
         other.node.position,
         f"{what} a value {dimensions.show_dimension(one.dimension)} and one "

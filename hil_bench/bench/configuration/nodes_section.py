@@ -18,8 +18,9 @@ from hil_bench.bench.configuration.nodes import (
     read_nodes,
     resolve_nodes,
 )
-from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.eds import commissioned_node_id, load_eds
 from hil_bench.canopen_device.eds_document import EdsFinding, Severity
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.devices.kinds.chains import check_chains
@@ -129,15 +130,27 @@ def warn_of_nodes(nodes: Mapping[str, Settings]) -> None:
 
     A file that is no EDS is left to whoever makes the device.
     """
-    for node in {node["eds"].value: node for node in nodes.values()}.values():
-        path = Path(node["eds"].value)
+    seen: set[Path] = set()
+    for node in reversed([*nodes.values()]):
+        path, node_id = Path(node["eds"].value), node["node_id"].value
         if path in _OURS:
             continue
         try:
-            findings = load_eds(path, node["node_id"].value).findings
+            findings = load_eds(path, node_id).findings
+            warn_of_commissioning(path, node_id)
         except EdsError:
             continue
-        warn_of_findings(path, findings)
+        if path not in seen:
+            seen.add(path)
+            warn_of_findings(path, findings)
+
+
+def warn_of_commissioning(path: Path, node_id: int) -> None:
+    """Log that a DCF was made for another node-ID, whose identifiers it then has."""
+    made_for = commissioned_node_id(path)
+    if made_for not in {None, node_id} and node_id != UNCONFIGURED:
+        text = "%s: was made for node-ID %d, and is read for %d; its identifiers may be those of %d"
+        logger.warning(text, path, made_for, node_id, made_for)
 
 
 def warn_of_findings(path: Path, findings: Iterable[EdsFinding]) -> None:

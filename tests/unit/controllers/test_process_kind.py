@@ -1,6 +1,8 @@
 """Programs whose SYNC is their clock, beside other controllers on one bench."""
 
 import json
+import os
+import select
 import sys
 
 import pytest
@@ -71,6 +73,41 @@ def test_an_exit_code_ends_the_run_with_the_last_lines(tmp_path):
         bench.run(0.02)
     assert str(error.value).startswith("controller main: ")
     assert "has ended, exit code 7" in str(error.value)
+
+
+def test_its_end_in_order_is_told(tmp_path, caplog):
+    with make_bench(tmp_path, ["2", "0"]) as bench:
+        bench.run(0.02)
+    assert "controller main: has ended: exit code 0" in caplog.text
+
+
+CHILD = """
+import subprocess
+subprocess.Popen(["sleep", "100"], stdout=open(sys.argv[1], "wb"))
+sync()
+"""
+
+
+def test_no_child_of_it_stays(tmp_path):
+    """The child alone has the other end of a pipe, which closes with it."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "parent.py").write_text(JOIN + CHILD)
+    command = [sys.executable, str(tmp_path / "parent.py"), str(tmp_path / "pipe")]
+    tables = {"controllers": {"main": {"kind": "process", "command": command}}}
+    ours = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    with VirtualBench(load_config(tables=tables)) as bench:
+        bench.run(0.005)
+        assert select.select([ours], [], [], 0)[0] == []
+    assert select.select([ours], [], [], 10)[0] == [ours]
+    assert os.read(ours, 1) == b""
+    os.close(ours)
+
+
+@pytest.mark.parametrize("kind", ["process", "program"])
+def test_a_command_needs_a_word(kind):
+    tables = {"controllers": {"main": {"kind": kind, "command": []}}}
+    with pytest.raises(ConfigError, match="command: is empty; give the program and its arguments"):
+        load_config(tables=tables)
 
 
 def test_on_copper_it_is_refused(tmp_path):

@@ -10,7 +10,7 @@ from support.sdo_frames import MS, answer, download, heard, request, upload
 from device_profiles import ENCODER_406, PRESSURE_404, ROTARY_ENCODER_406, VALVE_408
 from hil_bench.abilities.eyes.dbc import write_dbc
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.known_node import KnownNode
+from hil_bench.abilities.eyes.known_node import KnownNode, node_of_eds
 from hil_bench.abilities.eyes.sight import Service
 from hil_bench.abilities.eyes.values import Scale, scale_of, word_text
 from hil_bench.canopen_device.eds import load_eds
@@ -253,3 +253,44 @@ def test_a_rotary_encoder_shows_revolutions_and_rpm():
     objects.variable(0x6000, 0).value = 0
     objects.variable(0x6001, 0).value = 3600  # not in force: bit 2 of 0x6000 is off
     assert scale_of(objects, 0x6004, 0) == Scale(1.0 / 65536, REVOLUTION)
+
+
+DCF = """[DeviceInfo]
+[DeviceComissioning]
+NodeID={made_for}
+[1000]
+ParameterName=Device type
+DataType=7
+[1800]
+ObjectType=9
+[1800sub1]
+ParameterName=COB-ID
+DataType=7
+ParameterValue=0x178
+[1A00]
+ObjectType=9
+[1A00sub0]
+ParameterName=Number
+DataType=5
+ParameterValue=0
+"""
+
+
+@pytest.mark.parametrize(
+    ("made_for", "words"),
+    [
+        (2, ["was made for node-ID 2, and is read for 9; its identifiers may be those of 2"]),
+        (9, []),
+        (255, []),  # a device that waits for its node-ID
+    ],
+)
+def test_what_a_node_s_file_hides_from_the_decoder_is_a_line(tmp_path, caplog, made_for, words):
+    """0x178 is among the identifiers that CiA 301 restricts."""
+    path = tmp_path / "motor.dcf"
+    path.write_text(DCF.format(made_for=made_for))
+    assert node_of_eds(f"9={path}").name == "motor_9"
+    error = "12: error: [1800sub1] ParameterValue: is 0x178, which no PDO may have; TPDO1 is off"
+    assert caplog.messages == [
+        *(f"{path}: {each}" for each in words),
+        f"{path}:{error}",
+    ]

@@ -152,7 +152,10 @@ def test_a_table_of_another_tool_is_a_recording(make_file, text):
     ("text", "wrong"),
     [
         ("t,x [mm]\n0,1\n", "its time has no unit; give it in s, ms, us or min, as in time [s]"),
-        ("x [mm]\n0\n", 'its time is in "mm"; give it in s'),
+        (
+            "x [mm]\n0\n",
+            "it has no column time, and the first, x [mm], is in no unit of time; name",
+        ),
         ("t [s],x [m],x [mm]\n0,1,2\n", "recording channel x: is there twice"),
     ],
 )

@@ -58,6 +58,18 @@ def test_the_units_of_a_csv_file_are_behind_the_names_or_below(tmp_path, text, u
     assert read_columns(write(tmp_path, text))[1] == units
 
 
+@pytest.mark.parametrize("code", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_a_table_of_a_spreadsheet_is_read_in_its_code(tmp_path, code):
+    path = tmp_path / "sheet.csv"
+    path.write_bytes("sep=;\nt [s];Öl, warm [bar]\n0;1\n0,5;2,5\n".encode(code))
+    columns, units = read_columns(path)
+    assert {name: values.tolist() for name, values in columns.items()} == {
+        "t [s]": [0.0, 0.5],
+        "Öl, warm [bar]": [1.0, 2.5],
+    }
+    assert units == {"t [s]": "s", "Öl, warm [bar]": "bar"}
+
+
 def test_what_is_no_number_counts_as_none(tmp_path):
     columns, _ = read_columns(write(tmp_path, "t,s\n0,1\n0.1,\n0.2,err\n"))
 
@@ -69,6 +81,10 @@ def test_what_is_no_number_counts_as_none(tmp_path):
     [
         ("", "no row of numbers"),
         ("a,b\nc,d\n", "no row of numbers"),
+        (
+            "a,b\n2026-01-01,1\n",
+            "its last line is '2026-01-01,1'; decimal numbers, also of the time",
+        ),
         ("1,2\n3,4\n", "2 columns have no names"),
         (" ,\n1,2\n", "2 columns have no names"),
         ("a,a\n1,2\n", "the column a twice"),

@@ -160,6 +160,24 @@ def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_pat
         assert wrong in cli([*files, *options], ExitCode.USAGE).err
 
 
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        (
+            " [barg]",
+            "in barg and one in bar makes no sense; barg is no unit here; name its unit, as",
+        ),
+        ("", "without a unit and one in bar makes no sense; name its unit, as --map of"),
+    ],
+)
+def test_a_column_in_no_known_unit_is_not_judged(tmp_path, capsys, unit, words):
+    (tmp_path / "r.toml").write_text(PASSES)
+    (tmp_path / "scope.csv").write_text(f"t [s],axis1.P_A{unit}\n0,1\n1,2\n")
+    files = [str(tmp_path / "r.toml"), str(tmp_path / "scope.csv")]
+    assert main(["judge", *files]) == ExitCode.USAGE
+    assert words in capsys.readouterr().err
+
+
 def test_rows_too_far_apart_for_a_window_decide_nothing(tmp_path, capsys):
     """At rows 100 ms apart one row alone would pass ``for 50 ms``."""
     file = tmp_path / "r.toml"

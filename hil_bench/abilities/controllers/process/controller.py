@@ -4,6 +4,8 @@ What the bench answers goes out when nothing of the program is left to answer, i
 piece wakes the program, and a program that asks again with its SYNC has no use for half an answer.
 """
 
+import contextlib
+import os
 import signal
 import time
 from collections import deque
@@ -80,14 +82,13 @@ class ProcessController:
             if not has_come and not program.is_running and not self._take():
                 if program.process.returncode:
                     raise ControllerError(program.epitaph())
-                raise ControllerEnd
+                raise ControllerEnd("exit code 0")
             self._silence.end(has_come=has_come, has_synced=False)
 
     def reset(self) -> None:
         """Kill the program; it starts anew at the next `advance`."""
         if self._program is not None:
-            self._program.process.kill()
-            self._program.process.wait()
+            _kill(self._program)
             self._program = None
         self._arrived.clear()
         self._answers.clear()
@@ -100,11 +101,11 @@ class ProcessController:
     def close(self) -> None:
         """End the program by SIGTERM, answer it meanwhile, and close the hub."""
         program, self._program = self._program, None
-        if program is not None and program.is_running:
-            program.process.send_signal(signal.SIGTERM)
-            self._serve_the_leaving(program)
-            program.process.kill()
-            program.process.wait()
+        if program is not None:
+            if program.is_running:
+                program.process.send_signal(signal.SIGTERM)
+                self._serve_the_leaving(program)
+            _kill(program)
         self._bus.close()
 
     def _start(self) -> Program:
@@ -114,7 +115,7 @@ class ProcessController:
         address = f"{self._bus.host}:{self._bus.port}"
         words = [self._surroundings.filled(word) for word in self._command]
         words = [word.replace("{bus}", address) for word in words]
-        self._program = Program(words, directory, environment(address))
+        self._program = Program(words, directory, environment(address), leads=True)
         return self._program
 
     def _listen(self) -> bool:
@@ -139,6 +140,13 @@ class ProcessController:
             self._listen()
             while self._arrived:
                 self._serve(self._arrived.popleft())
+
+
+def _kill(program: Program) -> None:
+    """Kill a program and its children, where some still live, and wait for its end."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(program.process.pid, signal.SIGKILL)
+    program.process.wait()
 
 
 def _is_sync(frame: Frame) -> bool:

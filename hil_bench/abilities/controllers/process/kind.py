@@ -8,6 +8,8 @@ from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Sur
 from hil_bench.config.settings import Key
 from hil_bench.config.values import texts
 
+EMPTY = 'command: is empty; give the program and its arguments, as in ["a", "-b"]'
+
 
 class ProcessKind(ControllerKind):
     """A command line, started beside the bench."""
@@ -18,8 +20,8 @@ class ProcessKind(ControllerKind):
     is_clock = True
 
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:
-        """Return nothing: a program may be built between the check and the run."""
-        return ()
+        """Return the fault of an empty command; the program may be built before the run."""
+        return () if settings["command"] else [EMPTY]
 
     def build(self, settings: Mapping[str, Any], surroundings: Surroundings) -> Controller:
         """Start the program."""

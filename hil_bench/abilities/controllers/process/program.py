@@ -55,7 +55,8 @@ class Program:
         command: its words.
         directory: for its output.
         variables: of its environment, beside those of this process.
-        descriptors: of open files that it gets; with some it is in a process group of its own.
+        descriptors: of open files that it gets.
+        leads: whether it is in a process group of its own, with its children.
 
     Attributes:
         process: the process.
@@ -71,6 +72,7 @@ class Program:
         variables: Mapping[str, str],
         *,
         descriptors: Sequence[int] = (),
+        leads: bool = False,
     ) -> None:
         self._command = command
         self._output = _Output(directory / "stdout", directory / "stderr")
@@ -83,7 +85,7 @@ class Program:
                     stderr=stderr,
                     env=os.environ | variables,
                     pass_fds=descriptors,
-                    process_group=0 if descriptors else None,
+                    process_group=0 if leads else None,
                 )
             except OSError as error:
                 raise ControllerError(_why_unstarted(command[0], error)) from None

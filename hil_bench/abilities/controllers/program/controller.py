@@ -130,7 +130,7 @@ class ProgramController:
         try:
             with theirs:
                 self._program = Program(
-                    self._command, directory, variables, descriptors=descriptors
+                    self._command, directory, variables, descriptors=descriptors, leads=True
                 )
         except ControllerError:
             exchange.close()

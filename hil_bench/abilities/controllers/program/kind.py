@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.controllers.process.kind import EMPTY
 from hil_bench.abilities.controllers.program.executable import find_fault
 from hil_bench.abilities.controllers.seam import Controller, ControllerKind, Surroundings
 from hil_bench.config.settings import Key
@@ -33,7 +34,7 @@ class ProgramKind(ControllerKind):
             return ["kind: programs run on Linux; take another kind here"]
         command = settings["command"]
         if not command:
-            return ['command: is empty; give the program and its arguments, as in ["a", "-b"]']
+            return [EMPTY]
         fault = find_fault(command[0])
         return [f"command: {fault}"] if fault else ()
 

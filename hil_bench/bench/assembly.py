@@ -13,12 +13,11 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.peers import Peers
-from hil_bench.bench.power_on import load_objects
+from hil_bench.bench.power_on import find_short_periods, limit_periods, load_objects
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.periods import find_short_periods, limit_periods
 from hil_bench.canopen_device.storage import FileStorage
 from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote

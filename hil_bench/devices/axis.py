@@ -7,8 +7,7 @@ from operator import itemgetter
 from typing import NamedTuple, Protocol
 
 from hil_bench.devices.quantities import RegisterValue
-from hil_bench.plants.plant import Plant
-from hil_bench.plants.quantity import Influence, Quantity
+from hil_bench.plants.plant import Influence, Plant, Quantity
 
 # The path of a signal through stages that come and go.
 

@@ -10,9 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 from hil_bench.config.settings import Key, Problems, Range, Settings
-from hil_bench.plants.page import Page
-from hil_bench.plants.plant import Plant, PlantGroup
-from hil_bench.plants.quantity import Influence, Quantity
+from hil_bench.plants.plant import Influence, Page, Plant, PlantGroup, Quantity
 from hil_bench.units import ONE, Unit
 
 _NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})

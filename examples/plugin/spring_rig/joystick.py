@@ -17,7 +17,7 @@ from hil_bench.devices.bound_objects import QuantitySource
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.quantities import RegisterValue
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 from hil_bench.units import Unit
 
 Script = tuple[tuple[float, float], ...]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from hil_bench.bench.commands import Controls
 from hil_bench.canopen_device.datatypes import Value
 from hil_bench.errors import ConfigError
-from hil_bench.plants.quantity import Influence
+from hil_bench.plants.plant import Influence
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from hil_bench.bench.peers import peers_of
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY
 
 
 def build_faults(config: BenchConfig, bench: Bench, planned: Sequence[FaultConfig]) -> Faults:

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from hil_bench.abilities.faults.stages import Growth, SensorStage
 from hil_bench.devices.axis import SignalPath, Stage
-from hil_bench.plants.plant import Influenced
-from hil_bench.plants.quantity import Influence
+from hil_bench.plants.plant import Influence, Influenced
 
 Act = Callable[[int], None]
 """Does something in a tick, at its time [ns]."""

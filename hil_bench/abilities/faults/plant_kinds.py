@@ -14,7 +14,7 @@ from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, number
 from hil_bench.devices.measurement.low_pass import normal_numbers
 from hil_bench.errors import ConfigError
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY
 from hil_bench.units import BAR, LITRE_PER_MINUTE_BAR, MICROMETRE, MILLISECOND, NEWTON
 
 # Of sensors, and the lag of sensors and spools.

@@ -42,7 +42,7 @@ from hil_bench.config.values import describe, find_nearest, quote
 from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.devices.kinds.registry import kind_of
 from hil_bench.errors import ConfigError
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY
 from hil_bench.plants.registry import PLANTS as OWN_PLANTS
 from hil_bench.units import BAR, Unit
 

@@ -17,7 +17,7 @@ from hil_bench.errors import (
 )
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed
 from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY
 
 # The inputs of an FMU's axes from outside, with their neutral values.
 

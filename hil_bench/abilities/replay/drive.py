@@ -25,7 +25,7 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 
 _LONGEST_WAIT = 3600.0
 """Longest time from row to row [s]: the plant holds a command meanwhile, and computes each step."""

@@ -27,7 +27,7 @@ from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.kinds.registry import VALVE
 from hil_bench.devices.valve_408 import REFERENCE
 from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.plants.quantity import Influence
+from hil_bench.plants.plant import Influence
 from hil_bench.units import ONE, si_unit
 
 # Modbus registers by the names that scenarios give them: "modbus.valve.spool_setpoint".

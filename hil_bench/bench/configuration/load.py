@@ -12,8 +12,7 @@ from hil_bench.bench.configuration.loop import TABLES, LoopSection
 from hil_bench.bench.configuration.nodes import needs_axis
 from hil_bench.bench.configuration.nodes_section import NodesSection, Whole, warn_of_nodes
 from hil_bench.bench.configuration.records import BenchConfig
-from hil_bench.config.document import Sort, check_tables, merge, read_document
-from hil_bench.config.sections import build_sections
+from hil_bench.config.document import Sort, build_sections, check_tables, merge, read_document
 from hil_bench.config.settings import Problems
 
 CONFIG_VARIABLE = "HIL_BENCH_CONFIG"

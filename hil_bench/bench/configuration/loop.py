@@ -30,8 +30,7 @@ from hil_bench.config.values import (
     number,
     text,
 )
-from hil_bench.devices.kinds.generic import GENERIC
-from hil_bench.devices.kinds.kind import DeviceKind
+from hil_bench.devices.kinds.kind import GENERIC, DeviceKind
 from hil_bench.devices.kinds.programs import program_memory
 from hil_bench.devices.kinds.registry import KINDS, kind_name
 from hil_bench.errors import ConfigError

@@ -5,16 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import ObjectValue
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig
+from hil_bench.devices.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig, build_sinks
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.plants.page import Page
+from hil_bench.plants.plant import Page
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +136,38 @@ def require_quantities(
             right = "give the node another profile or another axis"
             problems.add(place, f"the plant is a {axis.kind.name} and has no {name}; {right}")
             return
+
+
+@dataclass(frozen=True, slots=True)
+class GenericConfig(NodeConfig):
+    """A device made from its EDS file alone.
+
+    Attributes:
+        sinks: the objects that command the plant.
+    """
+
+    sinks: tuple[SinkConfig, ...]
+
+    @property
+    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
+        """All objects that are bound to the plant."""
+        return (*self.sources, *self.sinks)
+
+
+class GenericKind(DeviceKind[GenericConfig]):
+    """Such a device does nothing of its own; its objects may be bound to axes."""
+
+    name = "generic"
+    record = GenericConfig
+    has_axis = False
+
+    def full_scales(self, config: GenericConfig) -> Mapping[str, float]:
+        """Return the full scale of each axis that an object commands."""
+        return {sink.axis: sink.full_opening for sink in config.sinks}
+
+    def fit(self, config: GenericConfig, node: Node, surroundings: Surroundings) -> Fitting:
+        """Return the objects that command axes."""
+        return Fitting(drives=tuple(build_sinks(config.name, config.sinks, node)))
+
+
+GENERIC: Final = GenericKind()

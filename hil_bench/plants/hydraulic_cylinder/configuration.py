@@ -18,12 +18,12 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     Cushion,
     EntrainedAir,
+    Filter,
     LuGreFriction,
     MeteringLands,
     SupplyUnit,
     VariablePump,
 )
-from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -43,7 +43,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, Solve
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
 from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.quantity import SUPPLY, Influence
+from hil_bench.plants.plant import SUPPLY, Influence
 
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
 
@@ -178,14 +178,14 @@ def supply_defects(unit: SupplyUnit | None) -> tuple[Influence, ...]:
 def configure(
     kind: PlantKind["CylinderConfig"],
     name: str,
-    axis: Settings,
+    settings: Settings,
     step_us: int,
     problems: Problems,
 ) -> CylinderConfig | None:
     """Return the record of an axis; what makes no physical sense is noted, and None returned."""
-    _check_position(name, axis, problems)
+    _check_position(name, settings, problems)
     try:
-        record = build_axis(kind, name, axis)
+        record = build_axis(kind, name, settings)
         check_lines(record.parameters, record.options, step_us * 1e-6)
     except ParameterError as error:
         explain_refusal(f"plant.{name}", error, problems)

@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
     SPEED,
     SPOOL_POSITION,
 )
-from hil_bench.plants.plant import Plant
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY, Plant
 
 _FASTEST = 10.0
 """Whatever is asked for, the piston is not set to more than this [m/s] ..."""

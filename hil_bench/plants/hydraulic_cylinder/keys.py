@@ -12,7 +12,7 @@ from hil_bench.config.values import Reader, choice, describe
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
-from hil_bench.plants.hydraulic_cylinder.rows import ROWS
+from hil_bench.plants.hydraulic_cylinder.model.validation import ROWS
 
 
 class Friction(StrEnum):

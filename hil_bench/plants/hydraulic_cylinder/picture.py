@@ -6,7 +6,7 @@ from typing import Final
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import loads
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S, POSITION, SPOOL_POSITION
-from hil_bench.plants.page import Circuit, Page
+from hil_bench.plants.plant import Circuit, Page
 
 WIDTH: Final = 440.0
 """Of all pictures of hydraulic plants, and of the circuit below them."""

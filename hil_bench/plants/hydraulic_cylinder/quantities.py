@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
-from hil_bench.plants.quantity import Quantity, Shown
+from hil_bench.plants.plant import Quantity, Shown
 
 _PLACE = {field: place for place, field in enumerate(PlantOutput._fields)}
 

@@ -10,7 +10,7 @@ from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
 from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, LineModel, Supply
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, with_lines, with_supply
 from hil_bench.plants.kind import AxisT, PlantKind
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 from hil_bench.units import MILLIMETRE
 
 VALVE_NODES: Final[Mapping[str, Mapping[str, object]]] = MappingProxyType(

@@ -51,7 +51,7 @@ from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.model.validation import SMALLEST
 from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.quantity import SUPPLY, Influence
+from hil_bench.plants.plant import SUPPLY, Influence
 from hil_bench.plants.rotary.quantities import LOAD
 
 # The keys of a motor's table ``[plant.NAME]``; valve, oil and supply have those of the cylinder.
@@ -297,20 +297,20 @@ def lever(displacement: float) -> float:
 
 
 def configure(
-    kind: PlantKind["RotaryConfig"], name: str, axis: Settings, step_us: int, problems: Problems
+    kind: PlantKind["RotaryConfig"], name: str, settings: Settings, step_us: int, problems: Problems
 ) -> RotaryConfig | None:
     """Return the record of an axis; what makes no physical sense is noted, and None returned."""
-    if not _is_sound(name, axis, problems):
+    if not _is_sound(name, settings, problems):
         return None
-    motor = convert(axis, (*MOTOR_KEYS, *VOLUME_KEYS, *FRICTION_KEYS, *LOAD_KEYS, SERIES_KEY))
+    motor = convert(settings, (*MOTOR_KEYS, *VOLUME_KEYS, *FRICTION_KEYS, *LOAD_KEYS, SERIES_KEY))
     try:
-        cylinder = _build_cylinder(kind, name, axis, motor)
+        cylinder = _build_cylinder(kind, name, settings, motor)
         check_lines(cylinder.parameters, cylinder.options, step_us * 1e-6)
     except ParameterError as error:
         explain_refusal(f"plant.{name}", error, problems)
         return None
     _check_step(cylinder, step_us, problems)
-    angle = convert(axis, (ANGLE_KEY,))["angle"]
+    angle = convert(settings, (ANGLE_KEY,))["angle"]
     return RotaryConfig(name, kind, motor["displacement"], angle, cylinder)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.settings import Problems, Range, Settings
+from hil_bench.config.settings import Range
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder, seen_besides
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import SteadyMotion, steady_motion
@@ -27,15 +27,9 @@ from hil_bench.plants.hydraulic_cylinder.summary import (
 )
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
-from hil_bench.plants.page import Page
-from hil_bench.plants.quantity import Quantity
-from hil_bench.plants.rotary.configuration import (
-    ROTARY_KEYS,
-    RotaryConfig,
-    apply_data_sheet,
-    configure,
-    find_leftovers,
-)
+from hil_bench.plants.plant import Page, Quantity
+from hil_bench.plants.rotary import configuration
+from hil_bench.plants.rotary.configuration import ROTARY_KEYS, RotaryConfig
 from hil_bench.plants.rotary.quantities import ANGLE, LOAD, QUANTITIES, SPEED
 from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
 
@@ -50,24 +44,6 @@ USUAL_RESULTS: Final[Mapping[str, Range]] = {
     "eigenfrequency": SWING,
 }
 """Ranges that machines reach, in the units of the facts."""
-
-
-def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
-    """Return the key figures of a motor that an engineer checks first.
-
-    Args:
-        axis: its record.
-        tick_us: period of the loop [us].
-        step_us: step of the solver [us].
-    """
-    own = None if axis.cylinder.is_fed else axis.cylinder.options.supply
-    return [
-        *_motion_facts(axis),
-        *_torque_facts(axis),
-        *filter_facts(own),
-        *line_facts(axis.cylinder, step_us),
-        *_swing_facts(axis, tick_us, step_us),
-    ]
 
 
 def find_unresolved(axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
@@ -286,37 +262,28 @@ class Rotary(ValveControlled[RotaryConfig]):
         {**VALVE_NODES, "encoder": {"profile": "rotary_encoder_406", "node_id": 4}}
     )
 
-    def configure(
-        self, name: str, settings: Settings, step_us: int, problems: Problems
-    ) -> RotaryConfig | None:
-        """Return the record of an axis."""
-        return configure(self, name, settings, step_us, problems)
-
-    def derive(self, settings: Settings, problems: Problems) -> Settings:
-        """Return the settings of an axis with what its data sheets determine."""
-        return apply_data_sheet(settings, problems)
-
-    def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
-        """Yield the parts of an axis of which the file says nothing."""
-        return find_leftovers(settings)
+    configure = configuration.configure
+    derive = staticmethod(configuration.apply_data_sheet)
+    find_leftovers = staticmethod(configuration.find_leftovers)
+    page = staticmethod(motor_page)
+    find_doubts = staticmethod(find_unresolved)
 
     def summarise(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
         """Return speeds, torques, pressures, frequencies and times of an axis."""
-        return summarise(axis, tick_us, step_us)
+        own = None if axis.cylinder.is_fed else axis.cylinder.options.supply
+        return [
+            *_motion_facts(axis),
+            *_torque_facts(axis),
+            *filter_facts(own),
+            *line_facts(axis.cylinder, step_us),
+            *_swing_facts(axis, tick_us, step_us),
+        ]
 
     def build(
         self, axis: RotaryConfig, dt: float, start: Mapping[str, float] | None = None
     ) -> HydraulicMotor:
         """Return the motor of an axis."""
         return HydraulicMotor(axis, dt, start or {})
-
-    def page(self, axis: RotaryConfig) -> Page:
-        """Return the picture of an axis, to scale."""
-        return motor_page(axis)
-
-    def find_doubts(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
-        """Yield the oscillations that neither tick nor step resolves."""
-        return find_unresolved(axis, tick_us, step_us)
 
 
 ROTARY: Final = Rotary()

@@ -3,7 +3,7 @@
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder import quantities
-from hil_bench.plants.quantity import Quantity, Shown
+from hil_bench.plants.plant import Quantity, Shown
 
 ANGLE: Final = Quantity(
     "angle",

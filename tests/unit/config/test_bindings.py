@@ -12,7 +12,7 @@ from hil_bench import ConfigError, load_config
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.power_on import load_objects
 from hil_bench.cli import main
-from hil_bench.devices.kinds.generic import GenericConfig
+from hil_bench.devices.kinds.kind import GenericConfig
 
 Write = Callable[[str], Path]
 

@@ -10,7 +10,7 @@ import pytest
 
 from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.plants.hydraulic_cylinder.model import extensions, loads, options, parameters
-from hil_bench.plants.hydraulic_cylinder.rows import ROWS
+from hil_bench.plants.hydraulic_cylinder.model.validation import ROWS
 
 ROOT = Path(__file__).parents[3]
 PLANTS = ROOT / "hil_bench" / "plants"

@@ -7,7 +7,7 @@ import pytest
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.panel.bench_link import fault_choices
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
+from hil_bench.plants.hydraulic_cylinder.model.chamber import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
 from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant

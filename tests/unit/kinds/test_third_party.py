@@ -243,12 +243,12 @@ BROKEN = {
     "no_kind": ("KIND = 1", "is int; an instance of DeviceKind is right"),
     "absent": ("", "cannot be imported: AttributeError: module 'absent' has no attribute 'KIND'"),
     "other": (
-        "from hil_bench.devices.kinds.generic import GENERIC as KIND",
+        "from hil_bench.devices.kinds.kind import GENERIC as KIND",
         "calls itself 'generic'; both names must be the same",
     ),
     "no_eds": (
         (
-            "from pathlib import Path\nfrom hil_bench.devices.kinds.generic import GenericKind\n"
+            "from pathlib import Path\nfrom hil_bench.devices.kinds.kind import GenericKind\n"
             "class Kind(GenericKind):\n    name = 'no_eds'\n    eds = Path('/nowhere/no.eds')\n"
             "KIND = Kind()"
         ),
@@ -256,7 +256,7 @@ BROKEN = {
     ),
     "twice": (
         (
-            "from hil_bench.devices.kinds.generic import GenericKind\n"
+            "from hil_bench.devices.kinds.kind import GenericKind\n"
             "from hil_bench.config.settings import Key\n"
             "class Kind(GenericKind):\n    name = 'twice'\n    keys = (Key('bus', str),)\n"
             "KIND = Kind()"
@@ -308,7 +308,7 @@ def test_the_bench_s_own_kind_stays_when_somebody_declares_its_name(site):
 def test_a_plant_with_two_commands_is_refused(site):
     (site / "two.py").write_text(
         "from hil_bench.plants.hydraulic_cylinder.kind import HydraulicCylinder\n"
-        "from hil_bench.plants.quantity import Quantity\n"
+        "from hil_bench.plants.plant import Quantity\n"
         "class Two(HydraulicCylinder):\n    name = 'two'\n"
         "    quantities = (Quantity('a', 'N', None), Quantity('b', 'N', None))\n"
         "KIND = Two()"

@@ -12,11 +12,11 @@ import pytest
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     Cushion,
+    Filter,
     MeteringLands,
     SupplyUnit,
     VariablePump,
 )
-from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters

@@ -16,7 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     SupplyUnit,
     balanced_state,
 )
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
+from hil_bench.plants.hydraulic_cylinder.model.chamber import bulk_modulus
 
 PAPER = PlantOptions.paper()
 BENCH = PlantOptions.bench()

@@ -12,8 +12,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     filter_constants,
     supply_constants,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit, VariablePump
-from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
+from hil_bench.plants.hydraulic_cylinder.model.extensions import Filter, SupplyUnit, VariablePump
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters

@@ -14,7 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.group import FEWEST, CylinderGroup, group_cylinders
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.moving import is_machine_code
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.plant import SUPPLY
 
 STEPS = 20
 

@@ -36,7 +36,7 @@ from hil_bench.config.settings import (
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.errors import ConfigError
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 from hil_bench.units import Unit
 
 SIGNALS_TABLE = "signals"

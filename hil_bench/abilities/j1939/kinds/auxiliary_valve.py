@@ -25,7 +25,7 @@ from hil_bench.devices.kinds.spool_command import (
 )
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 from hil_bench.units import ONE
 
 FLOW: Final = Quantity("flow", ONE.symbol, 0)

@@ -23,7 +23,7 @@ from hil_bench.config.values import choice, integer, non_negative, nonzero, numb
 from hil_bench.devices.axis import Drive, Fitting, Measurement
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.scripted_objects import Course
-from hil_bench.plants.quantity import Quantity
+from hil_bench.plants.plant import Quantity
 from hil_bench.units import si_unit
 
 _NS = 1e-9

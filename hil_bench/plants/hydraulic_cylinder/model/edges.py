@@ -20,8 +20,8 @@ so that the flow does not depend on the load; its check valve lets nothing back 
 import math
 
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants
 from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, linearise_flow
+from hil_bench.plants.hydraulic_cylinder.model.spool import LandConstants
 
 EdgeConstants = tuple[float, float, float, float, float, float, float, float]
 """(is on, x_0 [m], overlaps of P-A, A-T, P-B and B-T [m], travel of the spool to either side [m]).

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants
+from hil_bench.plants.hydraulic_cylinder.model.chamber import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import CounterbalanceConstants
 from hil_bench.plants.hydraulic_cylinder.model.cushion import CushionConstants
@@ -18,7 +18,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
@@ -28,8 +27,12 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.pump import PumpConstants
-from hil_bench.plants.hydraulic_cylinder.model.supply import FilterConstants, SupplyConstants
+from hil_bench.plants.hydraulic_cylinder.model.spool import LandConstants
+from hil_bench.plants.hydraulic_cylinder.model.supply import (
+    FilterConstants,
+    PumpConstants,
+    SupplyConstants,
+)
 from hil_bench.plants.hydraulic_cylinder.model.waves import LineConstants, line_constants
 
 CompensatorConstants = tuple[float]

@@ -7,9 +7,13 @@ D = C_S / dt + s_relief + s_A + s_B, its row gives dP_S = (net_S + s_A dP_A + s_
 
 import math
 
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants, bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil
-from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
+from hil_bench.plants.hydraulic_cylinder.model.chamber import (
+    AirConstants,
+    bulk_modulus,
+    chamber_volumes,
+    net_flows,
+)
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import behind, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
@@ -18,15 +22,16 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import Extende
 from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
 from hil_bench.plants.hydraulic_cylinder.model.parts import Ports
-from hil_bench.plants.hydraulic_cylinder.model.pump import sensed_pressure, swivel
+from hil_bench.plants.hydraulic_cylinder.model.spool import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
     behind_filter,
     relief_flow,
+    sensed_pressure,
     supply_compliance,
+    swivel,
 )
 
 Charge = tuple[float, float]

@@ -5,9 +5,12 @@ time in which they slip.
 """
 
 from hil_bench.plants.hydraulic_cylinder.model.bristles import bend, resist, settle, slip_rate
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import compress
-from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
+from hil_bench.plants.hydraulic_cylinder.model.chamber import (
+    bulk_modulus,
+    chamber_volumes,
+    net_flows,
+)
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     SERIES,

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    ROWS,
     require_fields,
     require_finite,
     require_kind,
 )
-from hil_bench.plants.hydraulic_cylinder.rows import ROWS
 
 GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s²]."""

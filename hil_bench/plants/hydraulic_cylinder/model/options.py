@@ -24,12 +24,12 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
     SpringLoad,
 )
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    ROWS,
     require_fields,
     require_finite,
     require_kind,
     require_positive,
 )
-from hil_bench.plants.hydraulic_cylinder.rows import ROWS
 
 _NUMBERS = (
     *(key for key in ROWS.groups["options"] if key.accepts),

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
-from hil_bench.plants.hydraulic_cylinder.model.validation import require_fields
-from hil_bench.plants.hydraulic_cylinder.rows import ROWS
+from hil_bench.plants.hydraulic_cylinder.model.validation import ROWS, require_fields
 
 _KEYS = ROWS.groups["parameters"]
 

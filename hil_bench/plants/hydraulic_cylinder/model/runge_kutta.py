@@ -7,9 +7,12 @@ cavity opens or closes is made again in parts, so that the oil stays the same th
 """
 
 from hil_bench.plants.hydraulic_cylinder.model.bristles import slip_rate
-from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import fill
-from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
+from hil_bench.plants.hydraulic_cylinder.model.chamber import (
+    bulk_modulus,
+    chamber_volumes,
+    net_flows,
+)
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     SERIES,

@@ -39,13 +39,13 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.pump import swivel
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     FilterConstants,
     SupplyConstants,
     behind_filter,
     relief_flow,
     supply_compliance,
+    swivel,
 )
 from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow
 

@@ -10,9 +10,12 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
-from hil_bench.plants.hydraulic_cylinder.model.spool import OpeningConstants, orifice_state
+from hil_bench.plants.hydraulic_cylinder.model.spool import (
+    OpeningConstants,
+    meter_openings,
+    orifice_state,
+)
 from hil_bench.plants.hydraulic_cylinder.model.supply import behind_filter
 
 Seen = tuple[float, float, float, float, float, float, float, float]

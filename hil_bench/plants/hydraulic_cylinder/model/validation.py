@@ -2,9 +2,15 @@
 
 import math
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
 
+from hil_bench.config.rows import read_rows
 from hil_bench.config.settings import Key
 from hil_bench.errors import ParameterError
+
+ROWS: Final = read_rows(Path(__file__).parents[1] / "parameters.tsv")
+"""Those that are words have their readers in `keys`."""
 
 SMALLEST = 1e-15
 LARGEST = 1e15

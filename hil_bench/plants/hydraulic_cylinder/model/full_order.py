@@ -36,7 +36,6 @@ from hil_bench.plants.hydraulic_cylinder.model.moving import Advance, bind_advan
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
-from hil_bench.plants.hydraulic_cylinder.model.stability import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantInput,
     PlantOutput,
@@ -62,6 +61,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     divergence,
 )
 from hil_bench.plants.hydraulic_cylinder.model.supply import sensed_pressure
+from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
 from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow, warmed
 from hil_bench.plants.hydraulic_cylinder.model.waves import (

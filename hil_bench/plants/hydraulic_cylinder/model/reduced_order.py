@@ -19,7 +19,6 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
     change_supply,
     pack_reduced,
 )
-from hil_bench.plants.hydraulic_cylinder.model.stability import largest_reduced_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantInput,
     PlantOutput,
@@ -34,6 +33,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     check_step,
     divergence,
 )
+from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_reduced_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
     require_kind,

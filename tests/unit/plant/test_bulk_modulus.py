@@ -4,7 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plants.hydraulic_cylinder.model.chamber import bulk_modulus, chamber_volumes, net_flows
+from hil_bench.plants.hydraulic_cylinder.model.chamber import (
+    bulk_modulus,
+    chamber_volumes,
+    net_flows,
+)
 
 E = 1.5e9
 ATMOSPHERE = 101_325.0

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from hil_bench.abilities.analysis import linearisation
 from hil_bench.abilities.analysis.figures import (
     ResponseCurve,
     draw_flow_pressure,
@@ -11,17 +12,6 @@ from hil_bench.abilities.analysis.figures import (
     draw_root_locus,
 )
 from hil_bench.abilities.analysis.frequency_response import decibel
-from hil_bench.abilities.analysis.linearisation import (
-    CoefficientForm,
-    FullLinearisation,
-    Input,
-    Output,
-    SecondOrderSystem,
-    linearise_full,
-    linearise_orifice,
-    linearise_reduced,
-    linearise_with_valve,
-)
 from hil_bench.abilities.analysis.operating_point import flow_pressure_curves
 from hil_bench.abilities.analysis.root_locus import root_locus
 from hil_bench.abilities.analysis.steady_motion import OperatingPoint
@@ -41,15 +31,17 @@ def linearisation_study(
     parameters: PlantParameters, point: OperatingPoint, options: PlantOptions
 ) -> Study:
     """Return both models, linearised about one operating point of the full-order model."""
-    full = linearise_full(parameters, point, options)
+    full = linearisation.linearise_full(parameters, point, options)
     load_pressure = (point.pressure_a * parameters.A_A - point.pressure_b * parameters.A_B) / (
         parameters.mean_area
     )
-    reduced = linearise_with_valve(
+    reduced = linearisation.linearise_with_valve(
         parameters, orifice_state=point.orifice_state, load_pressure=load_pressure
     )
     frequencies = np.geomspace(1.0, 600.0, 400)
-    velocity = full.response(frequencies, Input.SPOOL_SETPOINT, Output.VELOCITY)
+    velocity = full.response(
+        frequencies, linearisation.Input.SPOOL_SETPOINT, linearisation.Output.VELOCITY
+    )
     curves = [
         ResponseCurve(
             "reduced, eq. (24), without spool", frequencies, reduced.response(frequencies), RED
@@ -78,9 +70,9 @@ def _reduced_facts(
     parameters: PlantParameters,
     point: OperatingPoint,
     load_pressure: float,
-    with_valve: SecondOrderSystem,
+    with_valve: linearisation.SecondOrderSystem,
 ) -> list[Fact]:
-    plain = linearise_reduced(parameters)
+    plain = linearisation.linearise_reduced(parameters)
     facts = [
         Fact("reduced: eigenfrequency omega_c (19)", plain.eigenfrequency, "rad/s"),
         Fact("reduced: eigenfrequency omega_c (19)", plain.eigenfrequency / (2.0 * math.pi), "Hz"),
@@ -88,8 +80,8 @@ def _reduced_facts(
         Fact("reduced: pole of G (18)", plain.poles[0], "rad/s"),
         Fact("reduced: pole of G (18)", plain.poles[1], "rad/s"),
     ]
-    for form in CoefficientForm:
-        flow = linearise_orifice(
+    for form in linearisation.CoefficientForm:
+        flow = linearisation.linearise_orifice(
             parameters,
             orifice_state=point.orifice_state,
             load_pressure=load_pressure,
@@ -110,7 +102,7 @@ def _reduced_facts(
     ]
 
 
-def _full_facts(full: FullLinearisation) -> list[Fact]:
+def _full_facts(full: linearisation.FullLinearisation) -> list[Fact]:
     point, mode = full.operating_point, full.hydraulic_mode
     facts = [
         Fact("full-order: position", point.position, "m"),
@@ -121,7 +113,7 @@ def _full_facts(full: FullLinearisation) -> list[Fact]:
         Fact("full-order: pressure P_B", point.pressure_b, "Pa"),
     ]
     facts += [Fact("full-order: pole", complex(pole), "rad/s") for pole in full.poles]
-    zeros = full.zeros(Input.SPOOL_SETPOINT, Output.VELOCITY)
+    zeros = full.zeros(linearisation.Input.SPOOL_SETPOINT, linearisation.Output.VELOCITY)
     facts += [Fact("full-order: zero, set-point to velocity", complex(z), "rad/s") for z in zeros]
     if mode is not None:
         facts += [
@@ -186,7 +178,7 @@ def operating_points_study(
     curves, facts = [], []
     for opening, style in ((0.05, "--"), (0.95, "-")):
         for pressure, colour in ((0.05, BLUE), (0.95, RED)):
-            system = linearise_with_valve(
+            system = linearisation.linearise_with_valve(
                 parameters,
                 orifice_state=opening * parameters.alpha,
                 load_pressure=pressure * supply,

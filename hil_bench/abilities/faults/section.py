@@ -5,17 +5,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
+from hil_bench.abilities.faults import points
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.kind import UNITS
-from hil_bench.abilities.faults.points import (
-    ENABLES,
-    NODES,
-    PLANTS,
-    SENSORS,
-    SUPPLIES,
-    VALVES,
-    WIRED,
-)
 from hil_bench.abilities.faults.registry import (
     COMMON_KEYS,
     KIND_KEY,
@@ -140,14 +132,14 @@ class FaultsSection:
             for group, names in found.items():
                 targets.setdefault(group, {}).update(names)
         lowest = axes.supplies.lowest_bar
-        targets[SUPPLIES.name] |= lowest
-        targets[PLANTS.name] |= lowest
+        targets[points.SUPPLIES.name] |= lowest
+        targets[points.PLANTS.name] |= lowest
         others = {place.partition(".")[2]: bus for place, bus in places_of(peers).items()}
         buses = {name: node["bus"].value for name, node in nodes.nodes.items()}
-        targets[WIRED.name] = {
+        targets[points.WIRED.name] = {
             name: None for name, bus in ({**others, **buses}).items() if bus in wired.wired
         }
-        self._sensors = targets[SENSORS.name]
+        self._sensors = targets[points.SENSORS.name]
         _check_faults(self._faults, targets, self._problems)
         held = {
             axis.name: each.usual
@@ -213,12 +205,12 @@ def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings)
             valves.setdefault(name, False)
     lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
     return {
-        SENSORS.name: sensors,
-        VALVES.name: dict.fromkeys(valves),
-        ENABLES.name: {name: None for name, has_input in valves.items() if has_input},
-        SUPPLIES.name: {name: low for name, low in lowest.items() if low is not None},
-        PLANTS.name: dict.fromkeys(axes),
-        NODES.name: dict.fromkeys(nodes),
+        points.SENSORS.name: sensors,
+        points.VALVES.name: dict.fromkeys(valves),
+        points.ENABLES.name: {name: None for name, has_input in valves.items() if has_input},
+        points.SUPPLIES.name: {name: low for name, low in lowest.items() if low is not None},
+        points.PLANTS.name: dict.fromkeys(axes),
+        points.NODES.name: dict.fromkeys(nodes),
     }
 
 
@@ -232,10 +224,10 @@ def _check_faults(faults: Sequence[Settings], targets: Targets, problems: Proble
             right = f"give one of {', '.join(names)}" if names else "this bench has none"
             wrong = kind.find_lack(target, targets) or f"{quote(target)} is no {word}; {right}"
             problems.add(problems.place(fault["kind"].table, "target"), wrong)
-        elif target in targets[SENSORS.name]:
-            check_amount(fault, targets[SENSORS.name][target], problems)
-        elif SUPPLIES in kind.groups and "pressure_bar" in fault:
-            _check_pressure(fault, targets[SUPPLIES.name][target], problems)
+        elif target in targets[points.SENSORS.name]:
+            check_amount(fault, targets[points.SENSORS.name][target], problems)
+        elif points.SUPPLIES in kind.groups and "pressure_bar" in fault:
+            _check_pressure(fault, targets[points.SUPPLIES.name][target], problems)
 
 
 def _check_defects(

@@ -8,16 +8,9 @@ from typing import Final
 
 import can
 
+from hil_bench.canopen_device import nmt
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import (
-    ENTERED,
-    NMT_COB_ID,
-    RESTORED,
-    NmtCommand,
-    NmtRequest,
-    NmtState,
-)
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SYNCHRONOUS
@@ -35,7 +28,7 @@ _ERROR_CONTROL = range(0x701, 0x780)
 _CHANGING = (range(0x580, 0x680), range(0x7E4, 0x7E6))
 """Frames that may change which TPDOs there are: SDO and LSS."""
 _NMT_STATE_BITS = 0x7F
-_COMMANDS = {state: command for command, state in ENTERED.items()}
+_COMMANDS = {state: command for command, state in nmt.ENTERED.items()}
 
 
 class NodeStates:
@@ -53,7 +46,7 @@ class NodeStates:
     """
 
     def __init__(self, nodes: Sequence[Node]) -> None:
-        self.reported: dict[int, NmtState] = {}
+        self.reported: dict[int, nmt.NmtState] = {}
         self._nodes = nodes
         self._commanded: dict[int, float] = {}
         self._resetting: set[int] = set()
@@ -69,7 +62,7 @@ class NodeStates:
         if message.is_extended_id or message.is_remote_frame:
             return []
         identifier = message.arbitration_id
-        if identifier == NMT_COB_ID:
+        if identifier == nmt.NMT_COB_ID:
             self._hear_command(bytes(message.data), time)
         elif identifier in _ERROR_CONTROL and message.dlc == 1:
             return self._hear_state(identifier - _ERROR_CONTROL.start + 1, message.data[0], time)
@@ -77,8 +70,8 @@ class NodeStates:
             self._tpdos = None
         elif identifier in self._known_tpdos():
             sender, _ = self._known_tpdos()[identifier]
-            self.reported[sender.node_id] = NmtState.OPERATIONAL
-            return self._follow(sender, NmtState.OPERATIONAL, time)
+            self.reported[sender.node_id] = nmt.NmtState.OPERATIONAL
+            return self._follow(sender, nmt.NmtState.OPERATIONAL, time)
         return []
 
     def is_synchronous(self, identifier: int) -> bool:
@@ -87,42 +80,42 @@ class NodeStates:
         return is_synchronous
 
     def _hear_command(self, data: bytes, time: float) -> None:
-        request = NmtRequest.parse(data)
+        request = nmt.NmtRequest.parse(data)
         if request is None:
             return
         self._tpdos = None
         for node in self._nodes:
             if request.addresses(node.node_id):
                 self._commanded[node.node_id] = time
-                if request.command in RESTORED:
+                if request.command in nmt.RESTORED:
                     self._resetting.add(node.node_id)
 
     def _hear_state(self, node_id: int, told: int, time: float) -> list[Frame]:
         node = next((node for node in self._nodes if node.node_id == node_id), None)
         try:
-            state = NmtState(told & _NMT_STATE_BITS)
+            state = nmt.NmtState(told & _NMT_STATE_BITS)
         except ValueError:
             return []
         if node is None:
             return []
-        if state is not NmtState.INITIALISING:
+        if state is not nmt.NmtState.INITIALISING:
             self.reported[node_id] = state
             return self._follow(node, state, time)
-        self.reported[node_id] = NmtState.PRE_OPERATIONAL  # after its boot-up message
+        self.reported[node_id] = nmt.NmtState.PRE_OPERATIONAL  # after its boot-up message
         self._tpdos = None
         if node_id in self._resetting:  # the twin has heard the same command
             self._resetting.discard(node_id)
             return []
-        return self._command(node, NmtCommand.RESET_NODE, time)
+        return self._command(node, nmt.NmtCommand.RESET_NODE, time)
 
-    def _follow(self, node: Node, state: NmtState, time: float) -> list[Frame]:
+    def _follow(self, node: Node, state: nmt.NmtState, time: float) -> list[Frame]:
         if node.state is state or time - self._commanded.get(node.node_id, -GRACE) < GRACE:
             return []
         return self._command(node, _COMMANDS[state], time)
 
-    def _command(self, node: Node, command: NmtCommand, time: float) -> list[Frame]:
+    def _command(self, node: Node, command: nmt.NmtCommand, time: float) -> list[Frame]:
         self._commanded[node.node_id] = time
-        return [Frame(NMT_COB_ID, bytes([command, node.node_id]))]
+        return [Frame(nmt.NMT_COB_ID, bytes([command, node.node_id]))]
 
     def _known_tpdos(self) -> dict[int, tuple[Node, bool]]:
         """Return the twin's TPDOs by identifier: whose they are, and whether they follow SYNC."""
@@ -269,7 +262,7 @@ class FollowedValve:
         """Stay in a state until something new is heard that may lead out of it."""
         is_new = self._word.value != self._held_word
         has_failed = self.state in FAULT_STATES and held not in FAULT_STATES
-        if is_new or has_failed or self._device.node.state is not NmtState.OPERATIONAL:
+        if is_new or has_failed or self._device.node.state is not nmt.NmtState.OPERATIONAL:
             self._held = None
         elif self.state is not held:
             self._adopt(held)

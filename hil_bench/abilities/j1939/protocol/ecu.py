@@ -6,28 +6,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from hil_bench.abilities.j1939.protocol import transmission
+from hil_bench.abilities.j1939.protocol import signals, transmission
 from hil_bench.abilities.j1939.protocol.address_claim import AddressClaim, ClaimState
 from hil_bench.abilities.j1939.protocol.diagnostics import Diagnostics, Lamp, TroubleCode
 from hil_bench.abilities.j1939.protocol.reception import Deliver, Reception
-from hil_bench.abilities.j1939.protocol.signals import (
-    ACKNOWLEDGEMENT,
-    ADDRESS_CLAIMED,
-    COMMANDED_ADDRESS,
-    DM1,
-    DM2,
-    DM3,
-    GLOBAL,
-    HIGHEST_GROUP,
-    NULL,
-    REQUEST,
-    TRANSPORT_CONNECTION,
-    TRANSPORT_DATA,
-    Name,
-    is_to_all,
-    join,
-    split,
-)
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.frame import Emit, Frame
 
@@ -73,12 +55,12 @@ class Transport:
 
     def take_control(self, source: int, destination: int, data: bytes, now: int) -> None:
         """Take a TP.CM message."""
-        if len(data) != 8 or source >= NULL:
+        if len(data) != 8 or source >= signals.NULL:
             self._line.counters.ignored += 1
             return
         group = int.from_bytes(data[5:8], "little")
         control = data[0]
-        if destination == GLOBAL:
+        if destination == signals.GLOBAL:
             if control == transmission.Control.BAM:
                 self._reception.take_bam(source, group, data, now)
             else:
@@ -167,7 +149,7 @@ class Ecu:
             None for its own.
     """
 
-    def __init__(self, name: Name, address: int) -> None:
+    def __init__(self, name: signals.Name, address: int) -> None:
         self.name = name
         self.claim = AddressClaim(name, address, self._send_claim)
         self.transport = Transport(self._put_control, self._put_data, self._take_long)
@@ -180,14 +162,14 @@ class Ecu:
         self._takers: dict[int, Take] = {}
         self._cycle = NEVER
         self._services: Mapping[int, Callable[[int, int, bytes], None]] = {
-            REQUEST: self._take_request,
-            ADDRESS_CLAIMED: self._take_claim,
-            TRANSPORT_CONNECTION: self._take_connection,
-            TRANSPORT_DATA: self._take_packet,
+            signals.REQUEST: self._take_request,
+            signals.ADDRESS_CLAIMED: self._take_claim,
+            signals.TRANSPORT_CONNECTION: self._take_connection,
+            signals.TRANSPORT_DATA: self._take_packet,
         }
-        self.provide(DM1, self.diagnostics.dm1)
-        self.provide(DM2, self.diagnostics.dm2)
-        self.take(COMMANDED_ADDRESS, self._obey_command)
+        self.provide(signals.DM1, self.diagnostics.dm1)
+        self.provide(signals.DM2, self.diagnostics.dm2)
+        self.take(signals.COMMANDED_ADDRESS, self._obey_command)
 
     @property
     def address(self) -> int:
@@ -234,7 +216,7 @@ class Ecu:
         self,
         group: int,
         data: bytes,
-        destination: int = GLOBAL,
+        destination: int = signals.GLOBAL,
         priority: int = USUAL_PRIORITY,
     ) -> bool:
         """Send a message of up to 1785 bytes; False without an address or room to wait in.
@@ -251,19 +233,23 @@ class Ecu:
         self._put(priority, group, destination, data)
         return True
 
-    def request(self, group: int, destination: int = GLOBAL) -> None:
+    def request(self, group: int, destination: int = signals.GLOBAL) -> None:
         """Ask for a parameter group; also without an address."""
-        self._put(USUAL_PRIORITY, REQUEST, destination, group.to_bytes(3, "little"))
+        self._put(USUAL_PRIORITY, signals.REQUEST, destination, group.to_bytes(3, "little"))
 
     def receive(self, frame: Frame, now: int) -> None:
         """Take a frame from the bus."""
         self._now = now
         if frame.is_remote or self.claim.state is ClaimState.OFF:
             return
-        _, group, source, destination = split(frame.can_id)
-        if destination not in {GLOBAL, self.claim.address}:
+        _, group, source, destination = signals.split(frame.can_id)
+        if destination not in {signals.GLOBAL, self.claim.address}:
             return
-        if source == self.claim.address and source < NULL and group != ADDRESS_CLAIMED:
+        if (
+            source == self.claim.address
+            and source < signals.NULL
+            and group != signals.ADDRESS_CLAIMED
+        ):
             self._answer_violation(now)
         service = self._services.get(group)
         if service is not None:
@@ -281,7 +267,7 @@ class Ecu:
         if self.claim.state is ClaimState.CLAIMED:
             if now >= self.diagnostics.due:
                 self.diagnostics.expire(now)
-                self.send(DM1, self.diagnostics.dm1())
+                self.send(signals.DM1, self.diagnostics.dm1())
             if now >= self._cycle:
                 self._send_cyclic(now)
         while self._out:
@@ -312,36 +298,40 @@ class Ecu:
         if len(data) < 3:
             return
         group = int.from_bytes(data[:3], "little")
-        if group == ADDRESS_CLAIMED:
+        if group == signals.ADDRESS_CLAIMED:
             self.claim.answer(self._now)
             return
         if self.claim.state is not ClaimState.CLAIMED:
             return
-        if group == DM3:
+        if group == signals.DM3:
             self.diagnostics.clear_previous()
             self._acknowledge(Answer.DONE, group, source, destination)
         elif group in self._provided:
             made = self._provided[group]
-            is_alone = destination != GLOBAL and source < NULL
-            is_single = is_to_all(group)
+            is_alone = destination != signals.GLOBAL and source < signals.NULL
+            is_single = signals.is_to_all(group)
             data = made.make()
-            to = source if is_alone and (not is_single or len(data) > _FRAME_BYTES) else GLOBAL
+            to = (
+                source
+                if is_alone and (not is_single or len(data) > _FRAME_BYTES)
+                else signals.GLOBAL
+            )
             self.send(group, data, to, made.priority)
         else:
             self._acknowledge(Answer.REFUSED, group, source, destination)
 
     def _acknowledge(self, answer: Answer, group: int, source: int, destination: int) -> None:
         """Answer a request that was sent to this device alone; to all, as J1939-21 asks."""
-        if destination == GLOBAL or group > HIGHEST_GROUP:
+        if destination == signals.GLOBAL or group > signals.HIGHEST_GROUP:
             return
         body = bytes((answer, 0xFF, 0xFF, 0xFF, source)) + group.to_bytes(3, "little")
-        self._put(USUAL_PRIORITY, ACKNOWLEDGEMENT, GLOBAL, body)
+        self._put(USUAL_PRIORITY, signals.ACKNOWLEDGEMENT, signals.GLOBAL, body)
 
     def _take_claim(self, source: int, _destination: int, data: bytes) -> None:
         self.claim.take(source, data, self._now)
 
     def _take_connection(self, source: int, destination: int, data: bytes) -> None:
-        if self.claim.state is ClaimState.CLAIMED or destination == GLOBAL:
+        if self.claim.state is ClaimState.CLAIMED or destination == signals.GLOBAL:
             self.transport.take_control(source, destination, data, self._now)
 
     def _take_packet(self, source: int, destination: int, data: bytes) -> None:
@@ -368,16 +358,16 @@ class Ecu:
         self._out.append(Frame(_claim_id(address), bytes(self.name), is_extended=True))
 
     def _put_control(self, destination: int, data: bytes) -> None:
-        self._put(TRANSPORT_PRIORITY, TRANSPORT_CONNECTION, destination, data)
+        self._put(TRANSPORT_PRIORITY, signals.TRANSPORT_CONNECTION, destination, data)
 
     def _put_data(self, destination: int, data: bytes) -> None:
-        self._put(TRANSPORT_PRIORITY, TRANSPORT_DATA, destination, data)
+        self._put(TRANSPORT_PRIORITY, signals.TRANSPORT_DATA, destination, data)
 
     def _put(self, priority: int, group: int, destination: int, data: bytes) -> None:
         source = self.claim.address if self.false_address is None else self.false_address
-        can_id = join(priority, group, source, destination)
+        can_id = signals.join(priority, group, source, destination)
         self._out.append(Frame(can_id, data, is_extended=True))
 
 
 def _claim_id(address: int) -> int:
-    return join(USUAL_PRIORITY, ADDRESS_CLAIMED, address)
+    return signals.join(USUAL_PRIORITY, signals.ADDRESS_CLAIMED, address)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 
+from hil_bench.abilities.identification.errors import BEYOND
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.ladder import ALIASES
 from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG
@@ -32,7 +33,8 @@ def write_bench(found: Identification, config: BenchConfig, source: str, within:
     text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",
-        f"# Strokes that were left out of the fit are predicted within {within}."
+        f"# Strokes that were left out of the fit are predicted within {within}; beyond the\n"
+        f"# largest opening, count on {BEYOND:g} times as much."
         if within
         else "# The error of prediction is not known: no stroke was left out of the fit.",
     ]

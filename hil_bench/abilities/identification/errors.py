@@ -16,6 +16,8 @@ _LEAST = 2e-3  # [m] of travel, or a stroke has no speed
 _WINDOW = (0.25, 0.75)  # of the travel, between which the speed counts
 _ARRIVAL = 0.9  # of the travel
 _MOST = 0.9  # of the strokes are within what is stated
+BEYOND = 1.3
+"""Times what is stated that errors reach beyond the largest opening: by nine strange machines."""
 
 
 class StrokeError(NamedTuple):

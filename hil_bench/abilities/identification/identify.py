@@ -128,13 +128,8 @@ def identify(
     chosen.say(f"{best.title}: refined")
     fit, bench = best.fit, ladder.bench.rescaled(best.fit.values)
     if best.is_good:
-        fine = replace(
-            bench,
-            course=make_course(record, _FINE),
-            step=max(step, _FINE_STEP),
-            blur=0.0,
-            has_middles=False,
-        )
+        course, step = make_course(record, _FINE), max(step, _FINE_STEP)
+        fine = replace(bench, course=course, step=step, blur=0.0, has_middles=False)
         # First averaged, as swings have many valleys, then as it is.
         averaged = replace(fine, blur=_BLUR).rescaled(fit.values)
         fit = search(averaged, fit.unknowns, fit.variables, _ROUNDS)
@@ -149,11 +144,7 @@ def identify(
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)
     estimates = _estimates(fit, covariance, len(bench.course.strokes))
     return Identification(
-        bench=bench,
-        ladder=ladder,
-        fit=fit,
-        estimates=estimates,
-        is_refined=is_refined,
+        bench=bench, ladder=ladder, fit=fit, estimates=estimates, is_refined=is_refined
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hil_bench.abilities.identification.errors import (
+    BEYOND,
     QUANTITIES,
     Limit,
     StrokeError,
@@ -72,6 +73,7 @@ def error_lines(found: Identification) -> list[str]:
         return ["errors of prediction: not known, because no stroke could be left out"]
     return [
         f"nine of ten strokes that were left out of the fit are predicted within {within}",
+        f"beyond the largest opening, count on {BEYOND:g} times as much",
         *found.ladder.notes,
     ]
 
@@ -158,6 +160,7 @@ def to_json(found: Identification, limits: Sequence[Limit]) -> dict[str, Any]:
             for place, rung in enumerate(found.ladder.rungs)
         ],
         "prediction": _stated(found.ladder.best.errors),
+        "prediction_beyond": BEYOND,
         "required": {
             str(limit): not find_exceeded(found.ladder.best.errors, [limit]) for limit in limits
         },

@@ -23,6 +23,7 @@ from hil_bench.abilities.identification.machine import (
     read_values,
 )
 from hil_bench.abilities.identification.steady import fit_plateaus
+from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
 
 Values = npt.NDArray[np.float64]
@@ -31,7 +32,7 @@ _FOLDS = 3  # of the strokes by amplitude, or at random
 _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
 _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what errors count by
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
-_GOOD = 0.25  # of these sizes: a model that predicts so well is as good as a better one
+_GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
 _ROUNDS = 12  # of a search at most
 _AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
@@ -370,25 +371,38 @@ def _scan(
 
 
 def judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
-    """Return a model with the errors of strokes that were left out of its fit."""
-    found = dict[int, StrokeError]()
+    """Return a model with the errors of strokes that were left out of its fit.
+
+    Openings that were left out say what its errors are. What scores it is each opening one way
+    that was left out alone: a wrong model that has not seen an opening at all may be far off there,
+    and the best one still.
+    """
+    kinds = _kinds(bench.course.strokes)
+    every = [*folds, *(kinds if len(kinds) > 2 else folds)] if folds else []
+    errors: list[StrokeError] = []
     try:
-        for fold, variables in zip(folds, _leave_out(bench, title, fit, folds), strict=True):
+        for fold, variables in zip(every, _leave_out(bench, title, fit, every), strict=True):
             left = bench.some(list(fold))
-            machine = left.machine(read_values(fit.unknowns, variables))
-            shown = left.run(machine, left.cuts())
-            for place, stroke, model in zip(fold, left.course.strokes, shown, strict=True):
-                record = np.where(left.counts(stroke), left.measured(stroke), np.nan)
-                found[place] = measure_errors(model, record, bench.course.record.interval)
+            shown = left.run(left.machine(read_values(fit.unknowns, variables)), left.cuts())
+            for one, model in zip(left.course.strokes, shown, strict=True):
+                record = np.where(left.counts(one), left.measured(one), np.nan)
+                errors.append(measure_errors(model, record, bench.course.record.interval))
     except Stopped:
-        found = {}
-    errors = tuple(found[place] for place in sorted(found))
+        errors = []
     if not errors:
         return Rung(title, fit, np.array([]), ())
-    position, speed, pressure, time = _SIZES
-    sizes = (position, speed, pressure * bench.template.axis.parameters.P_S, time)
-    shares = np.clip(np.array(errors) / sizes, 0.0, _WORST)
-    return Rung(title, fit, np.nanmean(np.square(shares), axis=1), errors)
+    count = sum(map(len, folds))
+    sizes = np.array(_SIZES) * (1.0, 1.0, bench.template.axis.parameters.P_S, 1.0)
+    shares = np.clip(np.array(errors[count:]) / sizes, 0.0, _WORST)
+    return Rung(title, fit, np.nanmean(np.square(shares), axis=1), tuple(errors[:count]))
+
+
+def _kinds(strokes: Sequence[Stroke]) -> list[list[int]]:
+    """Return the places of strokes of each opening, each way."""
+    kinds = [(round(50.0 * one.opening), one.is_forth) for one in strokes]
+    return [
+        [place for place, one in enumerate(kinds) if one == kind] for kind in dict.fromkeys(kinds)
+    ]
 
 
 def _leave_out(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> list[Values]:

@@ -30,9 +30,8 @@ def check_plausible(
         ConfigError: speed or pressures are beyond anything that the configured machine does.
     """
     _check_speed(record, parameters)
-    unit, supply = options.supply, parameters.P_S
-    if unit is not None:
-        supply = max(supply, unit.relief_pressure)
+    unit = options.supply
+    supply = max(parameters.P_S, unit.relief_pressure if unit else 0.0)
     doubts = []
     for place, name in enumerate(PRESSURES, start=1):
         highest = float(record.measured[:, place].max())  # not a number where it is missing

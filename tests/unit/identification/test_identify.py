@@ -179,7 +179,7 @@ def test_of_good_models_the_simplest_is_taken():
         return Rung("", fit, np.full(4, score**2), ())
 
     assert choose_rung([rung(8, 0.4), rung(2, 0.14), rung(30, 0.05)]) == 1
-    assert choose_rung([rung(8, 0.4), rung(2, 0.3), rung(30, 0.05)]) == 2
+    assert choose_rung([rung(8, 0.4), rung(2, 0.2), rung(30, 0.05)]) == 2
 
 
 def test_where_nothing_was_left_out_the_simplest_that_fits_is_taken():

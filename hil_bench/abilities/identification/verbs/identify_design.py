@@ -130,12 +130,11 @@ def _summary(design: StrokeRun, *, has_plan: bool) -> list[str]:
         f"{1e3 * x.max():.0f} mm, up to {1e3 * np.abs(v).max():.0f} mm/s, "
         f"{BAR.from_si(pressures.min()):.0f} to {BAR.from_si(pressures.max()):.0f} bar"
     )
-    limits = [] if has_plan else ["limits: the stroke alone; --plan adds those of the machine"]
     return [
         f"{design.axis}: {design.duration:.1f} s of strokes both ways",
         *(f"  from {time:5.1f} s  {name}" for time, name in design.names),
         motion,
-        *limits,
+        *([] if has_plan else ["limits: the stroke alone; --plan adds those of the machine"]),
     ]
 
 

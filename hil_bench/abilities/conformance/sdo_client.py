@@ -270,8 +270,7 @@ def _names_object(request: bytes) -> bool:
     """Return True if a request is the first of a transfer: it names the transfer's object."""
     if len(request) != 8:
         return False
-    specifier, subcommand = request[0] >> 5, request[0] & 3
-    return specifier in {1, 2} or (specifier == 5 and subcommand == 0) or request[0] & 0xE1 == 0xC0
+    return request[0] >> 5 in {1, 2} or request[0] & 0xE3 == 0xA0 or request[0] & 0xE1 == 0xC0
 
 
 def shown(data: bytes) -> str:

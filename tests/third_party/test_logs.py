@@ -63,9 +63,8 @@ def test_an_mf4_of_another_tool_is_decoded_as_a_log_is(capsys):
     assert shown[0] == shown[1]
 
 
-def test_what_only_looks_like_an_mf4_is_one_line(capsys):
+def test_what_only_looks_like_an_mf4_is_one_line(cli):
     Path("x.mf4").write_bytes(b"MDF     4.10    made up " + bytes(2000))
-    assert main(["decode", "x.mf4"]) == 2
-    said = capsys.readouterr().err
+    said = cli("decode x.mf4", 2).err
     assert said.count("\n") == 1
     assert "x.mf4: is no recording of hil-bench" in said

@@ -8,13 +8,14 @@ import pyarrow.parquet as pq
 import pytest
 from support.campaigns import REST, write_rest
 
-from hil_bench import ConfigError, cli
+from hil_bench import ConfigError
 from hil_bench.abilities.campaign import snapshot
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, read_campaign
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.common import progress
 from hil_bench.abilities.common.progress import WorkLines
+from hil_bench.cli import main
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
@@ -28,13 +29,13 @@ def test_a_run_that_failed_stays_exit_code_1_on_a_full_disk(limit, code, tmp_pat
     path = write_rest(tmp_path, REST)
     words = ["campaign", str(path), "--jobs", "0", "--runs", "2", "--set", f"limit_bar={limit}"]
     monkeypatch.setattr("hil_bench.abilities.campaign.store.os.fsync", full)
-    assert cli.main([*words, "--output", str(tmp_path / "out")]) == code
+    assert main([*words, "--output", str(tmp_path / "out")]) == code
 
 
 def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
     path = write_rest(tmp_path, REST)
     folder = tmp_path / "typo"
-    assert cli.main(["campaign", str(path), "--merge", "--output", str(folder)]) == 2
+    assert main(["campaign", str(path), "--merge", "--output", str(folder)]) == 2
     assert f"--merge: there is no folder {folder}" in capsys.readouterr().err
     assert not folder.exists()
 
@@ -94,48 +95,43 @@ def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
         (PLAIN, REST, "campaign.toml: no parameter has a range"),  # a scenario of any name
     ],
 )
-def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, make_file, capsys):
+def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, make_file, cli):
     write_rest(tmp_path, scenario)
     path = make_file("campaign.toml", campaign + "\n")
-    assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
-    errors = capsys.readouterr().err.splitlines()
+    errors = cli(["campaign", str(path), "--jobs=0"], 2).err.splitlines()
     assert len(errors) == 1
     assert wrong in errors[0]
     assert {each.name for each in tmp_path.iterdir()} == {"campaign.toml", "rest.scenario.toml"}
 
 
 @pytest.mark.parametrize("shard", ["0/2", "3/2", "1", "a/b", "-1/2"])
-def test_a_part_that_is_none_is_refused(shard, tmp_path, capsys):
+def test_a_part_that_is_none_is_refused(shard, tmp_path, cli):
     path = write_rest(tmp_path)
-    assert cli.main(["campaign", str(path), f"--shard={shard}"]) == 2
-    assert "give I/N, as in 3/16" in capsys.readouterr().err
+    assert "give I/N, as in 3/16" in cli(["campaign", str(path), f"--shard={shard}"], 2).err
 
 
-def test_a_bench_that_stores_parameters_in_files_is_refused(tmp_path, capsys):
+def test_a_bench_that_stores_parameters_in_files_is_refused(tmp_path, cli):
     (tmp_path / "bench.toml").write_text(
         '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\nstorage = "kept"\n'
     )
     path = write_rest(tmp_path, 'bench = "bench.toml"\n' + REST)
-    assert cli.main(["campaign", str(path)]) == 2
-    assert "carries them from run to run" in capsys.readouterr().err
+    assert "carries them from run to run" in cli(["campaign", str(path)], 2).err
 
 
-def test_a_requirement_that_is_never_exercised_is_said(tmp_path, capsys):
+def test_a_requirement_that_is_never_exercised_is_said(tmp_path, cli):
     never = 'that = "whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar"'
     text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
     path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
-    assert cli.main(["campaign", str(path), "--runs=2", "--jobs=0"]) == 6
-    out = capsys.readouterr().out
+    out = cli(["campaign", str(path), "--runs=2", "--jobs=0"], 6).out
     assert "R-2: 2 not exercised; no run was decided, so nothing is known of it" in out
 
 
-def test_a_bound_counts_decided_runs_alone(tmp_path, capsys):
+def test_a_bound_counts_decided_runs_alone(tmp_path, capsys, cli):
     # R-2 is open at the last ticks of every run; R-1 holds in all of them.
     text = REST.replace("always axis1.P_B < 200 bar", "always (axis1.P_B < 200 bar for 5 ms)")
     path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
     words = ["campaign", str(path), "--runs=3", "--jobs=0", "--sampler=monte_carlo"]
-    assert cli.main(words) == 6
-    out = capsys.readouterr().out
+    out = cli(words, 6).out
     undecided = "no failure in 0 decided runs of 3 (3 inconclusive); so there is no bound"
     assert f"  rest: {undecided}" in out
     assert f"  rest  R-2: {undecided}" in out
@@ -143,9 +139,9 @@ def test_a_bound_counts_decided_runs_alone(tmp_path, capsys):
     bound = "95% upper bound on the failure probability under the sampled distribution 0.63"
     assert f"  rest  R-1: no failure in 3 runs; {bound}" in out
     for shard in ("1/2", "2/2"):
-        cli.main([*words, f"--shard={shard}", "--output", str(tmp_path / "all" / shard[0])])
+        main([*words, f"--shard={shard}", "--output", str(tmp_path / "all" / shard[0])])
     capsys.readouterr()
-    assert cli.main([*words, "--merge", "--json", "--output", str(tmp_path / "all")]) == 6
+    assert main([*words, "--merge", "--json", "--output", str(tmp_path / "all")]) == 6
     bounds = json.loads(capsys.readouterr().out)["bounds"]
     assert bounds == [line.strip() for line in out.splitlines() if "no failure" in line]
 
@@ -156,38 +152,35 @@ def test_a_wrong_set_is_said_as_test_says_it(word, tmp_path, monkeypatch, capsys
     path = write_rest(tmp_path)
     said = set()
     for verb in ("test", "campaign", "falsify"):
-        assert cli.main([verb, str(path), "--set", word]) == 2
+        assert main([verb, str(path), "--set", word]) == 2
         said.add(capsys.readouterr().err)
     assert len(said) == 1
 
 
-def test_a_set_parameter_is_part_of_a_campaign(tmp_path, capsys):
+def test_a_set_parameter_is_part_of_a_campaign(tmp_path, capsys, cli):
     path = write_rest(tmp_path)
     # P_A is 48 bar at rest: all runs fail, whatever the load is.
     words = ["campaign", str(path), "--runs=2", "--jobs=0"]
-    assert cli.main([*words, "--set", "limit_bar=30"]) == 1
-    out = capsys.readouterr().out
+    out = cli([*words, "--set", "limit_bar=30"], 1).out
     assert "R-1: 2 failed" in out
     repeat = next(line for line in out.splitlines() if "repeat it: " in line).partition("it: ")[2]
     assert "--set=limit_bar=30.0 --set=load_n=" in repeat
-    assert cli.main(repeat.split()[1:]) == 1
+    assert main(repeat.split()[1:]) == 1
     capsys.readouterr()
-    assert cli.main([*words, "--set", "limit_bar=30", "--merge", "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, "--set", "limit_bar=30", "--merge", "--json"], 1).out)
     assert found["set"] == {"limit_bar": 30.0}
     margins = [each["margin"] for run in found["worst"] for each in run["verdicts"][:1]]
     assert found["requirements"][0]["smallest_margin"] == min(margins) < max(margins)
     for other in (["--set", "limit_bar=31"], []):
-        assert cli.main([*words, *other]) == 2
+        assert main([*words, *other]) == 2
         wrong = "comes from a campaign with --set=limit_bar=30.0, and this has"
         assert wrong in capsys.readouterr().err
 
 
-def test_a_search_leaves_a_set_parameter_alone(tmp_path, capsys, monkeypatch):
+def test_a_search_leaves_a_set_parameter_alone(tmp_path, cli, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["falsify", str(write_rest(tmp_path)), "--runs=2", "--jobs=0", "--method=random"]
-    assert cli.main([*words, "--set=limit_bar=30", "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, "--set=limit_bar=30", "--json"], 1).out)
     assert found["set"] == {"limit_bar": 30.0}
     assert {*found["requirements"][0]["at"]} == {"load_n"}
     (failure,) = found["failures"]
@@ -197,21 +190,21 @@ def test_a_search_leaves_a_set_parameter_alone(tmp_path, capsys, monkeypatch):
 def test_campaigns_without_a_run_in_common_cannot_be_compared(tmp_path, capsys):
     path = write_rest(tmp_path)
     words = ["campaign", str(path), "--runs=1", "--jobs=0"]
-    cli.main([*words, "--seed=1"])
+    main([*words, "--seed=1"])
     before = (tmp_path / "rest.results").rename(tmp_path / "before")
     capsys.readouterr()
-    assert cli.main([*words, "--seed=2", "--compare", str(before)]) == 2
+    assert main([*words, "--seed=2", "--compare", str(before)]) == 2
     assert "no run is in both campaigns" in capsys.readouterr().err
 
 
 def test_a_parameter_that_does_nothing_is_said_without_a_controller(tmp_path, capsys):
     path = write_rest(tmp_path, REST.replace('"load_n"', "0.0"))
-    assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
+    assert main(["campaign", str(path), "--jobs=0"]) == 2
     assert "parameters.load_n: does nothing; name it in a step" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
-def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
+def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, cli):
     looked = threading.Event()
     own_look, own_perform = WorkLines.look, snapshot.perform
 
@@ -230,8 +223,7 @@ def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, REST.replace("range = [1.0, 301.0]", "range = [60.0, 301.0]"))
     total = {"campaign": 1, "falsify": 3}[verb]
-    assert cli.main([verb, str(path), "--runs=1", "--jobs=0", "--json"]) == 0
-    said = capsys.readouterr()
+    said = cli([verb, str(path), "--runs=1", "--jobs=0", "--json"])
     assert f"hil-bench: {verb}: 0 of {total} runs, 0 s\n" in said.err
     json.loads(said.out)
 
@@ -257,10 +249,9 @@ def test_a_table_with_other_rows_is_an_error_of_one_line(tmp_path, change):
         list(store.results(is_foreign=True))
 
 
-def test_where_nothing_varies_each_run_has_a_seed_of_its_own(tmp_path, capsys):
+def test_where_nothing_varies_each_run_has_a_seed_of_its_own(tmp_path, cli):
     write_rest(tmp_path, PLAIN)
     path = tmp_path / "campaign.toml"
     path.write_text('scenarios = ["rest.scenario.toml"]\nseeds = "each"\nruns = 3\n')
     assert [spec.seed for spec in Plan(read_campaign(path))] == [0, 1, 2]
-    assert cli.main(["campaign", str(path), "--jobs=0"]) == 0
-    assert "3 passed" in capsys.readouterr().out
+    assert "3 passed" in cli(["campaign", str(path), "--jobs=0"]).out

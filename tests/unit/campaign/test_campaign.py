@@ -12,7 +12,7 @@ import pytest
 from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
 import hil_bench
-from hil_bench import ConfigError, cli
+from hil_bench import ConfigError
 from hil_bench.abilities.campaign import store
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.campaign.summary import compare, correlations, summarise
 from hil_bench.abilities.campaign.table import Shard, collect, execute, to_table
+from hil_bench.cli import main
 
 RUNS = 8
 
@@ -46,7 +47,7 @@ def counted(done):
     ],
 )
 def test_an_interrupted_campaign_judges_the_runs_that_are_done(
-    limit, code, tmp_path, capsys, monkeypatch
+    limit, code, tmp_path, cli, monkeypatch
 ):
     def interrupted(specs):
         for number, spec in enumerate(specs):
@@ -58,8 +59,7 @@ def test_an_interrupted_campaign_judges_the_runs_that_are_done(
     monkeypatch.setattr(backend, lambda _jobs: nullcontext(interrupted))
     path = write_rest(tmp_path, REST.replace("250.0, range = [1.0, 301.0]", f"{limit}.0"))
     words = ["campaign", str(path), "--runs=5", f"--output={tmp_path / 'out'}"]
-    assert cli.main(words) == code
-    said = capsys.readouterr()
+    said = cli(words, code)
     assert "out: interrupted; what is done is kept" in said.err
     what = "failed" if code == 1 else "passed"
     assert said.out.startswith(f"2 runs: 2 {what}; 3 not done yet")
@@ -303,27 +303,25 @@ def test_the_identity_of_the_program_has_its_tables_of_parameters(monkeypatch):
 
 
 @pytest.mark.long
-def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys):
+def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys, cli):
     close = REST.replace(
         "value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]"
     )
     path = write_rest(tmp_path, close)
     words = ["campaign", str(path), "--runs=4", "--jobs=0"]
-    assert cli.main(words) == 1
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(words, 1).out.splitlines()
     assert lines[0].startswith("4 runs: ")
     repeat = next(line for line in lines if "repeat it: " in line).partition("repeat it: ")[2]
-    assert cli.main(repeat.split()[1:]) == 1
+    assert main(repeat.split()[1:]) == 1
     capsys.readouterr()
     (key,) = [spec.key for spec in Plan(replace(read_campaign(path), runs=1))]
-    assert cli.main([*words, "--run", key[:8]]) in {0, 1}
+    assert main([*words, "--run", key[:8]]) in {0, 1}
     other = tmp_path / "other"
     other.mkdir()
     eased = write_rest(other, close.replace("200 bar", "40 bar"))
     again = ["campaign", str(eased), "--runs=4", "--jobs=0"]
     capsys.readouterr()
-    assert cli.main([*again, "--compare", str(tmp_path / "rest.results")]) == 1
-    out = capsys.readouterr().out
+    out = cli([*again, "--compare", str(tmp_path / "rest.results")], 1).out
     assert "R-2: of 4 common runs 4 newly failed, 0 no longer" in out
 
 

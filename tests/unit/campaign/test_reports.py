@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from support.campaigns import REST, margin_of, write_rest
 
-from hil_bench import cli, errors
+from hil_bench import errors
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
 from hil_bench.abilities.campaign.reports import LARGEST, beyond, bin_margins, replay, svg_of
@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.snapshot import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs
 from hil_bench.abilities.common.figure_style import STYLE
 from hil_bench.abilities.common.page import POLICY
+from hil_bench.cli import main
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")
@@ -50,7 +51,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
     words = [verb, str(path), "--runs=16", "--jobs=0", "--report=report.html"]
     if verb == "falsify":
         words.append("--method=random")
-    assert cli.main(words) == 1
+    assert main(words) == 1
     html = (tmp_path / "report.html").read_text()
     page = Page(html)
     assert all(each.startswith("data:") for each in page.loaded)
@@ -70,16 +71,15 @@ def test_a_report_that_cannot_be_is_refused_before_the_runs(verb, tmp_path, monk
         )
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)
-    assert cli.main([verb, str(path), "--jobs=0", "--report=nowhere/report.html"]) == 2
+    assert main([verb, str(path), "--jobs=0", "--report=nowhere/report.html"]) == 2
     assert "there is no folder nowhere; make it first" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
-def test_without_its_libraries_a_verb_says_what_to_install(verb, tmp_path, monkeypatch, capsys):
+def test_without_its_libraries_a_verb_says_what_to_install(verb, tmp_path, monkeypatch, cli):
     path = write_rest(tmp_path, CLOSE)
     monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _: None)
-    assert cli.main([verb, str(path)]) == 2
-    assert "pip install 'hil-bench[campaign]'" in capsys.readouterr().err
+    assert "pip install 'hil-bench[campaign]'" in cli([verb, str(path)], 2).err
 
 
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
@@ -87,7 +87,7 @@ def test_the_verdicts_are_printed_before_a_report_that_fails(verb, tmp_path, mon
     monkeypatch.chdir(tmp_path)
     (tmp_path / "report.html").symlink_to("gone/report.html")  # seen only when it is written
     words = [str(write_rest(tmp_path, CLOSE)), "--runs=2", "--jobs=0", "--report=report.html"]
-    assert cli.main([verb, *words]) == 1  # R-1 fails, whatever becomes of the report
+    assert main([verb, *words]) == 1  # R-1 fails, whatever becomes of the report
     said = capsys.readouterr()
     assert "R-1: " in said.out
     assert "report.html: " in said.err
@@ -97,7 +97,7 @@ def test_the_verdicts_are_printed_before_a_report_that_fails(verb, tmp_path, mon
 def test_the_report_says_which_parameter_matters_and_what_repeats_the_worst(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
-    cli.main(["campaign", str(path), "--runs=16", "--jobs=0", "--report", str(report)])
+    main(["campaign", str(path), "--runs=16", "--jobs=0", "--report", str(report)])
     words = " ".join(Page(report.read_text()).words.split())
     # The margin 1 - P_A / limit rises with the limit, and does not know the load.
     assert "rest R-1 limit_bar +1.00 16" in words
@@ -109,7 +109,7 @@ def test_the_report_says_which_parameter_matters_and_what_repeats_the_worst(tmp_
 def test_the_worst_runs_are_drawn(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
-    cli.main(["campaign", str(path), "--runs=2", "--jobs=0", "--report", str(report)])
+    main(["campaign", str(path), "--runs=2", "--jobs=0", "--report", str(report)])
     page = Page(report.read_text())
     assert len(page.loaded) == 2
     for each in page.loaded:
@@ -141,19 +141,17 @@ def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):
     assert replay(spec, result).picture.startswith(b"<?xml")
 
 
-def test_a_run_is_repeated_by_its_key_and_drawn_where_that_is_asked(tmp_path, capsys):
+def test_a_run_is_repeated_by_its_key_and_drawn_where_that_is_asked(tmp_path, cli):
     path = write_rest(tmp_path, CLOSE)
     specs = Plan(replace(read_campaign(path), runs=4))
     key = next(spec.key for spec in specs if margin_of(spec.values["limit_bar"]) > 0.0)
     words = ["campaign", str(path), "--runs=4", f"--run={key[:8]}"]
-    assert cli.main(words) == 0
-    plain = capsys.readouterr().out.splitlines()
+    plain = cli(words).out.splitlines()
     assert plain[0].startswith("rest: limit_bar=")
     assert plain[0].endswith(": passed")
     assert [line.split()[:2] for line in plain[1:]] == [["R-1", "passed"], ["R-2", "passed"]]
     picture = tmp_path / "run.svg"
-    assert cli.main([*words, f"--picture={picture}", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli([*words, f"--picture={picture}", "--json"]).out)
     assert (found["picture"], found["run"]["key"]) == (str(picture), key)
     assert b"axis1.P_A" in picture.read_bytes()
 
@@ -162,7 +160,7 @@ def test_the_table_of_a_report_has_smallest_and_median_of_the_margins(tmp_path, 
     monkeypatch.setattr("hil_bench.abilities.campaign.summary.worst_runs", lambda _: [])
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)
-    cli.main(["campaign", str(path), "--runs=3", "--jobs=0", "--report=report.html"])
+    main(["campaign", str(path), "--runs=3", "--jobs=0", "--report=report.html"])
     words = " ".join(Page((tmp_path / "report.html").read_text()).words.split())
     margins = sorted(
         margin_of(spec.values["limit_bar"]) for spec in Plan(replace(read_campaign(path), runs=3))
@@ -175,7 +173,7 @@ def test_the_sobol_indices_are_in_report_and_json(tmp_path, capsys):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
     words = ["campaign", str(path), "--runs=8", "--sampler=saltelli", "--jobs=0", "--json"]
-    cli.main([*words, "--report", str(report)])
+    main([*words, "--report", str(report)])
     found = json.loads(capsys.readouterr().out)["sobol_indices"]
     # The margin of R-1 comes from the limit; a load of 1 N has one tick to
     # act.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
-from hil_bench import ConfigError, cli
+from hil_bench import ConfigError
 from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
 from hil_bench.abilities.campaign.plan import make_spec, own_case
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
@@ -33,6 +33,7 @@ from hil_bench.abilities.campaign.verbs.falsify import exit_code_of_search
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
+from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 
 REST_SPACE = {"limit_bar": None, "load_n": None}
@@ -311,7 +312,7 @@ def test_a_crash_costs_less_than_any_margin_and_idle_requirements_more():
 def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
     plain = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
     path = write_rest(tmp_path, plain)
-    assert cli.main(["falsify", str(path), "--jobs=0"]) == 2
+    assert main(["falsify", str(path), "--jobs=0"]) == 2
     assert "no parameter has a range; give one, as in" in capsys.readouterr().err
 
 
@@ -327,7 +328,7 @@ def test_a_run_that_decides_nothing_keeps_a_search_from_passing(tmp_path, monkey
     tally = next(each.tally for each in found.search.finds if each.id == "R-2")
     assert tally.passed
     assert tally.undecided
-    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=6", "--seed=1"]) == 6
+    assert main(["falsify", str(path), "--jobs=0", "--runs=6", "--seed=1"]) == 6
 
 
 @pytest.mark.parametrize(
@@ -337,18 +338,16 @@ def test_a_run_that_decides_nothing_keeps_a_search_from_passing(tmp_path, monkey
         ("always (axis1.P_B < 200 bar for 5 ms)", "inconclusive"),  # the last ticks are open
     ],
 )
-def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, capsys, monkeypatch):
+def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, cli, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = REST.replace("always axis1.P_B < 200 bar", never)
     path = write_rest(tmp_path, text.replace("range = [1.0", "range = [60.0"))
-    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]) == 6
-    out = capsys.readouterr().out
+    out = cli(["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"], 6).out
     assert f"R-2: was never decided: 0 decided runs of 2 (2 {outcome}); nothing is known" in out
     # 1 - 0.05^(1/2) = 0.776
     assert "under the sampled distribution 0.78 (2 random runs)" in out
     words = ["falsify", str(path), "--jobs=0", "--runs=2", "--method=random", "--json"]
-    assert cli.main(words) == 6
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(cli(words, 6).out)
     assert (found["runs"], found["failures"], found["is_interrupted"]) == ({"random": 2}, [], False)
     one, two = found["requirements"]
     keys = ("id", "is_failed", "is_exercised", "undecided_runs")
@@ -368,13 +367,12 @@ def test_a_run_that_crashed_is_no_run_without_failure():
 
 
 @pytest.mark.long  # tens of runs of a scenario
-def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkeypatch):
+def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, cli, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, NARROW)
-    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=20", "--method=cma-es"]) == 1
+    assert main(["falsify", str(path), "--jobs=0", "--runs=20", "--method=cma-es"]) == 1
     repeat = capsys.readouterr().out.rpartition("repeat it: ")[2]
-    assert cli.main(repeat.split()[1:]) == 1
-    assert "R-1  failed" in capsys.readouterr().out
+    assert "R-1  failed" in cli(repeat.split()[1:], 1).out
 
 
 class Interrupted:
@@ -427,27 +425,26 @@ def test_a_failure_that_cannot_be_written_is_said_all_the_same(tmp_path, capsys)
     path = write_rest(tmp_path, WIDE)
     (tmp_path / "out").write_text("a file, where a folder should be")
     words = ["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]
-    assert cli.main([*words, f"--output={tmp_path / 'out'}"]) == 1
+    assert main([*words, f"--output={tmp_path / 'out'}"]) == 1
     said = capsys.readouterr()
     assert "R-1: fails at" in said.out
     assert f"not written: {tmp_path / 'out'}" in said.out
     assert "interrupted" not in said.err
 
 
-def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+def test_the_command_line_says_how_to_go_on(tmp_path, capsys, cli, monkeypatch):
     monkeypatch.setattr(
         "hil_bench.abilities.campaign.verbs.falsify.local_backend",
         lambda _: nullcontext(Interrupted(2)),
     )
     path = write_rest(tmp_path, WIDE)
     words = ["falsify", str(path), "--runs=2", f"--output={tmp_path / 'out'}"]
-    assert cli.main(words) == 1  # a failure was found, whatever came then
+    assert main(words) == 1  # a failure was found, whatever came then
     said = capsys.readouterr()
     assert "interrupted after 2 of 6 runs; the same command goes on from there" in said.err
     assert "R-1: fails at" in said.out
     monkeypatch.setattr("hil_bench.abilities.campaign.falsify.Store.write", refuse)
-    assert cli.main([*words, "--seed=3"]) == 1
-    said = capsys.readouterr()
+    said = cli([*words, "--seed=3"], 1)
     assert "interrupted after 2 of 6 runs; out: cannot be written: No space left" in said.err
     assert "R-1: fails at" in said.out
 
@@ -480,10 +477,9 @@ def test_a_run_that_came_twice_is_kept_once(tmp_path):
         ("falsify --timeout-s soon", "soon: give a positive number"),
     ],
 )
-def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, capsys):
+def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, cli):
     verb, *rest = words.split()
-    assert cli.main([verb, "rest.scenario.toml", *rest]) == 2
-    assert right in capsys.readouterr().err
+    assert right in cli([verb, "rest.scenario.toml", *rest], 2).err
 
 
 def test_a_search_without_a_requirement_decides_nothing():

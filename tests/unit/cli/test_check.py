@@ -51,10 +51,9 @@ def test_each_value_is_shown_with_its_origin(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     "example", ["one_axis.toml", "two_axes.toml", "real_sensors.toml", "faults.toml"]
 )
-def test_what_check_prints_is_the_same_bench(make_file, capsys, example):
+def test_what_check_prints_is_the_same_bench(make_file, cli, example):
     original = Path(__file__).parents[3] / "examples" / example
-    assert main(["check", str(original)]) == 0
-    printed = make_file("printed.toml", capsys.readouterr().out)
+    printed = make_file("printed.toml", cli(["check", str(original)]).out)
     first, second = load_config(original), load_config(printed)
 
     assert (first.axes, first.nodes, first.bus) == (second.axes, second.nodes, second.bus)

@@ -128,10 +128,9 @@ def test_json_has_the_summary_and_the_catalogue_is_printed(cli):
     assert all(name in out for name in (*VALVES, *CYLINDERS))
 
 
-def test_what_check_prints_of_data_sheets_is_the_same_bench(make_file, capsys):
+def test_what_check_prints_of_data_sheets_is_the_same_bench(make_file, cli):
     assert main(["new", *PRESS, "-q"]) == 0
-    assert main(["check", "bench.toml"]) == 0
-    printed = make_file("printed.toml", capsys.readouterr().out)
+    printed = make_file("printed.toml", cli("check bench.toml").out)
     assert load_config(printed).axes == load_config("bench.toml").axes
     text = printed.read_text()
     assert "# What axis1 can do:" in text

@@ -202,13 +202,11 @@ def test_objects_and_eds_files_of_several_nodes_are_told_together(write, cli):
     ]
 
 
-def test_check_prints_bindings_that_load_again(write, make_file, capsys):
+def test_check_prints_bindings_that_load_again(write, make_file, cli):
     binding = '{ source = "axis1.P_A", unit = "bar", scale = 2.5 }'
     path = write(f'{IO}{OBJECTS}{SINK}"0x6401.01" = {binding}\n"0x1801.05" = 7')
 
-    assert main(["check", str(path)]) == 0
-
-    again = make_file("again.toml", capsys.readouterr().out)
+    again = make_file("again.toml", cli(["check", str(path)]).out)
     assert load_config(again).nodes == load_config(path).nodes
 
 

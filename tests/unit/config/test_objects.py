@@ -159,13 +159,11 @@ def test_an_object_that_is_not_there(write):
     assert str(caught.value).endswith('valve_408.eds; the nearest is 0x1F80.00, "NMT startup"')
 
 
-def test_check_prints_a_table_that_loads_again(write, make_file, capsys):
+def test_check_prints_a_table_that_loads_again(write, make_file, cli):
     objects = '{ "0x1400.05" = 100, "0x1008" = "a \\"valve\\"" }'
     path = write(f"{VALVE}objects = {objects}")
 
-    assert main(["check", str(path)]) == 0
-
-    again = make_file("again.toml", capsys.readouterr().out)
+    again = make_file("again.toml", cli(["check", str(path)]).out)
     assert load_config(again).nodes[0].objects == {(0x1400, 5): 100, (0x1008, 0): 'a "valve"'}
 
 

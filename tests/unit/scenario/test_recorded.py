@@ -77,7 +77,7 @@ def test_the_verb_says_what_decides(tmp_path, capsys):
     )
 
 
-def test_nothing_is_violated_for_longer_than_it_was_seen(tmp_path, capsys):
+def test_nothing_is_violated_for_longer_than_it_was_seen(tmp_path, cli):
     """Three rows a second apart are two seconds, whichever of them are wrong."""
     requirements, recording = tmp_path / "r.toml", tmp_path / "run.csv"
     requirements.write_text('[[expect]]\nid = "R"\nthat = "always axis1.P_A < 250 bar"\n')
@@ -88,8 +88,7 @@ def test_nothing_is_violated_for_longer_than_it_was_seen(tmp_path, capsys):
     ):
         rows = [f"{time},{value}" for time, value in enumerate(values)]
         recording.write_text("\n".join(["time,axis1.P_A", "s,Pa", *rows]) + "\n")
-        assert main(["judge", str(requirements), str(recording)]) == ExitCode.CHECK_FAILED
-        out = capsys.readouterr().out
+        out = cli(["judge", str(requirements), str(recording)], ExitCode.CHECK_FAILED).out
         assert f", for {lasts} in all; " in out
         assert "seen 2 of 2 s" in out
 
@@ -170,12 +169,11 @@ def test_a_table_of_another_tool_is_judged_by_the_names_that_a_map_gives(tmp_pat
         ("", "without a unit and one in bar makes no sense; name its unit, as --map of"),
     ],
 )
-def test_a_column_in_no_known_unit_is_not_judged(tmp_path, capsys, unit, words):
+def test_a_column_in_no_known_unit_is_not_judged(tmp_path, cli, unit, words):
     (tmp_path / "r.toml").write_text(PASSES)
     (tmp_path / "scope.csv").write_text(f"t [s],axis1.P_A{unit}\n0,1\n1,2\n")
     files = [str(tmp_path / "r.toml"), str(tmp_path / "scope.csv")]
-    assert main(["judge", *files]) == ExitCode.USAGE
-    assert words in capsys.readouterr().err
+    assert words in cli(["judge", *files], ExitCode.USAGE).err
 
 
 def test_rows_too_far_apart_for_a_window_decide_nothing(tmp_path, capsys):

@@ -228,7 +228,7 @@ def test_scan_of_a_bus_builds_no_bench(tmp_path):
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path
     )
 
-    assert done.stdout.splitlines()[-1] == "1 True"
+    assert done.stdout.splitlines()[-1] == "6 True"
 
 
 def test_a_run_imports_what_it_needs(tmp_path):

@@ -1,5 +1,6 @@
 """A running bench for a terminal: in words, in tables and bars; by the library rich, an extra."""
 
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,10 @@ STATE_STYLES = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": 
 """Colours of NMT states."""
 
 
+CLEARANCE = "Is the area clear, and the emergency stop at hand? Type yes to move: "
+"""The question before a machine moves."""
+
+
 def make_console(*, once: bool) -> "Console":
     """Return the terminal, or whatever standard output is.
 
@@ -44,6 +49,15 @@ def make_console(*, once: bool) -> "Console":
     if not once and (not console.is_terminal or console.is_dumb_terminal):
         raise ConfigError("watch draws on a terminal, which this is not; --once prints one picture")
     return console
+
+
+def agrees(question: str, *words: str) -> bool:
+    """Ask on the terminal; return True for one of the words, False also where the input ends."""
+    try:
+        return input(question).strip().lower() in words
+    except EOFError:
+        sys.stdout.write("\n")  # as the terminal shows none
+        return False
 
 
 def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:

@@ -243,11 +243,12 @@ def collect_data(
     problems: list[str] = []
     for question in _QUESTIONS:
         given = options.get(question.option)
+        if given is None and ask is not None:
+            data += _answer(question, ask)  # the end of the input is the end of all questions
+            continue
         try:
             if given is not None:
                 data += question.read(given, _OPTION)
-            elif ask is not None:
-                data += _answer(question, ask)
             elif question.default:
                 data += question.read(question.default, "assumed")
             else:
@@ -304,5 +305,6 @@ def _ask(text: str) -> str:
     print(text, end="", file=sys.stderr, flush=True)
     line = sys.stdin.readline()
     if not line:
+        print(file=sys.stderr)
         raise ConfigError("the input has ended; nothing was written")
     return line

@@ -1,4 +1,5 @@
 import argparse
+import io
 import json
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.commissioning.comparison import Difference, Mend, Write
 from hil_bench.abilities.commissioning.verbs import bus_check
 from hil_bench.abilities.commissioning.verbs.bus_check import _assignment
+from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 
@@ -108,6 +110,20 @@ def test_anything_but_yes_writes_nothing(answer, one_difference, monkeypatch):
     monkeypatch.setattr("builtins.input", lambda _: answer)
     assert main(["check", "--bus", "--virtual", "--apply"]) == 1
     assert len(one_difference) == 1  # nothing was written, so nothing was compared again
+
+
+def test_an_input_that_ends_is_no_yes(one_difference, monkeypatch):
+    """Ctrl-D, which was "a bug of hil-bench": before a motion, too."""
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    assert main(["check", "--bus", "--virtual", "--apply"]) == 1
+    assert len(one_difference) == 1
+
+
+def test_an_input_that_ends_moves_nothing(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    assert not agrees(CLEARANCE, "yes")
+    assert "Type yes to move: \n" in capsys.readouterr().out
 
 
 def test_the_concise_dcf_is_a_file_a_node(one_difference, tmp_path):

@@ -108,7 +108,9 @@ def test_what_no_option_says_is_asked_until_it_makes_sense(tmp_path, monkeypatch
 
 def test_an_input_that_ends_writes_nothing(tmp_path, monkeypatch, cli):
     monkeypatch.setattr(sys, "stdin", Terminal("63/36x500\n"))
-    assert "the input has ended; nothing was written" in cli("new", 2).err
+    said = cli("new", 2).err
+    assert said.endswith("hil-bench: error: the input has ended; nothing was written\n")
+    assert said.count("error: ") == 1
     assert not (tmp_path / "bench.toml").exists()
 
 

@@ -11,6 +11,7 @@ from hil_bench.abilities.commissioning import comparison
 from hil_bench.abilities.common.arguments import bus_words, seen_from_bus
 from hil_bench.abilities.common.controller_side import open_network
 from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.terminal import agrees
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.exit_codes import verdict_code
 from hil_bench.cli.results import print_lines
@@ -115,7 +116,7 @@ def _is_wanted(plans: Sequence[comparison.Plan], args: argparse.Namespace) -> bo
             "--apply: needs a confirmation, and this is no terminal; "
             "give --yes to write without asking"
         )
-    return input("write this? [y/N] ").strip().lower() in {"y", "yes"}
+    return agrees("write this? [y/N] ", "y", "yes")
 
 
 def _assignment(write: comparison.Write) -> str:

@@ -42,6 +42,7 @@ from hil_bench.abilities.common.progress import (
     Work,
     shown_work,
 )
+from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.abilities.common.work import (
     ShownRows,
     add_work_arguments,
@@ -279,8 +280,7 @@ def _confirmed(opened: OpenNetwork, plan: CommissioningPlan) -> bool:
     for step in plan.steps:
         if step.kind.moves:
             print(f"  {step.kind}: {limits_text(step.limits)}", file=sys.stderr)
-    answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
-    return answer.strip().lower() == "yes"
+    return agrees(CLEARANCE, "yes")
 
 
 def _print_begin(step: Step) -> None:

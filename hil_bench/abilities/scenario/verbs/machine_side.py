@@ -18,6 +18,7 @@ from hil_bench.abilities.commissioning.plan import (
 from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.abilities.common.controller_side import OpenNetwork
 from hil_bench.abilities.common.members import Members, find_members
+from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import MachineScenario, prepare_for_machine
 from hil_bench.abilities.scenario.records import Scenario
@@ -229,5 +230,4 @@ def is_confirmed(
     for each in chosen:
         what = f"{each.scenario.path}: for {each.scenario.duration:g} s"
         print(f"  {what}, from {low:g} to {high:g} mm", file=sys.stderr)
-    answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
-    return answer.strip().lower() == "yes"
+    return agrees(CLEARANCE, "yes")

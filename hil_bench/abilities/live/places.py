@@ -135,15 +135,19 @@ def where_looked() -> str:
 
 def is_held(path: Path) -> bool:
     """Return True if the bench of a socket runs."""
-    lock = _take_lock(path)
+    lock = _take_lock(path, is_shared=True)
     if lock is None:
         return True
     lock.close()
     return False
 
 
-def _take_lock(path: Path) -> IO[bytes] | None:
-    """Return the lock of a socket, held until it is closed; None where another process holds it.
+def _take_lock(path: Path, *, is_shared: bool = False) -> IO[bytes] | None:
+    """Return the lock of a socket, held until it is closed; None where a bench holds it.
+
+    Args:
+        path: of the socket.
+        is_shared: only look, so that two who look do not take each other for the bench.
 
     Raises:
         BusError: it cannot be made.
@@ -156,7 +160,7 @@ def _take_lock(path: Path) -> IO[bytes] | None:
     except OSError as error:
         raise BusError(f"{lock}: {error.strerror or error}") from error
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, (fcntl.LOCK_SH if is_shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
         return None

@@ -1,6 +1,7 @@
 """The socket, its permissions, and the process that serves it: started, killed, started again."""
 
 import errno
+import fcntl
 import os
 import signal
 import socket
@@ -156,6 +157,17 @@ def test_a_folder_that_others_may_enter_is_refused(folder, mode):
     with pytest.raises(BusError, match="must be a folder that only its owner may enter"):
         Place("a")
     assert find_names() == []
+
+
+def test_who_looks_is_not_taken_for_a_bench(folder):
+    """A killed bench leaves both files; `ctl list` and `watch` look at the same time."""
+    place = Place("a")
+    assert find_names() == ["a"]
+    place.release()
+    (folder / "a.sock").touch()
+    with (folder / "a.lock").open("rb") as other:
+        fcntl.flock(other, fcntl.LOCK_SH)
+        assert find_names() == []
 
 
 def test_a_link_is_no_folder(folder, tmp_path):

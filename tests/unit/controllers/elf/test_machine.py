@@ -371,6 +371,17 @@ void program(void) {{ faulty(); rest(); }}
     assert "PC=" in machine.take_text()
 
 
+def test_exceptions_without_an_end_are_a_fault(make):
+    """An SVC in SVCall, which on silicon is a hard fault at the first, ends one of so many."""
+    machine = make("""
+#define SVC again
+static void again(void) { __asm volatile("svc #0"); }
+void program(void) { __asm volatile("mov sp, %0" :: "r"(0x20010000)); again(); rest(); }
+""")
+    with pytest.raises(ControllerError, match=r"no room on the stack at 0x2000.* for SVCall$"):
+        machine.advance(MS, ())
+
+
 def test_a_division_by_zero_gives_zero_as_on_the_core(make):
     said = lines(
         make("""

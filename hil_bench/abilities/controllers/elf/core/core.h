@@ -128,6 +128,11 @@ static inline struct region *region_of(struct core *of, uint32_t address, size_t
     return NULL;
 }
 
+/* What is known of an instruction. */
+enum { IS_KNOWN = 4, IS_PLAIN = 1, IS_ALWAYS_PLAIN = 2 /* where all accesses are to be aligned, too */ };
+
+void take_trap(struct core *of, int number);
+void look_at_alignment(struct core *of, uint32_t address, uint32_t size);
 int fetch(struct core *of, uint32_t address, void *bytes, size_t size);
 void read_some(struct core *of, int *numbers, uint32_t *values, int count);
 void write_some(struct core *of, int *numbers, uint32_t *values, int count);

@@ -152,6 +152,8 @@ static PyObject *begin(PyObject *self, PyObject *given)
     int number;
     if (!get_number(of, given, &number))
         return NULL;
+    if (of->actives == MOST_EXCEPTIONS)
+        return PyErr_Format(PyExc_IndexError, "%d exceptions are active", of->actives);
     begin_exception(of, number);
     Py_RETURN_NONE;
 }

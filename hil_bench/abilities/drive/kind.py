@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from device_profiles import DRIVE_402
-from hil_bench.abilities.drive.drive_402 import DriveDevice
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
@@ -57,6 +56,8 @@ class DriveKind(SpoolKind[DriveConfig]):
 
     def fit(self, config: DriveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the drive with its encoder."""
+        from hil_bench.abilities.drive.drive_402 import DriveDevice  # noqa: PLC0415 - few have one
+
         axis = str(config.axis)
         device = DriveDevice(node, surroundings.full_scales[axis], config.full_speed)
         by_name = surroundings.axes[axis].kind.by_name

@@ -144,7 +144,8 @@ def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
     (limit, _) = (finding.judgement for finding in result.findings)
     assert limit.outcome == ("not exercised" if is_idle else "passed")
     target = keys.split('"')[1]
-    assert limit.reason == is_idle * f"the fault {kind} {target} has changed nothing"
+    said = f"the fault {kind} {target} has changed nothing"
+    assert (limit.reason == said) == is_idle
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ HORIZON = 0.2
 LISTENED = 0.75
 """Time that each twin listens: joining and settling take 0.12 s, so two windows at least [s]."""
 
-SHEET_VALVE = NODES.replace("node_id = 1\n", "node_id = 1\nfull_opening_mm = 1.3\n")
+SHEET_VALVE = NODES.replace("node_id = 1 }", "node_id = 1, full_opening_mm = 1.3 }")
 """The nodes of the built-in bench: 100 % stays 1.3 mm, whatever the spool's overlap is."""
 
 
@@ -23,8 +23,9 @@ SHEET_VALVE = NODES.replace("node_id = 1\n", "node_id = 1\nfull_opening_mm = 1.3
 def write_config(load_bench):
     """Return what loads a machine from the keys of its axis."""
 
-    def load(keys, more=""):
-        return load_bench(f"[plant.axis1]\n{keys}\n{SHEET_VALVE}{more}")
+    def load(keys, objects=""):
+        nodes = SHEET_VALVE.replace("1.3 }", f"1.3, objects = {{ {objects} }} }}")
+        return load_bench(f"[plant.axis1]\n{keys}\n{nodes}")
 
     return load
 
@@ -122,8 +123,7 @@ def test_an_internal_leak_is_found_under_load(write_config):
 
 def test_a_ramp_goes_on_from_where_the_machines_spool_is(write_config):
     """The valve's ramp takes 1 s from 0 to 100 %, so the twin's would be 50 % behind for 0.5 s."""
-    ramp = '[nodes.valve.objects]\n"0x6330" = 1\n"0x6331.01" = 1000\n'
-    config = write_config("", ramp)
+    config = write_config("", '"0x6330" = 1, "0x6331.01" = 1000')
     life = motion(config, BY_EVENT)
     shadow = follow(life.part(life.begins["motion"] + 0.1), config)
     assert exceeded(shadow.windows, config) == set()

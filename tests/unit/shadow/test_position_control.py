@@ -17,9 +17,8 @@ MACHINE = """
 load_n = 20000
 internal_leakage_l_min_bar = 0.02
 """
-CONTROLLED = 'position_source = "position"\n[nodes.valve.objects]\n'
 MODE_9 = '"0x6043" = 9'
-WITH_INTEGRAL = f'{MODE_9}\n"0x2600.02" = 300'
+WITH_INTEGRAL = f'{MODE_9}, "0x2600.02" = 300'
 
 
 @pytest.fixture
@@ -28,8 +27,8 @@ def load(tmp_path):
 
     def load(objects=""):
         path = tmp_path / "machine.toml"
-        valve = f"node_id = 1\n{CONTROLLED}{objects}\n"
-        path.write_text(MACHINE + NODES.replace("node_id = 1\n", valve), encoding="utf-8")
+        valve = f'node_id = 1, position_source = "position", objects = {{ {objects} }} }}'
+        path.write_text(MACHINE + NODES.replace("node_id = 1 }", valve), encoding="utf-8")
         return load_config(path)
 
     return load

@@ -152,6 +152,11 @@ class Run:
             digest.update(repr([tuple(each) for each in bench.frames]).encode())
             self.digest = digest.hexdigest()[:16]
             heard = [each for each in bench.frames if each.is_received]
+            last = heard[-1].now * 1e-9 if heard else 0.0
+            if controller and last < seconds - 0.1:
+                raise RuntimeError(
+                    f"{controller['kind']}: silent from {last:g} s on; who ended it?"
+                )
             self.frames = {
                 now // tick_ns: [each.frame for each in group]
                 for now, group in groupby(heard, key=lambda each: each.now)

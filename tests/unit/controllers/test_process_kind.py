@@ -84,7 +84,8 @@ def test_its_end_in_order_is_told(tmp_path, caplog):
 CHILD = """
 import subprocess
 subprocess.Popen(["sleep", "100"], stdout=open(sys.argv[1], "wb"))
-sync()
+while True:
+    sync()
 """
 
 

@@ -129,9 +129,10 @@ def protected_config(tmp_path):
     numbers = count()
 
     def load(*protected, can_id=0x184):
-        text = f'[plant.axis1]\n{NODES}objects = {{ "0x1800.01" = {can_id} }}\n'
+        objects = f'node_id = 4, objects = {{ "0x1800.01" = {can_id} }}'
+        text = f"[plant.axis1]\n{NODES.replace('node_id = 4', objects)}"
         for name in protected:
-            text = text.replace(f"[nodes.{name}]\n", f"[nodes.{name}]\nprotected_tpdos = [1]\n")
+            text = text.replace(f"{name} = {{", f"{name} = {{ protected_tpdos = [1],")
         path = tmp_path / f"bench{next(numbers)}.toml"
         path.write_text(text, encoding="utf-8")
         return load_config(path)

@@ -124,6 +124,11 @@ class Problems:
         """Note problems, one a line; `what` says what is wrong and what would be right."""
         self._lines += [f"{place}: {line}" for line in str(what).splitlines()]
 
+    @property
+    def has_any(self) -> bool:
+        """Return True if there is a problem."""
+        return bool(self._lines)
+
     def raise_any(self) -> None:
         """End the loading if there is a problem.
 

@@ -164,6 +164,7 @@ class ControllerKind(ABC):
         can_branch: whether a run that it drives may be copied with its process: all of its
             controllers' state is there, or each is a `BranchingController`; and they take nothing
             of the parameters but what ``{parameter}`` names in its table.
+        is_native: whether it runs machine code in the bench's process, which a crash may end.
     """
 
     name: str
@@ -172,6 +173,7 @@ class ControllerKind(ABC):
     uses_files: bool = True
     is_clock: bool = False
     can_branch: bool = False
+    is_native: bool = False
 
     @abstractmethod
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:

@@ -99,6 +99,7 @@ class FaultConfig:
         at: when, in bench time [s].
         duration: for how long [s]; None for ever.
         values: what the kind needs to know, by parameter of its verb, in SI.
+        is_baseline: whether it was asked for with an amount that changes nothing.
     """
 
     kind: str
@@ -106,6 +107,7 @@ class FaultConfig:
     at: float
     duration: float | None
     values: Mapping[str, float | int | str]
+    is_baseline: bool = False
 
 
 # When faults begin and end.

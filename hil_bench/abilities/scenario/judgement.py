@@ -243,6 +243,7 @@ def judge(
     tick_ns: int,
     planned: int | None = None,
     idle: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> Judgement:
     """Judge a requirement by a run.
 
@@ -254,7 +255,8 @@ def judge(
         tick_ns: time between two [ns].
         planned: how many the run has; those behind the ones seen are unknown. None for a run that
             ends with what was seen.
-        idle: the faults of the run that have changed nothing: what holds beside them says nothing.
+        idle: what of the run has done nothing, in words: what holds beside it says nothing.
+        remarks: what else belongs beside a pass, in words.
     """
     examination = Examination(requirement, columns, ticks, tick_ns, planned)
     monitor, coverage = examination.monitor, examination.view.coverage
@@ -273,11 +275,11 @@ def judge(
     if size is not None:
         deciding = replace(deciding, rank=_RANKS[monitor.is_met, asks_for(requirement)])
     if monitor.is_met:
-        lacks = [f"the fault {fault} has changed nothing" for fault in idle]
+        lacks = list(idle)
         where = " where it was seen" if coverage.unknown else ""
         lacks += [f"its trigger never became true{where}"] * (0 in times)
         outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
-        doubts = [_FIRST] * (coverage.end == 0.0 and ticks > 1)
+        doubts = [*remarks, *[_FIRST] * (coverage.end == 0.0 and ticks > 1)]
         doubts = lacks or doubts or [examination.idle_wait() or examination.stillness()]
         reason = "; ".join(doubts)
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)

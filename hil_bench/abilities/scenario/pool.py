@@ -1,7 +1,7 @@
 """Runs in processes of their own, which are killed where they take too long.
 
-A worker leads a process group that its firmware is in, so that both end together. One that dies
-costs the run that it was at, and another one takes its place.
+A worker leads a session that its controllers' programs are in, so that all end together. One that
+dies costs the run that it was at, and another one takes its place.
 """
 
 import enum
@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
@@ -42,6 +43,7 @@ ResultT = TypeVar("ResultT")
 
 _START_TIME = 120.0  # that a worker may take to start [s]
 _LONGEST_WAIT = 0.5  # [s]
+_ROUNDS = 100
 _OBJECTS = 100_000
 """New ones after which cycles are collected during a task; as a rule they are between two."""
 
@@ -198,8 +200,7 @@ class _Worker(Generic[SpecT, ResultT]):
     def kill(self) -> None:
         """End it, and all that it has started."""
         if self._process.pid is not None:
-            with suppress(OSError):  # it has not become a leader yet, or is gone
-                os.killpg(self._process.pid, signal.SIGKILL)
+            _kill_session(self._process.pid)
         self._process.stop(0.0)
 
 
@@ -219,7 +220,7 @@ def _work(perform: Callable[[Any], object], connection: Connection) -> None:
         while True:
             connection.send(_answer(perform, connection.recv()))
             gc.collect()
-    os.killpg(0, signal.SIGKILL)
+    _kill_session(os.getpid())
 
 
 def _answer(perform: Callable[[Any], object], spec: object) -> object:
@@ -234,4 +235,29 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])
-        os.killpg(0, signal.SIGKILL)
+        _kill_session(os.getpid())
+
+
+def _kill_session(leader: int) -> None:
+    """Kill a worker and what it has started, which is in its session, in whatever group.
+
+    Where the system lists no processes, only those of the worker's own group are found.
+    """
+    for _ in range(_ROUNDS):  # one that is to be killed may start another meanwhile
+        others = [each for each in _session(leader) if each != leader]
+        if not others:
+            break
+        for each in others:
+            with suppress(OSError):
+                os.kill(each, signal.SIGKILL)
+    with suppress(OSError):  # it has not become a leader yet, or is gone
+        os.killpg(leader, signal.SIGKILL)
+
+
+def _session(leader: int) -> Iterator[int]:
+    """Yield the processes of a session that run; dead ones are there until they are waited for."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, _, session, *_ = stat.read_text().rpartition(")")[2].split()
+            if int(session) == leader and state not in "ZX":
+                yield int(stat.parent.name)

@@ -102,7 +102,8 @@ class Trace(NamedTuple):
         planned: how many the run has, behind these unknown; None for a run that ends with these.
         start: when its first tick is on the clock of the recording [s].
         note: what of the recording is outside of the run, or off its ticks; empty for nothing.
-        idle: the faults that have changed nothing.
+        idle: what has done nothing, in words.
+        remarks: what else belongs beside a pass, in words.
     """
 
     columns: dict[str, Floats]
@@ -112,6 +113,7 @@ class Trace(NamedTuple):
     start: float = 0.0
     note: str = ""
     idle: Sequence[str] = ()
+    remarks: Sequence[str] = ()
 
 
 class Finding(NamedTuple):
@@ -166,6 +168,7 @@ def judge_trace(requirement: resolve.Requirement, trace: Trace) -> Finding:
         tick_ns=trace.tick_ns,
         planned=trace.planned,
         idle=trace.idle,
+        remarks=trace.remarks,
     )
     return Finding(requirement, judgement)
 

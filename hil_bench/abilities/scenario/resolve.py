@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -272,7 +272,9 @@ class _Resolver:
         literal = [name for name, value in step.values if not isinstance(value, records.Reference)]
         check_effect(found, problems, literal)
         problems.raise_any()
-        return build_fault(found)
+        from_parameters = Problems(self._source)
+        check_effect(found, from_parameters)
+        return replace(build_fault(found), is_baseline=from_parameters.has_any)
 
     def _in_unit_of(self, key: str, value: object) -> object:
         """Return the value of a key, in the key's unit."""

@@ -382,8 +382,11 @@ class Stage:
         """Let the run be over."""
         self.director.is_over = True
 
-    def judge(self) -> tuple[Finding, ...]:
+    def judge(self, absent: Sequence[str] = ()) -> tuple[Finding, ...]:
         """Return the judgement on each requirement, by the ticks so far; the others are unknown.
+
+        Args:
+            absent: who was to act beside the stage and did not, in words.
 
         Raises:
             ConfigError: a step could not act.
@@ -391,8 +394,19 @@ class Stage:
         if self.director.problem:
             raise ConfigError(self.director.problem)
         witness, planned = self.witness, self._prepared.last_tick + 1
-        tick_ns, idle = self._prepared.config.tick_ns, self._faults.idle
-        trace = Trace(witness.columns(), witness.ticks, tick_ns, planned, idle=idle)
+        tick_ns = self._prepared.config.tick_ns
+        actions = [each.action for each in self._prepared.actions]
+        faults = [each for each in actions if isinstance(each, FaultConfig) and each.is_baseline]
+        asked = {f"{each.kind} {each.target}" for each in faults}
+        idle, remarks = list(absent), []
+        for fault in self._faults.idle:
+            if fault in asked:
+                remarks.append(f"the fault {fault} has an amount that changes nothing")
+            else:
+                idle.append(f"the fault {fault} has changed nothing")
+        trace = Trace(
+            witness.columns(), witness.ticks, tick_ns, planned, idle=idle, remarks=remarks
+        )
         return tuple(judge_trace(each, trace) for each in self._prepared.requirements)
 
 

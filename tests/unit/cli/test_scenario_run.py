@@ -47,6 +47,18 @@ def test_the_verdict_is_the_exit_code(tmp_path, capsys, words, that, code):
     assert lines[lines.index(f"{path}: T") + 1].startswith("  R1  ")
 
 
+@pytest.mark.parametrize(
+    ("bench", "code"), [("", ExitCode.INCONCLUSIVE), ("[modbus]\nport = 0\n", ExitCode.DONE)]
+)
+def test_a_controller_that_never_comes_exercises_nothing(tmp_path, capsys, bench, code):
+    """What one on Modbus writes are no frames: that nobody came is not known there."""
+    (tmp_path / "bench.toml").write_text(bench)
+    more = 'bench = "bench.toml"\n[controller]\nfirmware = ["/no/such"]\n'
+    assert run(scenario(tmp_path, PASSING, more), *ON_A_BUS) == code
+    said = "R1  not exercised  no controller on the bus has sent a frame"
+    assert (said in capsys.readouterr().out) == (code == ExitCode.INCONCLUSIVE)
+
+
 @pytest.mark.parametrize("words", [ALONE, ON_A_BUS], ids=["alone", "on a bus"])
 def test_steps_act_at_their_ticks(tmp_path, words):
     """SYNC has the identifier 0x080 (CiA 301); the step switches it on at 10 ms."""

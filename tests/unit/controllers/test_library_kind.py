@@ -4,6 +4,7 @@ The libraries are a few lines of C, built here; the example of examples/firmware
 """
 
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -18,6 +19,7 @@ from hil_bench.abilities.controllers import library
 from hil_bench.abilities.controllers.library import controller as library_controller
 from hil_bench.abilities.controllers.library.controller import LibraryController
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, ControllerError
 
 ROOT = Path(__file__).parents[3]
@@ -230,6 +232,22 @@ def test_a_library_that_exits_does_not_end_the_run_as_passed(build, definitions,
         [sys.executable, "-c", ONE_CALL, path], capture_output=True, text=True, check=False
     )
     assert (ended.returncode, ended.stderr) == (code, words)
+
+
+def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(build, tmp_path, cli):
+    """Two of the libraries end their process at their first call."""
+    ways = {"a": ["-DLEAVES", "-Dexit=_Exit"], "b": ["-DLEAVES", "-Dexit(x)=abort()"], "c": ["-DX"]}
+    head = 'title = "T"\nduration_s = 0.01\n[controller]\nkind = "library"\n'
+    expect = '[[expect]]\nid = "R"\nthat = "always axis1.P_A < 250 bar"\n'
+    for name, definitions in ways.items():
+        library = f'library = "{build(f"ends_{name}.so", *definitions)}"\n'
+        (tmp_path / f"{name}.scenario.toml").write_text(head + library + expect)
+    found = json.loads(cli(["test", str(tmp_path), "--json"], ExitCode.CHECK_FAILED).out)
+    first, second, last = (found[str(tmp_path / f"{name}.scenario.toml")] for name in ways)
+    assert first["problem"] == "its process ended with exit code 0"
+    assert second["problem"] == "its process was killed (SIGABRT)"
+    assert last["problem"] == ""
+    assert last["findings"]
 
 
 @pytest.mark.parametrize(

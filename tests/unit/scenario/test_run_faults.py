@@ -148,6 +148,18 @@ def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
     assert (limit.reason == said) == is_idle
 
 
+def test_a_parameter_that_leaves_the_machine_as_it_is_is_the_variant_without_the_fault(make_file):
+    """As the first point of a range from 0, and what the others are compared with."""
+    head = 'title = "T"\nduration_s = 0.03\n[parameters]\noff_mm = 0.0\n'
+    step = '[[step]]\nat_s = 0.01\nfault = "offset"\ntarget = "position"\noffset_mm = "off_mm"\n'
+    expect = '[[expect]]\nid = "R"\nthat = "always position.measured < 150 mm"\n'
+    path = make_file("a.scenario.toml", head + step + expect)
+    (finding,) = play_for_result(run.prepare(load_scenario(path))).findings
+    assert finding.judgement.outcome == "passed"
+    said = "the fault offset position has an amount that changes nothing"
+    assert finding.judgement.reason == said
+
+
 @pytest.mark.parametrize(
     ("kind", "keys", "wrong"),
     [

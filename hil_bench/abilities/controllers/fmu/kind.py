@@ -53,6 +53,7 @@ class FmuKind(ControllerKind):
 
     name = "fmu"
     summary = "an FMU for co-simulation on the drivers of the devices"
+    is_native = True
     keys = (
         Key("file", text, example='"control.fmu"'),
         Key("period_ms", number(MILLISECOND, low=0.1, high=50.0), 2.0, MILLISECOND),

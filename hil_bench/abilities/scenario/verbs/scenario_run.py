@@ -8,8 +8,9 @@ import contextlib
 import functools
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
@@ -24,6 +25,7 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.bench.session import Session
 from hil_bench.bench.virtual_bench import VirtualBench
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.helpers import BenchEvents, Helpers
@@ -41,6 +43,7 @@ from hil_bench.outside.processes.helper_process import Snapshot
 
 logger = logging.getLogger(__name__)
 
+_NOBODY = "no controller on the bus has sent a frame; without -i, -c and --hub its own one drives"
 _LATE = 0.1  # how much a run may be behind real time without a word [s]
 
 
@@ -82,6 +85,12 @@ class _Played:
         self._scenario = prepared.scenario
         self._stage = Stage(prepared, session)
         self._shown = shown_stage(prepared, self._stage)
+        is_on_can = prepared.config.of(ModbusConfig) is None  # its writes are no frames
+        self._has_heard = not (prepared.scenario.controller and is_on_can)
+        session.watch(frames=self._hear)
+
+    def _hear(self, received: Sequence[Frame], _sent: Sequence[Frame], _now: int) -> None:
+        self._has_heard |= bool(received)
 
     def guest(self) -> Guest:
         """Return the guest that the run hosts."""
@@ -94,7 +103,7 @@ class _Played:
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
         """The judgement on each requirement; only when the run is over."""
-        return self._stage.judge()
+        return self._stage.judge(() if self._has_heard else (_NOBODY,))
 
     def _lines(self) -> Iterator[str]:
         yield f"{self._scenario.path}: {self._scenario.title}"

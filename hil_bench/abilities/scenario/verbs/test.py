@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 from hil_bench.abilities.common.files import check_place
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
+from hil_bench.abilities.controllers.section import ControllersConfig
 from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
-from hil_bench.abilities.scenario.run import PlayOptions, prepare
+from hil_bench.abilities.scenario.run import PlayOptions, controller_of, prepare
 from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.machine_side import (
     add_machine_arguments,
@@ -189,7 +190,8 @@ def _test_virtually(
     chapters: list[Chapter] = []
     with interrupted_once(), watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
         show_results(view, results, len(chosen), str(chosen[0].scenario.path))
-        for played in (_side_by_side if args.jobs > 1 else _one_by_one)(args, chosen):
+        is_apart = args.jobs > 1 or any(map(_may_end_its_process, chosen))
+        for played in (_side_by_side if is_apart else _one_by_one)(args, chosen):
             for name, level, text in played.messages:
                 logging.getLogger(name).log(level, "%s", text)
             results.append(played.result)
@@ -204,6 +206,14 @@ def _test_virtually(
             )
         show_results(view, results, len(chosen))
     return results, chapters
+
+
+def _may_end_its_process(prepared: PreparedScenario) -> bool:
+    """Return True if a controller's machine code runs with the bench, which its crash would end."""
+    own = controller_of(prepared.scenario, prepared.config, prepared.parameters)
+    others = prepared.config.of(ControllersConfig)
+    found = (*((own,) if own else ()), *(others.controllers if others else ()))
+    return any(each.kind.is_native for each in found)
 
 
 def _one_by_one(args: argparse.Namespace, chosen: Sequence[PreparedScenario]) -> Iterator[Played]:

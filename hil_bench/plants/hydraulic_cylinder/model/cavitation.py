@@ -140,11 +140,11 @@ def share_out(
     """
     a, b, c, _, _, _ = oil
     missing_A, missing_B = missing_flows(rise_A, rise_B, dv, oil, chambers)
-    # A alone at the floor: B rises until it lacks nothing; then B alone, then both.
-    more_B = -missing_B / b
-    if more_B >= 0.0 and missing_A - c * more_B >= 0.0:
-        return rise_A, rise_B + more_B, missing_A - c * more_B, 0.0
+    if missing_A >= 0.0 and missing_B >= 0.0:
+        return rise_A, rise_B, missing_A, missing_B
+    # One alone at the floor: the other rises until it lacks nothing. A flow below 0 is rounding.
+    if missing_B < 0.0:
+        more_B = -missing_B / b
+        return rise_A, rise_B + more_B, most(missing_A - c * more_B, 0.0), 0.0
     more_A = -missing_A / a
-    if more_A >= 0.0 and missing_B - c * more_A >= 0.0:
-        return rise_A + more_A, rise_B, 0.0, missing_B - c * more_A
-    return rise_A, rise_B, most(missing_A, 0.0), most(missing_B, 0.0)
+    return rise_A + more_A, rise_B, 0.0, most(missing_B - c * more_A, 0.0)

@@ -275,6 +275,14 @@ flows = st.floats(-1e-2, -1e-3) | st.floats(-1e-3, 1e-3)
     inertia=100.0,
     swings=True,
 )
+@example(
+    to_floor=(-37.0, 0.0),
+    nets=(0.0, 0.0),
+    rows=(9.69031537438874e-07, 8.646128953229527e-07, 0.0),
+    force=-0.03125,
+    inertia=100.0,
+    swings=True,
+)
 def test_a_chamber_is_at_the_floor_or_filled(to_floor, nets, rows, force, inertia, swings):
     """The complementarity problem has one solution, which is checked, not compared."""
     own_a, own_b, c = rows

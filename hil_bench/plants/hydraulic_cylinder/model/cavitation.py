@@ -142,9 +142,10 @@ def share_out(
     missing_A, missing_B = missing_flows(rise_A, rise_B, dv, oil, chambers)
     if missing_A >= 0.0 and missing_B >= 0.0:
         return rise_A, rise_B, missing_A, missing_B
-    # One alone at the floor: the other rises until it lacks nothing. A flow below 0 is rounding.
-    if missing_B < 0.0:
-        more_B = -missing_B / b
-        return rise_A, rise_B + more_B, most(missing_A - c * more_B, 0.0), 0.0
-    more_A = -missing_A / a
-    return rise_A + more_A, rise_B, 0.0, most(missing_B - c * more_A, 0.0)
+    # One alone at the floor: the other rises until it lacks nothing. Below 0 a flow is rounding.
+    # As c is less than a and b, the one alone at the floor lacks more than the other would.
+    more_A, more_B = -missing_A / a, -missing_B / b
+    flow_A, flow_B = missing_A - c * more_B, missing_B - c * more_A
+    if flow_A >= flow_B:
+        return rise_A, rise_B + more_B, most(flow_A, 0.0), 0.0
+    return rise_A + more_A, rise_B, 0.0, most(flow_B, 0.0)

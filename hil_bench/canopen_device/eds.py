@@ -1,6 +1,5 @@
 """An EDS file as an object dictionary."""
 
-import codecs
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from hil_bench.canopen_device.eds_document import (
     EdsFinding,
     Section,
     Severity,
+    decode_text,
     parse_document,
 )
 from hil_bench.canopen_device.eds_entries import EntryReader, given_default
@@ -391,7 +391,7 @@ def read_eds(path: Path) -> str:
         raise EdsError(f"{path}: {error.strerror or error}; name an EDS file that exists") from None
     if len(raw) > LARGEST_FILE:
         raise EdsError(f"{path}: is longer than {LARGEST_FILE} bytes; {_RIGHT}")
-    return _decode(raw)
+    return decode_text(raw)
 
 
 def parse_eds(text: str, source: str) -> Document:
@@ -434,16 +434,6 @@ def build_objects(document: Document, node_id: int, source: str) -> ObjectDictio
 
 def _line(finding: EdsFinding) -> int:
     return finding.line
-
-
-def _decode(raw: bytes) -> str:
-    """Return the text of a file; makers write in any code page."""
-    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return raw.decode("utf-16", errors="replace")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
 
 
 @lru_cache(maxsize=_FILES_KEPT)

@@ -4,6 +4,7 @@ Real files deviate from CiA 306 in many ways, so nothing here refuses a file: a 
 nothing becomes a finding and is passed over.
 """
 
+import codecs
 import math
 import re
 import struct
@@ -30,6 +31,16 @@ _AMBIGUOUS: Final = re.compile(r"-?0+(?:[1-9][0-9]+|[89])")
 """Decimal digits after a zero that mean another number in octal."""
 
 _LONGEST_SHOWN: Final = 40
+
+
+def decode_text(raw: bytes) -> str:
+    """Return the text of a file; makers, loggers and spreadsheets write in any code page."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
 
 
 def shown(text: str) -> str:

@@ -1,6 +1,5 @@
 """Recordings that are read: our own files, and those of others, in the bench's units."""
 
-import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from hil_bench.abilities.recording.mat_reader import read_vectors
 from hil_bench.abilities.recording.mdf_reader import read_mdf
+from hil_bench.canopen_device.eds_document import decode_text
 from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -97,19 +97,9 @@ def as_recording(columns: Columns, units: Units) -> Recording:
     return recording
 
 
-def _decode(raw: bytes) -> str:
-    """Return the text of a table; spreadsheets write UTF-16, too, and loggers any code page."""
-    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return raw.decode("utf-16", errors="replace")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
-
-
 def _read_lines(path: Path) -> tuple[list[str], str]:
     """Return the lines of a table that have their ends, and its delimiter."""
-    text = _decode(path.read_bytes())
+    text = decode_text(path.read_bytes())
     lines = text.splitlines()
     if text[-1:] not in {"", "\n", "\r"}:
         lines.pop()  # its writer may have been killed within a number

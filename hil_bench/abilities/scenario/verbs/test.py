@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 from hil_bench.abilities.common.files import check_place
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
+from hil_bench.abilities.controllers.kinds import CONTROLLERS
 from hil_bench.abilities.controllers.section import ControllersConfig
 from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
-from hil_bench.abilities.scenario.run import PlayOptions, controller_of, prepare
+from hil_bench.abilities.scenario.run import PlayOptions, prepare
 from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.machine_side import (
     add_machine_arguments,
@@ -210,10 +211,11 @@ def _test_virtually(
 
 def _may_end_its_process(prepared: PreparedScenario) -> bool:
     """Return True if a controller's machine code runs with the bench, which its crash would end."""
-    own = controller_of(prepared.scenario, prepared.config, prepared.parameters)
-    others = prepared.config.of(ControllersConfig)
-    found = (*((own,) if own else ()), *(others.controllers if others else ()))
-    return any(each.kind.is_native for each in found)
+    own, others = prepared.scenario.controller, prepared.config.of(ControllersConfig)
+    kinds = [each.kind for each in others.controllers] if others else []
+    given = own.table if own else {}
+    named = CONTROLLERS.find(str(given["kind"])) if given else None
+    return any(kind.is_native for kind in (*kinds, *([named] if named else ())))
 
 
 def _one_by_one(args: argparse.Namespace, chosen: Sequence[PreparedScenario]) -> Iterator[Played]:

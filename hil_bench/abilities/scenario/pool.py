@@ -14,10 +14,10 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
+from hil_bench.abilities.common.processes import living
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.processes.helper_process import HelperProcess
@@ -244,7 +244,7 @@ def _kill_session(leader: int) -> None:
     Where the system lists no processes, only those of the worker's own group are found.
     """
     for _ in range(_ROUNDS):  # one that is to be killed may start another meanwhile
-        others = [each for each in _session(leader) if each != leader]
+        others = [each.pid for each in living() if each.session == leader != each.pid]
         if not others:
             break
         for each in others:
@@ -252,12 +252,3 @@ def _kill_session(leader: int) -> None:
                 os.kill(each, signal.SIGKILL)
     with suppress(OSError):  # it has not become a leader yet, or is gone
         os.killpg(leader, signal.SIGKILL)
-
-
-def _session(leader: int) -> Iterator[int]:
-    """Yield the processes of a session that run; dead ones are there until they are waited for."""
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            state, _, _, session, *_ = stat.read_text().rpartition(")")[2].split()
-            if int(session) == leader and state not in "ZX":
-                yield int(stat.parent.name)

@@ -6,6 +6,7 @@ import random
 
 import pytest
 
+from hil_bench.abilities.common.processes import ProcessStatus
 from hil_bench.abilities.controllers.library.controller import _FRAME, LibraryController, State
 from hil_bench.abilities.controllers.program import controller as program
 from hil_bench.abilities.controllers.program.exchange import RING, Exchange
@@ -148,7 +149,7 @@ def test_an_interface_has_the_name_of_its_bus_where_a_kernel_takes_it(buses, nam
 def test_patience_ends_with_processor_time_or_with_ten_idle_seconds(monkeypatch):
     used, state, now = 0.0, "S", 100.0
     monkeypatch.setattr(program.time, "clock_gettime", lambda clock: used + 0.0 * clock)
-    monkeypatch.setattr(program, "_state", lambda _pid: state)
+    monkeypatch.setattr(program, "read_status", lambda pid: ProcessStatus(pid, state, 1, 1))
     monkeypatch.setattr(program.time, "monotonic", lambda: now)
     used = 3.0
     patience = program._Patience(1, 2.0)

@@ -4,8 +4,6 @@ What the bench answers goes out when nothing of the program is left to answer, i
 piece wakes the program, and a program that asks again with its SYNC has no use for half an answer.
 """
 
-import contextlib
-import os
 import signal
 import time
 from collections import deque
@@ -88,7 +86,7 @@ class ProcessController:
     def reset(self) -> None:
         """Kill the program; it starts anew at the next `advance`."""
         if self._program is not None:
-            _kill(self._program)
+            self._program.kill()
             self._program = None
         self._arrived.clear()
         self._answers.clear()
@@ -105,7 +103,7 @@ class ProcessController:
             if program.is_running:
                 program.process.send_signal(signal.SIGTERM)
                 self._serve_the_leaving(program)
-            _kill(program)
+            program.kill()
         self._bus.close()
 
     def _start(self) -> Program:
@@ -140,13 +138,6 @@ class ProcessController:
             self._listen()
             while self._arrived:
                 self._serve(self._arrived.popleft())
-
-
-def _kill(program: Program) -> None:
-    """Kill a program and its children, where some still live, and wait for its end."""
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(program.process.pid, signal.SIGKILL)
-    program.process.wait()
 
 
 def _is_sync(frame: Frame) -> bool:

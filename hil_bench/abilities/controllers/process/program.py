@@ -1,12 +1,16 @@
 """A program under test in a process of its own, and patience with one that sends no SYNC."""
 
+import contextlib
 import os
+import signal
 import subprocess
+import time
 from collections.abc import Mapping, Sequence
 from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.processes import living
 from hil_bench.errors import ControllerError, HilBenchError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import PATIENCE
@@ -14,6 +18,7 @@ from hil_bench.outside.transports.transport import PATIENCE
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
+_KILL_PATIENCE = 10.0  # [s]
 SHOWN_LINES = 20
 """Lines of the program's output that messages and reports show."""
 
@@ -94,6 +99,24 @@ class Program:
     def is_running(self) -> bool:
         """Return True if it runs."""
         return self.process.poll() is None
+
+    def kill(self) -> None:
+        """Kill one that leads, and its children, and wait until none of them runs, 10 s at most.
+
+        A kill is a wish: on a busy machine a child that computes goes on until its processor
+        sees it.
+        """
+        group = self.process.pid
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+        self.process.wait()
+        deadline = time.monotonic() + _KILL_PATIENCE
+        with contextlib.suppress(ProcessLookupError):
+            while time.monotonic() < deadline:
+                os.killpg(group, 0)  # some are left, if only dead ones that nobody has waited for
+                if all(each.group != group for each in living()):
+                    break
+                time.sleep(0.001)
 
     @property
     def stdout(self) -> str:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.common.processes import read_status
 from hil_bench.abilities.controllers.process.program import Program, environment
 from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
@@ -195,7 +196,7 @@ class _Life:
 
     def end(self) -> None:
         """Kill what still lives of the program, and let go of what was shared."""
-        _end_group(self._program.process)
+        self._program.kill()
         os.close(self._pidfd)
         self._control.close()
         self._exchange.close()
@@ -321,7 +322,7 @@ class _Patience:
     def find_problem(self) -> str:
         """Look at the program; return what is wrong with it, empty where nothing is."""
         try:
-            used, state = time.clock_gettime((~self._pid << 3) | 2), _state(self._pid)
+            used, state = time.clock_gettime((~self._pid << 3) | 2), read_status(self._pid).state
         except OSError:  # it has just ended
             return ""
         now = time.monotonic()
@@ -340,44 +341,6 @@ class _Patience:
                 "a child process, a lock or a file keeps it"
             )
         return ""
-
-
-def _end_group(leader: subprocess.Popen[bytes]) -> None:
-    """Kill a process and its children, and wait until none of them runs, for `PATIENCE` at most.
-
-    A kill is a wish: on a busy machine a child that computes goes on until its processor sees it.
-    """
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(leader.pid, signal.SIGKILL)
-    leader.wait()
-    deadline = time.monotonic() + PATIENCE
-    with contextlib.suppress(ProcessLookupError):
-        while time.monotonic() < deadline:
-            os.killpg(leader.pid, 0)  # some are left, if only dead ones that nobody has waited for
-            if not _has_living(leader.pid):
-                break
-            time.sleep(0.001)
-
-
-def _has_living(group: int) -> bool:
-    """Return True if a process of a process group is alive."""
-    for directory in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # it has just gone
-            state, _, its_group = _status(int(directory.name))[:3]
-            if int(its_group) == group and state not in "ZX":
-                return True
-    return False
-
-
-def _state(pid: int) -> str:
-    """Return the state of a process as `/proc` has it, such as ``R`` for running."""
-    return _status(pid)[0]
-
-
-def _status(pid: int) -> list[str]:
-    """Return the state, parent, process group and so on of a process, as `/proc` has them."""
-    text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
-    return text.rpartition(")")[2].split()
 
 
 def interface_names(buses: Sequence[str]) -> list[str]:

@@ -262,7 +262,7 @@ def faults_of_j1939() -> dict[str, Fault]:
 
 
 def tried(make: Callable[["Scene"], T | None], log: SoundLog, name: str) -> T | None:
-    """Return what a function makes of a log; None where that has nothing for it."""
+    """Return the result of a function on a log; None where that has nothing for it."""
     try:
         return make(Scene(log, random.Random(f"{log.name} {name}")))  # noqa: S311 - of tests
     except Nowhere:

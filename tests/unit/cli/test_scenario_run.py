@@ -51,7 +51,7 @@ def test_the_verdict_is_the_exit_code(tmp_path, capsys, words, that, code):
     ("bench", "code"), [("", ExitCode.INCONCLUSIVE), ("[modbus]\nport = 0\n", ExitCode.DONE)]
 )
 def test_a_controller_that_never_comes_exercises_nothing(tmp_path, capsys, bench, code):
-    """What one on Modbus writes are no frames: that nobody came is not known there."""
+    """Writes on Modbus are no frames: that nobody came is not known there."""
     (tmp_path / "bench.toml").write_text(bench)
     more = 'bench = "bench.toml"\n[controller]\nfirmware = ["/no/such"]\n'
     assert run(scenario(tmp_path, PASSING, more), *ON_A_BUS) == code

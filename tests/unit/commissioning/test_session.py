@@ -434,7 +434,7 @@ def test_an_interruption_closes_the_valve_and_leaves_what_was_found(machine):
 
 @pytest.mark.parametrize("moment", ["begin", "end"])
 def test_an_interruption_between_two_steps_leaves_what_was_found(machine, moment):
-    """What a console prints is where a program is between two steps."""
+    """A program is between two steps where a console prints."""
     tested = machine(plan=LEAKAGE_PLAN)
 
     def interrupt(step):

@@ -129,7 +129,7 @@ def test_a_hub_of_can_fd_carries_both_kinds_between_its_clients(hub):
 
 
 def test_a_remote_frame_is_not_sent_as_a_data_frame(hub, monkeypatch):
-    """Which a real socketcand would put on its bus as a heartbeat without a state."""
+    """A real socketcand would put it on its bus as a heartbeat without a state."""
     said = []
     with SocketcandFdBus(channel="can0", host=hub.host, port=hub.port) as peer:
         monkeypatch.setattr(peer, "_tcp_send", said.append)

@@ -23,7 +23,7 @@ from hil_bench.plants.hydraulic_cylinder.model.validation import (
 # leaves the flow to the rest of it, R / (1 - s).
 
 _OPEN: Final = 1e-6
-"""What the dirt leaves open of an element."""
+"""The share of an element that the dirt leaves open."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,10 +33,16 @@ from hil_bench.cli.parser import Parser, all_verbs, apply_units, own_verbs
 from hil_bench.shown_units import choice_of_a_call
 
 _EXAMPLES = """\
-exit codes:
-  0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
-  under --strict-timing or --overrun stop; 5 a recording, report or server was lost; 6 nothing to
-  check was seen; 70 a bug in hil-bench; 130 interrupted (docs/exit-codes.md has their order)
+exit codes, the most severe first (docs/exit-codes.md):
+   70  a bug in hil-bench
+    3  a bus or a port cannot be used
+    1  a check failed
+    2  command line, configuration or a file is wrong
+    5  a recording, report or server was lost
+    4  late, under --strict-timing or --overrun stop
+  130  interrupted
+    6  what was to be checked was not seen
+    0  done
 
 short options, the same in every verb:
   -i --interface, -c --channel, -b --bitrate, -o --output, -k (choose),

@@ -42,6 +42,12 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
         self._action_max_length = max(self._action_max_length, widest)
         yield from headings
 
+    def _format_action(self, action: argparse.Action) -> str:
+        if getattr(action, "headings", None) is None:
+            return super()._format_action(action)
+        # Without a line of its own, which would say no more than VERB.
+        return "".join(map(self._format_action, self._iter_indented_subactions(action)))
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []
         for is_indented, group in groupby(text.splitlines(), key=lambda line: line[:1] == " "):

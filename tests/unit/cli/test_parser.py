@@ -117,12 +117,7 @@ def test_the_help_names_the_short_options():
 
 
 def test_the_help_has_each_verb_once_below_the_heading_of_its_group():
-    shown = (
-        build_parser((), VERBS)
-        .format_help()
-        .partition("\nverbs:\n  VERB\n")[2]
-        .partition("\n\n")[0]
-    )
+    shown = build_parser((), VERBS).format_help().partition("\nverbs:\n")[2].partition("\n\n")[0]
     found, verbs = {}, []
     for indent, word in re.findall(r"^( {2,4})([a-z-]+)", shown, re.MULTILINE):
         if len(indent) == 2:

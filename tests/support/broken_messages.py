@@ -1,4 +1,4 @@
-"""Broken logs whose cause is in the messages: SDO, PDO, SYNC, EMCY, load."""
+"""Broken logs whose cause is in the messages, where a node has an EDS or RPDOs are watched."""
 
 from support.bus_logs import CYCLE
 from support.log_cases import Broken, bench_nodes, started
@@ -31,22 +31,6 @@ def pdo_that_was_remapped_before_the_log_began():
     return frames, bench_nodes()
 
 
-@BROKEN.played(Cause.SDO_ABORT, "valve")
-def write_to_a_read_only_object(rig):
-    """The master writes the status word 0x6041."""
-    rig.start()
-    rig.write(rig.valve, 0x6041, 0, 1, "H")
-
-
-@BROKEN.played(Cause.SDO_NO_ANSWER, "pressure_a")
-def server_that_is_deaf(rig):
-    """SDO requests to pressure_a are lost; its heartbeat and its PDO go on."""
-    rig.start()
-    with rig.faults.lose("pressure_a", can_id=0x602):
-        rig.network.send(0x602, bytes.fromhex("4000100000000000"))
-        rig.move(1.5)
-
-
 @BROKEN.played(Cause.PDO_LENGTH, "valve")
 def controller_that_sends_a_short_pdo(rig):
     """The controller sends two bytes in RPDO1, which maps four: the valve answers by EMCY 8210h."""
@@ -55,45 +39,12 @@ def controller_that_sends_a_short_pdo(rig):
     rig.move(0.05)
 
 
-@BROKEN.played(Cause.PDO_LENGTH, "position")
-def sensor_that_sends_less_than_it_maps(rig):
-    """TPDO1 of position has three bytes in place of six."""
-    rig.start()
-    with rig.faults.truncate("position", 3, can_id=0x184):
-        rig.move(0.05)
-
-
-@BROKEN.played(Cause.PDO_MISSING, "pressure_a")
-def pdo_that_stays_out(rig):
-    """TPDO1 of pressure_a, due every 10 ms, is lost for 200 ms; its heartbeat is not."""
-    rig.start()
-    with rig.faults.lose("pressure_a", can_id=0x182):
-        rig.move(0.2)
-    rig.move(0.1)
-
-
-@BROKEN.played(Cause.PDO_MISSING, "pressure_a")
-def pdo_that_does_not_follow_sync(rig):
-    """The same of a TPDO of type 1: SYNC goes on, the TPDO does not."""
-    rig.start(transmission_type=1, event_timer=0.0)
-    with rig.faults.lose("pressure_a", can_id=0x182):
-        rig.move(0.2, sync=CYCLE)
-
-
 @BROKEN.played(Cause.PDO_MISSING, "pressure_a")
 def pdo_that_does_not_follow_every_fourth_sync(rig):
     """Of type 4, it is lost for 20 SYNCs."""
     every_fourth_sync(rig)
     with rig.faults.lose("pressure_a", can_id=0x182):
         rig.move(0.2, sync=CYCLE)
-
-
-@BROKEN.played(Cause.ABSENT_PRODUCER, "valve")
-def heartbeat_consumer_of_nobody(rig):
-    """The valve watches node 9, which does not exist."""
-    rig.set_up()
-    rig.write(rig.valve, 0x1016, 1, 0x0009_00FA)
-    rig.move(0.5)
 
 
 @BROKEN.played(Cause.ABSENT_PRODUCER, "valve")
@@ -111,49 +62,6 @@ def controller_that_pauses(rig):
     rig.start()
     rig.network.pump(0.3)
     rig.move(0.1)
-
-
-@BROKEN.played(Cause.SYNC_MISSING)
-def sync_that_stops(rig):
-    """The master sends SYNC every 10 ms and stops; set-points and heartbeats go on."""
-    rig.start(transmission_type=1, event_timer=0.0)
-    rig.move(1.2)  # set-points go on: a controller that ends is silent
-
-
-@BROKEN.played(Cause.SYNC_MISSING)
-def sync_with_gaps(rig):
-    """Every tenth SYNC is missing; set-points go on."""
-    rig.start(transmission_type=1, event_timer=0.0)
-    for _ in range(5):
-        rig.move(0.09, sync=CYCLE)
-        rig.move(CYCLE)
-
-
-@BROKEN.played(Cause.SYNC_JITTER)
-def sync_of_a_loaded_pc(rig):
-    """SYNC comes after 7 and 13 ms in turn."""
-    rig.start(transmission_type=1, event_timer=0.0)
-    for _ in range(30):
-        rig.move(0.001, sync=0.007)
-        rig.move(0.001, sync=0.013)
-
-
-@BROKEN.played(Cause.EMCY, "pressure_a")
-def transducer_beyond_its_span(rig):
-    """pressure_a measures 400 bar more than there is: F001h, and gone again at the end."""
-    rig.start()
-    with rig.faults.offset("pressure_a", 400e5):
-        rig.move(0.1)
-    rig.move(0.1)
-
-
-@BROKEN.played(Cause.BUS_LOAD)
-def node_that_babbles(rig):
-    """A node floods the bus with eight frames a millisecond: 50 bits each are 40 % of 1 Mbit/s,
-    which is too much for 250 kbit/s."""
-    rig.start()
-    with rig.faults.babble("pressure_b", 8, can_id=0x7FF):
-        rig.move(0.5)
 
 
 def every_fourth_sync(rig):

@@ -30,8 +30,7 @@ BROKEN = {**broken_nodes.BROKEN, **broken_messages.BROKEN, **broken_protection.B
 def test_the_cause_of_a_broken_log_is_found_first(name):
     case = BROKEN[name]
     frames, known = case.make()
-    bitrate = 250_000 if case.cause is Cause.BUS_LOAD else BITRATE
-    found = explain(frames, known, bitrate).findings
+    found = explain(frames, known, BITRATE).findings
     assert found
     assert (found[0].cause, found[0].node) == (case.cause, case.node), found
 
@@ -221,11 +220,6 @@ def test_no_frames_make_it_stumble(frames, are_known):
     nodes = [KnownNode(2, "pressure", load_eds(PRESSURE_404, 2))] if are_known else []
     logged = [LoggedFrame(frame, 100 * MS * n, None) for n, frame in enumerate(frames)]
     assert explain(logged, nodes, BITRATE).frames == len(frames)
-
-
-def test_there_are_as_many_logs_as_were_promised():
-    assert len(BROKEN) >= 20
-    assert len(SOUND) >= 10
 
 
 @pytest.mark.parametrize("name", ["motion_with_sync", "motion_with_pdos_on_event"])

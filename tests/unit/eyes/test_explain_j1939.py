@@ -16,7 +16,7 @@ from hil_bench.abilities.eyes.known_ecu import ecus_of
 from hil_bench.abilities.eyes.known_node import nodes_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_drivers import DriverError, Network, PositionSensor
+from hil_drivers import Network, PositionSensor
 from hil_drivers.j1939 import AuxiliaryValve, J1939Port, Name
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "j1939.toml"
@@ -77,22 +77,6 @@ def two_devices_with_one_address(rig):
     rig.network.pump(1.0)
 
 
-@broken(Cause.ADDRESS_CLASH, "valve")
-def device_that_uses_the_address_of_another(rig):
-    """The joystick was set up wrongly and sends from the valve's address."""
-    rig.start()
-    with rig.faults.readdress("joystick", 128):
-        rig.network.pump(1.0)
-
-
-@broken(Cause.ADDRESS_CLASH, "sensors")
-def device_that_does_not_yield(rig):
-    """Another one claims the sensors' address with a larger NAME, and does not yield."""
-    rig.start()
-    rig.say(0x18EEFF8C, "01 00 00 00 00 00 00 F0")
-    rig.network.pump(2.0)
-
-
 @broken(Cause.J1939_SILENT, "joystick")
 def device_that_dies(rig):
     """The joystick has no power after 1 s."""
@@ -123,44 +107,6 @@ def dm1_that_is_lost(rig):
         rig.network.pump(1.0)
 
 
-@broken(Cause.J1939_TRANSFER, "valve")
-def dm1_of_several_codes_with_a_lost_packet(rig):
-    """DM1 has two codes, so it comes by BAM, and its packets are lost."""
-    rig.start()
-    with (
-        rig.faults.report("valve", spn=100, fmi=3),
-        rig.faults.report("valve", spn=101, fmi=3),
-        rig.faults.lose("valve", can_id=0x1CEBFF80),
-    ):
-        rig.network.pump(1.5)
-
-
-@broken(Cause.J1939_TRANSFER, "valve")
-def component_whose_receiver_hears_nothing(rig):
-    """The valve announces its component, and the controller's answers are lost."""
-    rig.start()
-    with rig.faults.lose("valve", can_id=0x1CEC8027), pytest.raises(DriverError):
-        rig.valve.component()
-    rig.network.pump(2.0)
-
-
-@broken(Cause.J1939_REQUEST, "address 39")
-def request_of_what_a_device_does_not_have(rig):
-    """The controller asks the valve for engine hours."""
-    rig.start()
-    with pytest.raises(DriverError):
-        rig.valve.request(0xFEE5)
-
-
-@broken(Cause.J1939_REQUEST, "address 39")
-def request_to_a_device_that_is_not_there(rig):
-    """The controller asks address 5."""
-    rig.start()
-    with pytest.raises(DriverError):
-        rig.port.request(0xFEDA, 5)
-    rig.network.pump(0.5)
-
-
 @broken(Cause.TROUBLE_CODE, "valve")
 def controller_that_stops_commanding(rig):
     """No command for 600 ms, so that the valve reports SPN 1907."""
@@ -168,14 +114,6 @@ def controller_that_stops_commanding(rig):
     rig.network.pump(0.3)
     rig.valve._due = float("inf")
     rig.network.pump(0.6)
-
-
-@broken(Cause.TROUBLE_CODE, "joystick")
-def lever_with_a_broken_wire(rig):
-    """The wire of the lever breaks."""
-    rig.start()
-    with rig.faults.break_wire("joystick.x"):
-        rig.network.pump(0.5)
 
 
 @sound
@@ -196,26 +134,6 @@ def motion_beside_canopen(rig):
     rig.start()
     rig.network.pump(2.0)
     assert sensor.position > 0.01
-
-
-@sound
-def contention_that_is_settled(rig):
-    """A device wants an address that is taken, and takes another one."""
-    rig.start()
-    rig.say(0x18EEFF13, "05 00 00 00 00 00 00 F0")
-    rig.network.pump(0.01)
-    rig.say(0x18EEFF14, "05 00 00 00 00 00 00 F0")
-    rig.network.pump(2.0)
-
-
-@sound
-def tool_that_signs_off(rig):
-    """A tool claims a free address, and gives it up by address 254 when it ends."""
-    rig.start()
-    rig.say(0x18EEFF30, "01 00 00 00 00 00 00 00")
-    rig.network.pump(1.0)
-    rig.say(0x18EEFFFE, "01 00 00 00 00 00 00 00")
-    rig.network.pump(1.0)
 
 
 @sound

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 REST = """\
@@ -27,6 +28,15 @@ def write_rest(folder: Path, text: str = REST) -> Path:
     path = folder / "rest.scenario.toml"
     path.write_text(text)
     return path
+
+
+def run_result(
+    *verdicts: Verdict, outcome: str = "", key: str = "k", **others: object
+) -> RunResult:
+    """Return a result of the scenario "s", whose outcome is that of its first verdict."""
+    found = RunOutcome(outcome or verdicts[0].outcome)
+    run = RunResult(key, "s", "", "", None, {}, found, verdicts=verdicts)
+    return run._replace(**others)
 
 
 def rest_pressures() -> tuple[float, float]:

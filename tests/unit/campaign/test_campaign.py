@@ -9,16 +9,16 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from support.campaigns import REST, margin_of, rest_pressures, write_rest
+from support.campaigns import REST, margin_of, rest_pressures, run_result, write_rest
 
 import hil_bench
 from hil_bench import ConfigError
 from hil_bench.abilities.campaign import store
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
+from hil_bench.abilities.campaign.records import RunOutcome, Verdict, read_campaign
 from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_pool
 from hil_bench.abilities.campaign.store import Store
-from hil_bench.abilities.campaign.summary import compare, correlations, summarise
+from hil_bench.abilities.campaign.summary import summarise
 from hil_bench.abilities.campaign.table import Shard, collect, execute, to_table
 from hil_bench.cli import main
 
@@ -325,59 +325,6 @@ def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys, cli):
     assert "R-2: of 4 common runs 4 newly failed, 0 no longer" in out
 
 
-def test_a_comparison_counts_what_turned_and_not_what_stayed():
-    def results(*outcomes):
-        return [
-            RunResult(
-                str(number),
-                "s",
-                "",
-                "",
-                None,
-                {"x": float(number)},
-                RunOutcome(outcome),
-                verdicts=(Verdict("R-1", outcome, margin, ""),),
-            )
-            for number, (outcome, margin) in enumerate(outcomes)
-        ]
-
-    before = results(("failed", -1.0), ("passed", 1.0), ("failed", -3.0), ("passed", 5.0))
-    now = results(("failed", -2.0), ("failed", -2.0), ("passed", 2.0), ("passed", 4.0))
-    (change,) = compare(before, now)
-    assert [each.values["x"] for each in change.broken] == [1.0]
-    assert [each.values["x"] for each in change.mended] == [2.0]
-    assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
-    assert change.undecided == 0
-    # A failure that is not decided any more has not gone, and neither has one that crashes.
-    now = results(("inconclusive", None), ("passed", 1.0), ("crashed", None), ("failed", -1.0))
-    now[2] = now[2]._replace(verdicts=())
-    (change,) = compare(before, now)
-    assert (len(change.broken), change.mended, change.undecided) == (1, (), 2)
-    assert "1 newly failed, 0 no longer, 2 not decided before or now" in change.line()
-    assert change.margins == (3.0, 0.0)  # medians of 1, 5 and of 1, -1
-
-
-def test_correlations_are_those_of_ranks_over_decided_runs():
-    """Spearman's 1 - 6 sum(d²) / (n (n² - 1)): pairs that are swapped have d² = 1 each."""
-    swapped = [1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10]
-
-    def result(number, margin, values):
-        verdict = Verdict("R-1", "passed" if margin is not None else "inconclusive", margin, "")
-        key, outcome = f"{number}", RunOutcome(verdict.outcome)
-        return RunResult(key, "s", "", "", None, values, outcome, verdicts=(verdict,))
-
-    results = [
-        result(x, swapped[x] ** 3, {"x": float(x), "fixed": 1.0, "falls": 100.0 - swapped[x]})
-        for x in range(12)
-    ]
-    results += [result(12, None, {"x": 12.0, "falls": 999.0}), result(13, 1.0, {"fixed": 2.0})]
-    falls, x = correlations(results)[:2]
-    assert (falls.parameter, falls.rank, falls.runs) == ("falls", pytest.approx(-1.0), 12)
-    rank = pytest.approx(1 - 6 * 12 / (12 * (12**2 - 1)))
-    assert (x.parameter, x.rank, x.runs) == ("x", rank, 12)
-    assert correlations(results[:9]) == []  # too few
-
-
 @pytest.mark.parametrize("key", ["runs", "levels", "seed", "timeout"])
 def test_a_default_is_that_of_the_document(tmp_path, make_file, key):
     path = make_file("c.toml", 'scenarios = ["rest.scenario.toml"]\n')
@@ -389,21 +336,13 @@ def test_a_default_is_that_of_the_document(tmp_path, make_file, key):
     assert getattr(read_campaign(path), key) == float(said[f"`{name}`"])
 
 
-def test_a_summary_says_how_little_a_run_has_seen(tmp_path):
-    def result(seen):
-        verdict = Verdict("R-1", "inconclusive", None, "", seen)
-        outcome = RunOutcome.INCONCLUSIVE
-        return RunResult(f"{seen}", "s", "", "", None, {}, outcome, verdicts=(verdict,))
-
-    (found,) = summarise([result(1.0), result(None)])
+def test_a_table_says_how_little_a_run_has_seen():
+    runs = [
+        run_result(Verdict("R-1", "inconclusive", None, "", seen)) for seen in (1.0, 0.25, None)
+    ]
+    assert to_table(runs)["R-1 seen"].to_list()[:2] == [1.0, 0.25]
+    (found,) = summarise(runs[::2])
     assert (found.seen, "seen" in found.line()) == (1.0, False)
-    results = [result(1.0), result(0.25), result(0.5)]
-    (found,) = summarise(results)
-    assert found.line().endswith("; seen at least 25 % of its time")
-    assert to_table(results)["R-1 seen"].to_list() == [1.0, 0.25, 0.5]
-    store = Store(tmp_path / "results", {})
-    store.write(results)
-    assert sorted(store.results()) == sorted(results)
 
 
 @pytest.mark.long

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.campaigns import run_result
 
 from hil_bench.abilities.campaign import reports
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
+from hil_bench.abilities.campaign.records import RunOutcome, Verdict, read_campaign
 from hil_bench.abilities.campaign.search import (
     Evolution,
     Find,
@@ -52,26 +53,12 @@ def some_runs(seed, count=60):
             margin = dice.choice((None, size, size, size))
             if outcome == "failed" and margin is not None:
                 margin = -margin
-            verdicts.append(
-                Verdict(
-                    name, outcome, margin, f"{name} is so", dice.choice((None, 1.0, dice.random()))
-                )
-            )
+            seen = dice.choice((None, 1.0, dice.random()))
+            verdicts.append(Verdict(name, outcome, margin, f"{name} is so", seen))
         found = [each.outcome for each in verdicts] or [dice.choice(("crashed", "timed out"))]
         outcome = RunOutcome(min(found, key=ORDER.index))
-        runs.append(
-            RunResult(
-                f"{number:08x}",
-                scenario,
-                "",
-                "",
-                None,
-                values,
-                outcome,
-                problem,
-                verdicts=tuple(verdicts),
-            )
-        )
+        key, more = f"{number:08x}", {"scenario": scenario, "values": values, "problem": problem}
+        runs.append(run_result(*verdicts, outcome=outcome, key=key, **more))
     return runs
 
 
@@ -147,9 +134,8 @@ def test_a_summary_counts_what_the_runs_say(seed):
 
 def test_ten_runs_are_enough_for_a_correlation_and_one_value_is_not():
     def run(number, a):
-        found = (Verdict("R1", "passed", float(number), ""),)
         values = {"a": a, "b": float(-number)}
-        return RunResult(f"{number}", "s", "", "", None, values, RunOutcome.PASSED, verdicts=found)
+        return run_result(Verdict("R1", "passed", float(number), ""), values=values)
 
     assert correlations([run(n, 1.0) for n in range(9)]) == []
     (only,) = correlations([run(n, 1.0) for n in range(10)])
@@ -331,13 +317,9 @@ def test_a_figure_of_margins_has_each_margin_in_the_bin_where_it_lies(drawn):
 
 def test_a_figure_of_a_search_has_the_best_so_far_of_each_method(drawn):
     def trial(method, number, margin):
-        found = (
-            ()
-            if margin is None
-            else (Verdict("R1", "failed" if margin < 0 else "passed", margin, ""),)
-        )
-        run = RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=found)
-        return Trial(method, number, {}, run)
+        outcome = "failed" if margin is not None and margin < 0 else "passed"
+        found = [] if margin is None else [Verdict("R1", outcome, margin, "")]
+        return Trial(method, number, {}, run_result(*found, outcome="passed"))
 
     trials = (
         trial(Method.RANDOM, 1, 0.5), trial(Method.RANDOM, 2, 0.75), trial(Method.RANDOM, 3, -0.25),
@@ -373,8 +355,7 @@ def test_a_search_starts_anew_at_the_best_it_knows_and_every_second_round_elsewh
 
     def run(one, two):
         margins = {"R1": one, "R2": two}
-        found = tuple(Verdict(name, "passed", margin, "") for name, margin in margins.items())
-        return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=found)
+        return run_result(*(Verdict(name, "passed", each, "") for name, each in margins.items()))
 
     search.tell(points, [run(0.5, 0.5), run(0.3, 0.9), run(0.9, 0.2)])
     # Turns: both, R1, R2; a round has three. The first start is for both.
@@ -389,7 +370,7 @@ def test_a_search_starts_anew_at_the_best_it_knows_and_every_second_round_elsewh
 
 def test_the_report_of_a_search_says_where_its_smallest_margin_is(tmp_path, drawn):
     verdicts = (Verdict("R1", "failed", -0.25, ""), Verdict("R2", "inconclusive", None, ""))
-    run = RunResult("k", "s", "", "", None, {}, RunOutcome.FAILED, verdicts=verdicts)
+    run = run_result(*verdicts)
     trials = (Trial(Method.SOBOL, 3, {"a": 1.5}, run),)
     finds = tuple(_find(name, trials) for name in ("R1", "R2"))
     scenario = SimpleNamespace(title="A title", path="a.scenario.toml")

@@ -8,23 +8,20 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from support.campaigns import REST, margin_of, rest_pressures, write_rest
+from support.campaigns import REST, margin_of, rest_pressures, run_result, write_rest
 
 from hil_bench import ConfigError
 from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
 from hil_bench.abilities.campaign.plan import make_spec, own_case
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.abilities.campaign.records import Verdict
 from hil_bench.abilities.campaign.search import (
     ALL_METHODS,
-    CRASH,
     Budget,
     Evolution,
     Method,
     SearchResult,
     Trial,
     build_search,
-    cost_of,
-    turns,
 )
 from hil_bench.abilities.campaign.shrink import Target, round_to, shrink
 from hil_bench.abilities.campaign.snapshot import perform_here
@@ -50,11 +47,13 @@ def search(path, folder, runs=40, methods=ALL_METHODS):
 
 def made_up(*margins):
     """Return a result with a verdict a margin: R-0, R-1, ..."""
-    verdicts = tuple(
-        Verdict(f"R-{place}", "failed" if margin < 0 else "passed", margin, "")
-        for place, margin in enumerate(margins)
+    return run_result(
+        *(
+            Verdict(f"R-{place}", "failed" if margin < 0 else "passed", margin, "")
+            for place, margin in enumerate(margins)
+        ),
+        outcome="passed",
     )
-    return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=verdicts)
 
 
 @pytest.mark.long  # tens of runs of a scenario
@@ -100,9 +99,7 @@ def test_what_the_author_fixed_stays_when_a_failure_is_made_small(tmp_path, that
         played.append(candidate)
         prepare(candidate)  # refuses one that is too short
         limit = next(each.value for each in candidate.parameters if each.name == "limit_bar")
-        outcome = "failed" if limit < 47.11 else "passed"
-        verdict = Verdict("R-1", outcome, None, "")
-        return RunResult("k", "s", "", "", None, {}, RunOutcome(outcome), verdicts=(verdict,))
+        return run_result(Verdict("R-1", "failed" if limit < 47.11 else "passed", None, ""))
 
     trial = Trial(Method.RANDOM, 1, {"limit_bar": 12.345678}, fails(scenario))
     small = shrink(scenario, trial, Target("R-1"), fails)
@@ -124,8 +121,7 @@ def test_a_parameter_of_another_requirement_alone_is_left_out(tmp_path):
     scenario = load_scenario(write_rest(tmp_path, text))
 
     def fails(_candidate):
-        verdict = Verdict("R-1", "failed", None, "")
-        return RunResult("k", "s", "", "", None, {}, RunOutcome.FAILED, verdicts=(verdict,))
+        return run_result(Verdict("R-1", "failed", None, ""))
 
     trial = Trial(Method.RANDOM, 1, {"limit_bar": 12.0}, fails(scenario))
     small = shrink(scenario, trial, Target("R-1"), fails)
@@ -147,8 +143,7 @@ def test_a_number_of_a_small_failure_has_few_digits(tmp_path, low, high, short):
     def fails(candidate):
         limit = next(each.value for each in candidate.parameters if each.name == "limit_bar")
         outcome = "failed" if low <= limit < high else "passed"
-        verdict = Verdict("R-1", outcome, None, "")
-        return RunResult("k", "s", "", "", None, {}, RunOutcome(outcome), verdicts=(verdict,))
+        return run_result(Verdict("R-1", outcome, None, ""))
 
     trial = Trial(Method.RANDOM, 1, {"limit_bar": 0.5 * (low + high)}, fails(scenario))
     small = shrink(scenario, trial, Target("R-1"), fails)
@@ -296,19 +291,6 @@ def test_evolution_starts_anew_where_nothing_becomes_smaller(spread, generations
     assert done == generations
 
 
-def test_turns_are_about_all_and_then_about_each():
-    assert turns(["a", "b", "c"], ["b"]) == [["a", "c"], ["a"], ["c"]]
-    assert turns(["a"], []) == [["a"]]
-    assert turns(["a", "b"], ["a", "b"]) == [["a", "b"]]
-
-
-def test_a_crash_costs_less_than_any_margin_and_idle_requirements_more():
-    crashed = RunResult("k", "s", "", "", None, {}, RunOutcome.CRASHED, "gone")
-    assert cost_of(crashed, ["R-0"]) == CRASH
-    idle = made_up(0.5)._replace(verdicts=(Verdict("R-0", "not exercised", 0.5, ""),))
-    assert cost_of(idle, ["R-0"]) > cost_of(made_up(1.0), ["R-0"])
-
-
 def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
     plain = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
     path = write_rest(tmp_path, plain)
@@ -357,9 +339,8 @@ def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, cli
 
 
 def test_a_run_that_crashed_is_no_run_without_failure():
-    verdict = Verdict("R-1", "passed", 0.5, "holds")
-    passed = RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=(verdict,))
-    crashed = passed._replace(outcome=RunOutcome.CRASHED, problem="gone", verdicts=())
+    passed = run_result(Verdict("R-1", "passed", 0.5, "holds"))
+    crashed = run_result(outcome="crashed", problem="gone")
     tally = tally_of("R-1", [passed, crashed, crashed])
     assert tally.failures_text() == "no failure in 1 decided runs of 3 (2 crashed)"
     # 1 - 0.05: one run bounds it, three would say 0.63

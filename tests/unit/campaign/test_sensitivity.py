@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import sobol_indices as by_scipy
-from support.campaigns import write_rest
+from support.campaigns import run_result, write_rest
 
 from hil_bench.abilities.campaign.distributions import Sampler
 from hil_bench.abilities.campaign.plan import Plan
-from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict, read_campaign
+from hil_bench.abilities.campaign.records import Verdict, read_campaign
 from hil_bench.abilities.campaign.sensitivity import sobol_indices
 from hil_bench.errors import ConfigError
 
@@ -43,9 +43,9 @@ def ishigami(values):
 
 def results_of(plan, margin):
     return [
-        RunResult(
-            spec.key, "rest", "", "", None, spec.values, RunOutcome.PASSED, "",
-            verdicts=(Verdict("R-1", "passed", margin(spec.values), ""),),
+        run_result(
+            Verdict("R-1", "passed", margin(spec.values), ""), key=spec.key, scenario="rest",
+            values=spec.values,
         )
         for spec in plan
     ]  # fmt: skip

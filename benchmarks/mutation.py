@@ -121,6 +121,7 @@ def in_fork(
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
         if as_python:
             os.environ["NUMBA_DISABLE_JIT"] = "1"
+        del sys.modules["__main__"].__file__  # or each process of a test would import this program
         null = os.open(os.devnull, os.O_RDWR)
         for stream in range(3):
             os.dup2(null, stream)

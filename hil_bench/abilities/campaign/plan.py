@@ -20,6 +20,7 @@ from hil_bench.abilities.scenario.records import Controller, Parameter, Scenario
 from hil_bench.abilities.scenario.resolve import parameter_values
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.cli.results import warn_of
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 
@@ -139,6 +140,7 @@ def make_case(scenario: Scenario, name: str, bench: str = "", firmware: str = ""
         firmware: how the firmware is named.
     """
     prepared = prepare(scenario)
+    warn_of(prepared.doubts)
     _check_storage(prepared.config)
     files = controller_digest(scenario.controller, scenario.path.parent)
     digest = case_digest(scenario, prepared.config, files)

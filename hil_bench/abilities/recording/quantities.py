@@ -1,5 +1,6 @@
 """Recorded quantities: their usual sizes, and even times."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -42,6 +43,12 @@ _QUANTITIES: Final[Mapping[str, _Quantity]] = MappingProxyType(
 A pressure below 0.1 bar or above 3000 bar for a whole run, a stroke beyond 100 m and a spool beyond
 ten times its full opening are no machine's: rather, the unit is that of another column.
 """
+
+
+def highest_of(name: str) -> float:
+    """Return the magnitude above which no machine has a quantity [SI], by its channel's name."""
+    quantity = _QUANTITIES.get(name.rpartition(".")[2])
+    return quantity.high if quantity is not None else math.inf
 
 
 def check_quantities(recording: Recording, names: Iterable[str]) -> None:

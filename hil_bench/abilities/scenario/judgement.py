@@ -9,7 +9,7 @@ from typing import Final
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.dimensions import UNITS, Dimension, find_unit
 from hil_bench.abilities.scenario.examination import Cause, Coverage, Examination
-from hil_bench.abilities.scenario.reach import Asks, asks_for
+from hil_bench.abilities.scenario.reach import CERTAIN, Asks, asks_for, is_certain
 from hil_bench.abilities.scenario.values import Floats, build_values
 from hil_bench.bench.virtual_bench import FrameReader
 from hil_bench.outside.recording.channels import LoggedFrame, Recording, Span
@@ -279,7 +279,8 @@ def judge(
         where = " where it was seen" if coverage.unknown else ""
         lacks += [f"its trigger never became true{where}"] * (0 in times)
         outcome = RequirementOutcome.NOT_EXERCISED if lacks else RequirementOutcome.PASSED
-        doubts = [*remarks, *[_FIRST] * (coverage.end == 0.0 and ticks > 1)]
+        doubts = [*remarks, *[CERTAIN] * is_certain(requirement)]
+        doubts += [_FIRST] * (coverage.end == 0.0 and ticks > 1)
         doubts = lacks or doubts or [examination.idle_wait() or examination.stillness()]
         reason = "; ".join(doubts)
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)

@@ -1,9 +1,13 @@
-"""The needs of a requirement in a run: its time span, and its signals."""
+"""The needs of a requirement in a run: its time span, its signals, and that it can fail."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from enum import Enum
+from itertools import combinations
+from typing import Final
 
+from hil_bench.abilities.recording.quantities import highest_of
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.nodes import Condition
 
@@ -129,3 +133,127 @@ def walk(conditions: Iterable[Condition]) -> Iterator[object]:
             waiting += (getattr(node, each.name) for each in fields(node))
         elif isinstance(node, tuple):
             waiting += node
+
+
+# Requirements that no run can violate. What is not seen here counts as one that can fail.
+
+
+CERTAIN: Final = "cannot fail: no value that a machine can have violates it"
+
+
+def is_certain(node: Condition, *, truth: bool = True) -> bool:
+    """Return True if a condition has this truth with all values that a machine can have.
+
+    It is found by the ranges of single signals, by sums in which a signal falls out, and by a
+    condition beside its contrary.
+    """
+    match node:
+        case nodes.Comparison():
+            return _is_certain_comparison(node, truth=truth)
+        case nodes.Not():
+            return is_certain(node.operand, truth=not truth)
+        case nodes.Implies():
+            no_trigger = nodes.Not(node.trigger, position=node.position)
+            either = nodes.Any((no_trigger, node.response), position=node.position)
+            return is_certain(either, truth=truth)
+        case nodes.All() | nodes.Any():
+            found = [is_certain(each, truth=truth) for each in node.operands]
+            pairs = combinations(node.operands, 2)
+            is_each = truth is isinstance(node, nodes.All)
+            return (
+                all(found) if is_each else any(found) or any(_are_contrary(*two) for two in pairs)
+            )
+        case nodes.Always() | nodes.Eventually():
+            return is_certain(node.operand, truth=truth)
+        case _:
+            return False
+
+
+_CONTRARY = {
+    nodes.Relation.LESS: nodes.Relation.GREATER_EQUAL,
+    nodes.Relation.GREATER: nodes.Relation.LESS_EQUAL,
+    nodes.Relation.EQUAL: nodes.Relation.UNEQUAL,
+}
+_CONTRARY |= {contrary: relation for relation, contrary in _CONTRARY.items()}
+
+
+def _are_contrary(one: Condition, other: Condition) -> bool:
+    """Return True if one of two conditions is written as the contrary of the other."""
+    match one, other:
+        case nodes.Not(), _ if nodes.is_same(one.operand, other):
+            return True
+        case _, nodes.Not() if nodes.is_same(one, other.operand):
+            return True
+        case nodes.Comparison(), nodes.Comparison():
+            are_alike = nodes.is_same(one.left, other.left) and nodes.is_same(
+                one.right, other.right
+            )
+            return are_alike and _CONTRARY[one.relation] is other.relation
+        case _:
+            return False
+
+
+def _is_certain_comparison(node: nodes.Comparison, *, truth: bool) -> bool:
+    low, high = _difference(node.left, node.right)
+    match node.relation if truth else _CONTRARY[node.relation]:
+        case nodes.Relation.LESS:
+            return high < 0.0
+        case nodes.Relation.LESS_EQUAL:
+            return high <= 0.0
+        case nodes.Relation.GREATER:
+            return low > 0.0
+        case nodes.Relation.GREATER_EQUAL:
+            return low >= 0.0
+        case nodes.Relation.EQUAL:
+            return low == high == 0.0
+        case nodes.Relation.UNEQUAL:
+            return low > 0.0 or high < 0.0
+
+
+def _difference(left: nodes.Value, right: nodes.Value) -> tuple[float, float]:
+    """Return the least and the largest difference of two values [SI]."""
+    merged: list[tuple[float, nodes.Value]] = []
+    for factor, term in (*_terms(left, 1.0), *_terms(right, -1.0)):
+        place = next((i for i, (_, each) in enumerate(merged) if nodes.is_same(each, term)), None)
+        if place is None:
+            merged.append((factor, term))
+        else:
+            merged[place] = merged[place][0] + factor, term
+    ends = [
+        sorted((factor * low, factor * high))
+        for factor, (low, high) in ((factor, _range(term)) for factor, term in merged if factor)
+    ]
+    return sum(low for low, _ in ends), sum(high for _, high in ends)
+
+
+def _terms(value: nodes.Value, factor: float) -> Iterator[tuple[float, nodes.Value]]:
+    """Yield the summands of a value with their factors."""
+    match value:
+        case nodes.Arithmetic(operation=nodes.Operation.ADD | nodes.Operation.SUBTRACT):
+            yield from _terms(value.left, factor)
+            sign = 1.0 if value.operation is nodes.Operation.ADD else -1.0
+            yield from _terms(value.right, sign * factor)
+        case nodes.Arithmetic(nodes.Operation.MULTIPLY, nodes.Number() as number, other):
+            yield from _terms(other, number.value * factor)
+        case nodes.Arithmetic(nodes.Operation.MULTIPLY, other, nodes.Number() as number):
+            yield from _terms(other, number.value * factor)
+        case nodes.Arithmetic(nodes.Operation.DIVIDE, other, nodes.Number() as number):
+            yield from _terms(other, factor / number.value)
+        case _:
+            yield factor, value
+
+
+def _range(value: nodes.Value) -> tuple[float, float]:
+    """Return the least and the largest value of a summand [SI]."""
+    match value:
+        case nodes.Number():
+            return value.value, value.value
+        case nodes.Reading():
+            return -highest_of(value.name), highest_of(value.name)
+        case nodes.Magnitude():
+            low, high = _difference(value.operand, nodes.Number(0.0, position=value.position))
+            return max(0.0, low, -high), max(-low, high)
+        case nodes.PreviousValue():
+            return _difference(value.operand, nodes.Number(0.0, position=value.position))
+        case _:
+            return -math.inf, math.inf

@@ -14,7 +14,7 @@ from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary, Windowed
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.reach import look_back, reach, walk
+from hil_bench.abilities.scenario.reach import CERTAIN, is_certain, look_back, reach, walk
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.session import Session
@@ -311,6 +311,12 @@ class PreparedScenario:
     actions: tuple[TimedAction, ...]
     requirements: tuple[Requirement, ...]
     sessions: list[Session] = field(default_factory=list, compare=False, repr=False)
+
+    @property
+    def doubts(self) -> list[str]:
+        """The requirements that cannot fail, a line each."""
+        certain = [each.id for each in self.requirements if is_certain(each.condition)]
+        return [f"{self.scenario.path}: {each}: {CERTAIN}" for each in certain]
 
     @property
     def last_tick(self) -> int:

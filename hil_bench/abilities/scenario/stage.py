@@ -50,6 +50,7 @@ from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMap
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
+from hil_bench.plants.plant import SUPPLY
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -109,9 +110,9 @@ class Hand:
         return SetObject(target.node, target.name, raw)
 
     def present(self, target: Target) -> float:
-        """Return the value that a target has; of a plant, 0, for it does not tell."""
+        """Return the value that a target has; of a plant, where nothing acts on it."""
         if isinstance(target, PlantTarget):
-            return 0.0
+            return target.influence.usual
         if isinstance(target, RegisterTarget):
             held = target.read()
             return 0.0 if math.isnan(held) else held
@@ -121,6 +122,21 @@ class Hand:
         if isinstance(target, ValveTarget):
             return target.handle[SET_POINT]
         return float(target.variable.value or 0) / target.scale
+
+    def holds(self, target: Target, value: float) -> bool:
+        """Return True if a target is known to have a value already; of a plant, as it begins."""
+        match target:
+            case PlantTarget():
+                is_fixed = target.influence.name != SUPPLY  # a pump's varies
+                return is_fixed and target.influence.usual == value
+            case RegisterTarget():
+                return target.read() == value
+            case SignalTarget():
+                return target.handle[target.name] == target.raw(value)
+            case ValveTarget():
+                return target.handle[SET_POINT] == value
+            case ObjectTarget():
+                return target.variable.value == target.raw(value)
 
     def command(self, step: NmtStep) -> list[Frame]:
         """Return the frames of an NMT command: one a bus where it is for all."""
@@ -210,6 +226,7 @@ class Director:
     Attributes:
         is_over: whether the run has come to its end.
         problem: what a step could not do; empty where all went well.
+        is_changed: of each target that a step has set, whether one found another value there.
         overwrites: says of a target whether the controller, as it begins, overwrites its value.
     """
 
@@ -224,6 +241,7 @@ class Director:
     ) -> None:
         self.is_over = False
         self.problem = ""
+        self.is_changed: dict[str, bool] = {}
         self._plan, self._session, self._hand = plan, session, hand
         self._targets = targets
         self._waiting = list(reversed(plan.actions))
@@ -310,6 +328,10 @@ class Director:
         return Move(target, action.points(tick, start))
 
     def _set(self, name: str, target: Target, value: float) -> Iterator[Frame]:
+        if not self.is_changed.get(name):
+            is_set_before = isinstance(target, PlantTarget) and name in self._values
+            held = self._values[name] == value if is_set_before else self._hand.holds(target, value)
+            self.is_changed[name] = not held
         self._values[name] = value
         done = self._hand.set(target, value)
         if isinstance(target, ValveTarget):
@@ -398,7 +420,11 @@ class Stage:
         actions = [each.action for each in self._prepared.actions]
         faults = [each for each in actions if isinstance(each, FaultConfig) and each.is_baseline]
         asked = {f"{each.kind} {each.target}" for each in faults}
-        idle, remarks = list(absent), []
+        changed = self.director.is_changed
+        remarks = [
+            f"{name} was so already when a step set it" for name in changed if not changed[name]
+        ]
+        idle = list(absent)
         for fault in self._faults.idle:
             if fault in asked:
                 remarks.append(f"the fault {fault} has an amount that changes nothing")

@@ -158,8 +158,13 @@ class FmuConfig(AxisConfig):
     def influences(self) -> tuple[Influence, ...]:
         """The bound inputs."""
         return tuple(
-            Influence(name, self.units_of_inputs[name], *self.limits_of_inputs[name])
-            for name in self.inputs
+            Influence(
+                name,
+                self.units_of_inputs[name],
+                *self.limits_of_inputs[name],
+                binding.start * binding.factor,
+            )
+            for name, binding in self.inputs.items()
         )
 
     def limits(self, quantity: str) -> tuple[float, float]:

@@ -44,6 +44,7 @@ def counted(done):
     [
         (30, 1),  # P_A is 48 bar at rest: the two runs that were done fail
         (250, 130),
+        (4000, 130),  # beyond each machine
     ],
 )
 def test_an_interrupted_campaign_judges_the_runs_that_are_done(
@@ -61,6 +62,7 @@ def test_an_interrupted_campaign_judges_the_runs_that_are_done(
     words = ["campaign", str(path), "--runs=5", f"--output={tmp_path / 'out'}"]
     said = cli(words, code)
     assert "out: interrupted; what is done is kept" in said.err
+    assert ("R-1: cannot fail" in said.err) == (limit == 4000)
     what = "failed" if code == 1 else "passed"
     assert said.out.startswith(f"2 runs: 2 {what}; 3 not done yet")
 

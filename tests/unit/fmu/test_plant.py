@@ -7,12 +7,13 @@ import struct
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 
 import pytest
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.fmu import child
-from hil_bench.plants.fmu.configuration import FULL_SCALE
+from hil_bench.plants.fmu.configuration import FULL_SCALE, FmuBinding
 from hil_bench.plants.fmu.slave import Setup
 
 HUGE = (
@@ -49,6 +50,8 @@ def test_takes_parameters_and_inputs(load, version):
     assert plant.drive(0.01 * FULL_SCALE, 1)[1] == pytest.approx((2.0 * 1.0 - 5.0) * 1e-3)
     plant.influence("load", None)
     assert plant.drive(0.01 * FULL_SCALE, 1)[1] == pytest.approx(2e-3)
+    kilonewtons = replace(axis, inputs={"load": FmuBinding(0, factor=1e3, start=2.5)})
+    assert kilonewtons.influences[0].usual == 2500.0
 
 
 def test_a_variable_may_be_in_another_unit_than_it_says(load):

@@ -26,7 +26,7 @@ from hil_bench.abilities.scenario.nodes import (
     Window,
 )
 from hil_bench.abilities.scenario.parse import parse_expectation
-from hil_bench.abilities.scenario.reach import reach, survives_a_cut
+from hil_bench.abilities.scenario.reach import CERTAIN, reach, survives_a_cut
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.units import BAR, ONE
@@ -283,10 +283,35 @@ def test_what_is_wrong_is_said_with_its_place(text, line, column, what):
         ("always axis1.position < 250 mm", "axis1.position never changed"),
         ("always axis1.position < 250 mm and axis1.P_A < 250 bar", ""),
         ("always not frame(0x181)", ""),
+        # A limit that no machine reaches: no stroke is beyond 100 m, no pressure above 3000 bar.
+        ("always axis1.position < 100 m", "axis1.position never changed"),
+        ("always abs(axis1.position) < 100.1 m", CERTAIN),
+        ("always axis1.P_A < 1e5 bar and axis1.P_A > -1e5 bar", CERTAIN),
+        ("always not axis1.P_A > 3001 bar", CERTAIN),
+        ("whenever axis1.P_A > 1 bar then 2 * axis1.P_A < 6001 bar", CERTAIN),
+        # Sums in which the signal falls out, a magnitude, and a condition beside its contrary.
+        ("always axis1.P_A < axis1.P_A + 1 bar", CERTAIN),
+        ("always axis1.P_A + axis1.P_A - 2 bar <= 2 * axis1.P_A - 2 bar", CERTAIN),
+        (
+            "always previous(axis1.P_A) < previous(axis1.P_A) - (axis1.P_A - axis1.P_A - 1 bar)",
+            CERTAIN,
+        ),
+        ("always rate(axis1.P_A) >= -abs(1e9 bar/s)", ""),
+        ("always abs(axis1.P_A) >= 0 bar", CERTAIN),
+        ("always abs(axis1.P_A) > 0 bar", ""),
+        ("always (axis1.P_A < 1 bar or axis1.P_A >= 1 bar)", CERTAIN),
+        ("always (axis1.P_A < 1 bar or axis1.P_A > 1 bar or not flag < 1)", ""),
+        ("always (axis1.P_A < 1 bar or not axis1.P_A < 1 bar)", CERTAIN),
+        ("whenever axis1.P_A > 1 bar then axis1.P_A > 1 bar", CERTAIN),
     ],
 )
 def test_a_pass_that_says_little_says_so(text, reason):
-    columns = {"P_A": [1e5, 2e5, 3e5], "position": [0.1] * 3, "frame(0x181)": [0, 0, 0]}
+    columns = {
+        "P_A": [2e5, 1e6, 3e5],
+        "position": [0.1] * 3,
+        "flag": [1, 1, 1],
+        "frame(0x181)": [0, 0, 0],
+    }
     found = run(text, **columns)
     assert (found.outcome, found.reason) == ("passed", reason)
 

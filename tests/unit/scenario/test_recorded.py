@@ -122,7 +122,11 @@ def test_a_scenario_is_checked_listed_and_converted(tmp_path, capsys, cli):
     assert out.count("ok; 1 s, 0 steps, 1 requirement") == 2
     assert "  R1  always axis1.P_A < 250 bar" in out
     assert main(["scenario", "convert", str(path), str(table)]) == ExitCode.USAGE
-    assert "is there already" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "is there already" in said
+    assert "cannot fail" not in said
+    path.write_text(path.read_text().replace("250 bar", "5000 bar"))
+    assert f"{path}: R1: cannot fail: " in cli(["scenario", "check", str(path)]).err
 
 
 def test_all_bad_scenarios_are_told_at_once(tmp_path, capsys):

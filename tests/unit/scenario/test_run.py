@@ -1,5 +1,6 @@
 """Runs of scenarios: steps act at their ticks, in the way that a controller or a fault does."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,36 @@ def test_a_ramp_is_straight(tmp_path):
         for after, value in ((0, 0), (10, 4096), (20, 8192), (40, 16384), (50, 16384))
     ]
     assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 5
+
+
+def test_a_ramp_of_the_supply_begins_at_its_pressure(tmp_path):
+    """From 100 bar to 90, which a chamber at 46 does not notice; from 0 it ran empty."""
+    text = HEAD.replace("0.2", "0.7") + '[controller]\nexample = "position_control"\n'
+    text += step(0.5, 'set = { "axis1.supply_pressure" = "90 bar" }\nover_s = 0.2')
+    assert outcomes(run(tmp_path, text + expect("always axis1.P_A > 30 bar"))) == [PASSED]
+
+
+@pytest.mark.parametrize(
+    ("target", "values", "is_said"),
+    [
+        ("axis1.load", ["0 N"], True),  # as where nothing acts
+        ("axis1.load", ["1 kN"], False),
+        ("axis1.load", ["0 N", "1 kN", "0 N"], False),
+        ("axis1.supply_pressure", ["100 bar"], False),  # that of a pump varies
+        ("valve.spool_setpoint", ["0 %", "0 %"], True),
+        ("valve.spool_setpoint", ["0 %", "0.1 %"], False),
+        ("valve.0x1029.01", [0], True),
+        ("valve.0x1029.01", [1], False),
+    ],
+)
+def test_a_step_that_finds_its_value_there_is_said(tmp_path, target, values, is_said):
+    text = HEAD + EXAMPLE
+    for number, value in enumerate(values):
+        text += step(0.15 + number / 100, f'set = {{ "{target}" = {json.dumps(value)} }}')
+    (finding,) = run(tmp_path, text + expect("always axis1.P_A < 90 bar")).findings
+    assert finding.judgement.outcome is PASSED
+    said = f"{target} was so already when a step set it"
+    assert (finding.judgement.reason == said) == is_said
 
 
 def test_sync_goes_on_and_off(tmp_path):

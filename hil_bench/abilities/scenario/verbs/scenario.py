@@ -10,7 +10,7 @@ from hil_bench.abilities.scenario.run import prepare
 from hil_bench.abilities.scenario.schema import scenario_schema
 from hil_bench.abilities.scenario.writing import write_scenario
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.errors import ConfigError
 
 _EXAMPLES = """\
@@ -56,17 +56,18 @@ def run_check(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: something is wrong.
     """
-    lines, wrong = [], []
+    lines, wrong, doubts = [], [], []
     for path in args.files:
         try:
             scenario = load_scenario(path)
-            prepare(scenario)
+            doubts += prepare(scenario).doubts
         except ConfigError as error:
             wrong.append(str(error))
         else:
             lines.append(f"{path}: ok; {_summary(scenario)}")
     if wrong:
         raise ConfigError("\n".join(wrong))
+    warn_of(doubts)
     print_results(args, lines, {"checked": args.files})
     return ExitCode.DONE
 

@@ -416,7 +416,7 @@ class Hub:
             self._findings = BusFindings(hello.get("devices", {}), hello.get("bus_rates", ()))
         try:
             message = self._findings.take(json.loads(line)["frames"])
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
             raise BusError("the bench's message of frames is not one") from None
         if message is not None:
             for viewer in self.viewers:

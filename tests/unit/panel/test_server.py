@@ -145,6 +145,15 @@ WRONG_SECRETS = [
 
 
 @pytest.mark.usefixtures("folder")
+def test_requests_beyond_those_that_may_be_open_wait_for_their_turn(monkeypatch):
+    monkeypatch.setattr("hil_bench.abilities.panel.app.MOST_OPEN", 1)
+    with live_bench(), panel() as port, Client(port) as client:
+        for number in range(3):
+            client.socket.send(json.dumps({"id": number, "do": "pdos"}))
+        assert [client.hear("answer")["id"] for _ in range(3)] == [0, 1, 2]
+
+
+@pytest.mark.usefixtures("folder")
 def test_nothing_is_shown_or_done_without_the_secret(monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.panel.app._PENANCE", 0.0)
     with live_bench() as bench, panel() as port:
@@ -531,6 +540,31 @@ def test_a_browser_that_comes_later_is_told_what_has_happened():
     kinds = [json.loads(line).get("type") for line in b"".join(viewer._waiting).splitlines()]
     assert kinds[-2:] == ["event", "command"]
     assert not {"rows", "frames"} & {*kinds}
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        '"other": 5',
+        '"frames": 5',
+        '"frames": [5]',
+        '"frames": [[0.0, 0, "in", 385, "00"]]',
+        '"frames": [[0.0, 0, "in", 385, "0z", false, false, false]]',
+        '"frames": [[1e999, 0, "in", 385, "00", false, false, false]]',
+        '"frames": [[0.0, -9, "in", 385, "00", false, false, false]]',
+        '"frames": [[0.0, 0, "in", "181", "00", false, false, false]]',
+        '"frames": [[0.0, {}, "in", 385, "00", false, false, false]]',
+        '"frames": ' + 5000 * "[" + 5000 * "]",
+    ],
+)
+def test_frames_of_a_bench_that_are_no_frames_are_refused(frames):
+    hub, viewer = Hub(), Viewer(send_nowhere)
+    hub.admit(viewer)
+    viewer.wants_frames = True
+    hub.link = Link(lambda _number: None)
+    hub.link.hello = {"bus_rates": [[500000, 1.0]]}
+    with pytest.raises(BusError, match="the bench's message of frames is not one"):
+        hub._take("frames", f'{{"type": "frames", {frames}}}\n'.encode(), {})
 
 
 def test_what_a_bench_did_not_hear_is_asked_again(monkeypatch):

@@ -77,6 +77,7 @@ class Session:
         controls: what commands act on.
         door: takes commands from anywhere; they act at the start of the next tick.
         now: bench time [ns]: that of the last tick, or later where a runner has waited since.
+        has_ticked: whether the first tick is over, in which the nodes boot.
         intercept: called at the start of each tick, before the commands of the door act; it may
             give the door some. None lets all frames pass.
         switches: of the power of others on its buses in this process, by name: "start", "kill" or
@@ -100,6 +101,7 @@ class Session:
         self.controls = Controls(bench, {**self.nodes, **(devices or {})})
         self.door = Door(self.controls)
         self.now = 0
+        self.has_ticked = False
         self.intercept: Interceptor | None = None
         self.preparations: list[Callable[[], None]] = []
         self.sources: list[Source] = []
@@ -176,10 +178,15 @@ class Session:
             send: is given those frames before the observers are told, so that the bus does not
                 wait for them.
         """
+        booted: Sequence[Frame] = ()
+        if self.sources and not self.has_ticked and now > self.now:
+            booted = self.tick(
+                (), self.now, send
+            )  # what a source sends then meets nodes that are up
         guests = self._guests(now) if self.sources else ()
         if guests:
             frames = [*frames, *guests]
-        self.now = now
+        self.now, self.has_ticked = now, True
         if self.intercept is not None:
             frames = self.intercept(frames, now)
         if self._commands:
@@ -195,7 +202,7 @@ class Session:
                 show(row)
         for tell in self._tick_observers:
             tell(now)
-        return [*guests, *sent] if guests else sent
+        return [*booted, *guests, *sent] if guests or booted else sent
 
     def _guests(self, now: int) -> list[Frame]:
         """Ask the sources for their frames."""

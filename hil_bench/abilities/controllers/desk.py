@@ -382,7 +382,7 @@ class Desks:
 
     def _live(self, now: int) -> Sequence[Frame]:
         """Let all live until a tick; return what they have sent, by time and name."""
-        if not now:
+        if not now:  # the nodes boot in that tick
             return ()
         # The plant stands still in ticks that a late loop skips, and so do they.
         self._skipped += max(now - self._last - self._tick, 0) if self._last else 0

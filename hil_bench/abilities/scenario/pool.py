@@ -207,6 +207,7 @@ class _Worker(Generic[SpecT, ResultT]):
 def _work(perform: Callable[[Any], object], connection: Connection) -> None:
     """Do the tasks that come, until the parent lets go."""
     os.setsid()
+    os.dup2(2, 1)  # what controllers print is no result
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger().setLevel(logging.CRITICAL)  # thousands of runs say what one would say
     with suppress(HilBenchError), VirtualBench() as bench:

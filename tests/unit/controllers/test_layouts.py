@@ -216,7 +216,7 @@ def test_a_library_sends_no_more_frames_than_there_is_room_for():
 @pytest.mark.parametrize(
     ("state", "words", "text"),
     [
-        (State.FAILED, b"", "lib.so: has failed: says not why"),
+        (State.FAILED, b"", "lib.so: has failed: it gives no reason"),
         (State.FAILED, b"one\ntwo\n", "lib.so: has failed: two"),
         (3, b"", "lib.so: has failed: answers 3"),
         (-2, b"", "lib.so: has failed: answers -2"),

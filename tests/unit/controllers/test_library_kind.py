@@ -32,6 +32,7 @@ pytestmark = pytest.mark.skipif(
 
 ECHO = """
 #include "hil_controller.h"
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 struct hil_controller { int64_t now; int calls; };
@@ -46,6 +47,10 @@ int hil_controller_advance(struct hil_controller *self, int64_t until, const str
     *sent = 0;
 #ifdef LEAVES
     exit(0);
+#endif
+#ifdef PRINTS
+    puts("one line");
+    fflush(stdout);
 #endif
     if (self->calls++ == 0)
         return HIL_STARTING;
@@ -234,20 +239,25 @@ def test_a_library_that_exits_does_not_end_the_run_as_passed(build, definitions,
     assert (ended.returncode, ended.stderr) == (code, words)
 
 
-def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(build, tmp_path, cli):
-    """Two of the libraries end their process at their first call."""
-    ways = {"a": ["-DLEAVES", "-Dexit=_Exit"], "b": ["-DLEAVES", "-Dexit(x)=abort()"], "c": ["-DX"]}
+def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(build, tmp_path):
+    """Two of the libraries end their process at their first call; the third prints."""
+    leaves = "-DLEAVES"
+    ways = {"a": [leaves, "-Dexit=_Exit"], "b": [leaves, "-Dexit(x)=abort()"], "c": ["-DPRINTS"]}
     head = 'title = "T"\nduration_s = 0.01\n[controller]\nkind = "library"\n'
     expect = '[[expect]]\nid = "R"\nthat = "always axis1.P_A < 250 bar"\n'
     for name, definitions in ways.items():
         library = f'library = "{build(f"ends_{name}.so", *definitions)}"\n'
         (tmp_path / f"{name}.scenario.toml").write_text(head + library + expect)
-    found = json.loads(cli(["test", str(tmp_path), "--json"], ExitCode.CHECK_FAILED).out)
+    words = [sys.executable, "-m", "hil_bench", "test", tmp_path, "--json"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert ended.returncode == ExitCode.CHECK_FAILED
+    found = json.loads(ended.stdout)
     first, second, last = (found[str(tmp_path / f"{name}.scenario.toml")] for name in ways)
     assert first["problem"] == "its process ended with exit code 0"
     assert second["problem"] == "its process was killed (SIGABRT)"
     assert last["problem"] == ""
     assert last["findings"]
+    assert "one line" in ended.stderr
 
 
 @pytest.mark.parametrize(

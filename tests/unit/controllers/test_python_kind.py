@@ -12,6 +12,7 @@ from hil_bench.errors import ConfigError, ControllerError
 FILE = """
 import can
 import os
+import struct
 
 def message(number):
     return can.Message(arbitration_id=number, data=[], is_extended_id=False)
@@ -21,6 +22,12 @@ def blinks(rig):
         rig.bus.send(message(0x100 + number))
         rig.sleep(0.01)
     rig.bus.send(message(0x1FF))
+
+def starts(rig):
+    print("starts the nodes")
+    rig.bus.send(can.Message(arbitration_id=0, data=[1, 0], is_extended_id=False))
+    rig.sleep(0.005)
+    print("has started them")
 
 def boots(rig):
     seen = {rig.bus.recv(0.01).arbitration_id for _ in range(4)}
@@ -45,6 +52,10 @@ class Echo:
 def fails(rig):
     rig.sleep(0.25)
     raise RuntimeError("gone\\nwrong")
+
+def unpacks(rig):
+    rig.sleep(0.25)
+    raise struct.error("no bytes")
 
 def leaves(rig):
     rig.sleep(0.25)
@@ -129,6 +140,15 @@ def test_a_controller_hears_the_boot_up_of_the_nodes_that_got_power_with_it(fold
         assert [number for _, number in identifiers(bench)] == [0x104]
 
 
+def test_what_it_sends_first_meets_nodes_that_have_booted(folder, capsys):
+    with make_bench(folder, "mine.py:starts") as bench:
+        bench.run(0.01)
+        assert [number for _, number in identifiers(bench)][:2] == [0x000, 0x181]  # a TPDO
+        assert bench.signals["time"][0] == 0.0
+    said = capsys.readouterr()  # results are on standard output, nothing else
+    assert (said.out, said.err) == ("", "starts the nodes\nhas started them\n")
+
+
 def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
     with make_bench(folder, "mine.py:blinks") as bench:
         heard = []
@@ -142,6 +162,7 @@ def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
     [
         ("fails", "RuntimeError: gone wrong"),
         ("Echo", "OSError: no memory"),
+        ("unpacks", "struct.error: no bytes"),
         ("leaves", "SystemExit: all done"),  # it does not end the bench with exit code 0
         ("is_odd", "Odd: no exception"),
     ],

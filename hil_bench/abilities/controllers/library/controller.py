@@ -185,7 +185,7 @@ class LibraryController:
         given = (ctypes.c_char_p * (len(words) + 1))(*words, None)
         self._instance: int = self._call["create"](given) or 0
         if not self._instance:
-            why = " ".join(self._say(0).split()) or "says not why"
+            why = " ".join(self._say(0).split()) or "it gives no reason"
             raise ControllerError(f"{path}: makes no instance: {why}")
         self.has_begun = True
         self._lines: deque[str] = deque(maxlen=SHOWN_LINES)
@@ -265,7 +265,7 @@ class LibraryController:
         last = self._lines[-1] if self._lines else ""
         if state == State.ENDED:
             raise ControllerEnd(last, sent)
-        why = last or ("says not why" if state == State.FAILED else f"answers {state}")
+        why = last or ("it gives no reason" if state == State.FAILED else f"answers {state}")
         raise ControllerError(f"{self._path}: has failed: {why}")
 
     def _listen(self) -> None:

@@ -4,11 +4,12 @@ It runs on a stack of its own (greenlet). Where it waits on a bus for the next t
 left, and entered again when the bench asks the controller to live on.
 """
 
-import contextlib
 import inspect
 import logging
+import sys
 import traceback
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing, redirect_stdout, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -112,7 +113,8 @@ class PythonController:
         rig.bus.begin_later(partial(self._wait_for_power, rig.bus))
         self._stack = greenlet(self._live)
         try:
-            sent: Sequence[Frame] = self._stack.switch(rig)
+            with redirect_stdout(sys.stderr):
+                sent: Sequence[Frame] = self._stack.switch(rig)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever ends it, it is its end, not ours
@@ -135,7 +137,8 @@ class PythonController:
             if self._made is None:
                 raise ControllerEnd("it has returned", timed)
         try:
-            sent = _timed(self._made.advance(until, received))
+            with redirect_stdout(sys.stderr):
+                sent = _timed(self._made.advance(until, received))
             self.has_begun = bool(self._made.has_begun)
         except (ControllerEnd, KeyboardInterrupt):
             raise
@@ -148,7 +151,7 @@ class PythonController:
         self.close()
 
     def tail(self) -> str:
-        """Return nothing: what it prints goes to the output of the bench."""
+        """Return nothing: what it prints goes to standard error."""
         return ""
 
     def close(self) -> None:
@@ -157,7 +160,7 @@ class PythonController:
         made, self._made = self._made, None
         self._bench = greenlet.getcurrent()
         logging.disable()  # it has no power any more, and its cleaning up nothing to say
-        with contextlib.suppress(Exception, SystemExit):
+        with redirect_stdout(sys.stderr), suppress(Exception, SystemExit):
             if made is not None:
                 made.close()
             if self._stack is not None and not self._stack.dead:
@@ -175,7 +178,8 @@ class PythonController:
         """
         self._bench = greenlet.getcurrent()
         try:
-            sent = self._enter(until, received)
+            with redirect_stdout(sys.stderr):
+                sent = self._enter(until, received)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever ends it, it is its end, not ours
@@ -225,7 +229,7 @@ class PythonController:
         made: Any = self._call(rig)
         if isinstance(made, Generator):
             self._is_cyclic, self.has_begun = True, False
-            with contextlib.closing(made):
+            with closing(made):
                 for _ in made:
                     self.has_begun = True
         elif hasattr(made, "advance"):
@@ -289,5 +293,8 @@ def _place(error: BaseException, call: Callable[[Rig], object]) -> str:
     file = inspect.getsourcefile(inspect.unwrap(call)) if inspect.isroutine(call) else None
     trace = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in trace if frame.filename == file] or trace
-    what = " ".join(f"{type(error).__name__}: {error}".split())
+    name = type(error).__name__
+    if name.lower() == "error":  # of struct, of binascii
+        name = f"{type(error).__module__}.{name}"
+    what = " ".join(f"{name}: {error}".split())
     return f"{own[-1].filename}:{own[-1].lineno}: {what[:_LONGEST]}"

@@ -5,6 +5,7 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +117,8 @@ def _import(name: str, load: Callable[[str], object]) -> object:
         KeyboardInterrupt: Ctrl-C.
     """
     try:
-        return load(name)
+        with redirect_stdout(sys.stderr):
+            return load(name)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever ends it, it is its end, not ours

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from hil_bench.abilities.recording.mat_reader import read_vectors
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.canopen_device.eds_document import decode_text
+from hil_bench.config.values import quote
 from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -38,6 +39,10 @@ _DELIMITERS = ";\t,"
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]$")
 _SEPARATOR = re.compile(r"\s*sep=.\s*", re.IGNORECASE)
 """A first line by which spreadsheets know the delimiter."""
+
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,'\u2019 \u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?")
+"""A number in which marks may part groups of three digits."""
+_DECIMAL = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?")
 
 _HEAD = 50  # lines among which the one with the names is
 _TIMES = frozenset({"time", "t", "zeit"})
@@ -148,7 +153,7 @@ def _read_text(path: Path) -> tuple[Columns, Units]:
     try:
         values = _read_quickly(lines[first:], delimiter, width)
     except ValueError:
-        values = _read_slowly(lines[first:], delimiter, len(above))
+        values = _read_slowly(lines[first:], delimiter, names, len(above))
     units = dict(zip(names, below[0] if below else (), strict=False))
     units |= {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
     return {name: values[:, number] for number, name in enumerate(names) if name}, units
@@ -163,6 +168,9 @@ def _read_quickly(lines: list[str], delimiter: str, width: int) -> Values:
     if lines[-1].count(delimiter) < width - 1:
         lines = lines[:-1]  # its writer was killed
     if delimiter != ",":
+        marks = {mark for mark in ",." if any(mark in line for line in lines)}
+        if len(marks) > 1:
+            raise ValueError
         lines = [line.replace(",", ".") for line in lines]
     values = np.loadtxt(lines, delimiter=delimiter, comments=None, quotechar='"', ndmin=2)
     if values.shape[1] != width:
@@ -170,11 +178,11 @@ def _read_quickly(lines: list[str], delimiter: str, width: int) -> Values:
     return values
 
 
-def _read_slowly(lines: list[str], delimiter: str, above: int) -> Values:
+def _read_slowly(lines: list[str], delimiter: str, names: list[str], above: int) -> Values:
     """Return the numbers of a table, not a number where a field is none.
 
     Raises:
-        ConfigError: its rows differ in length.
+        ConfigError: its rows differ in length, or a number may be read in two ways.
     """
     body = [row for row in csv.reader(lines, delimiter=delimiter) if row]
     width = len(body[0])
@@ -183,7 +191,45 @@ def _read_slowly(lines: list[str], delimiter: str, above: int) -> Values:
     for number, row in enumerate(body, start=above + 1):
         if len(row) != width:
             raise ConfigError(f"row {number} has {len(row)} values, the first has {width}")
+    check_marks(
+        (f"row {number}, column {name}", field)
+        for number, row in enumerate(body, start=above + 1)
+        for name, field in zip(names, row, strict=True)
+    )
     return np.array([[_number(field, delimiter) for field in row] for row in body])
+
+
+def check_marks(fields: Iterable[tuple[str, str]]) -> None:
+    """Refuse thousands points, commas and blanks: read as decimal marks, they change a number.
+
+    A single one, as in "1.234", can be told from a decimal mark only by the other numbers.
+
+    Args:
+        fields: of a table, each behind its place.
+
+    Raises:
+        ConfigError: a number has them, or may have.
+    """
+    grouped, decimal = dict[str, tuple[str, str]](), dict[str, str]()
+    for place, field in fields:
+        text = field.strip()
+        if found := _GROUPED.fullmatch(text):
+            mark = found[1]
+            if mark not in ",." or sum(map(text.count, ",.")) > 1:
+                plain = re.sub(rf"\{mark}(?=\d{{3}})", "", text)
+                wrong = f"{quote(text)} has marks between thousands"
+                raise ConfigError(f"{place}: {wrong}; write it without, as {plain}")
+            grouped.setdefault(mark, (place, text))
+        elif found := _DECIMAL.fullmatch(text):
+            decimal.setdefault(found[1], text)
+    for mark, (place, text) in grouped.items():
+        others = [each for each in decimal if each != mark]
+        if others:
+            plain, other = text.replace(mark, ""), decimal[others[0]]
+            wrong = (
+                f"{quote(text)} may be {plain} or {text.replace(mark, '.')} beside {quote(other)}"
+            )
+            raise ConfigError(f"{place}: {wrong}; write all numbers with one decimal mark alone")
 
 
 def _is_numeric(row: list[str], delimiter: str) -> bool:
@@ -332,4 +378,23 @@ def _parse(rows: list[list[str]]) -> Recording:
         if len(row) != len(names):
             raise ConfigError(f"row {number} has {len(row)} values, the first has {len(names)}")
     dtype = recording_dtype([Channel(*pair) for pair in zip(names, units, strict=True)])
-    return np.array([tuple(map(float, row)) for row in values], dtype=dtype)
+    try:
+        return np.array([tuple(map(float, row)) for row in values], dtype=dtype)
+    except ValueError:
+        for number, row in enumerate(values, start=3):
+            for name, field in zip(names, row, strict=True):
+                _check_number(f"row {number}, column {name}", field)
+        raise
+
+
+def _check_number(place: str, field: str) -> None:
+    """Refuse a field that is no number.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    try:
+        float(field)
+    except ValueError:
+        wrong = f"{quote(field)} is not a number" if field.strip() else "is empty"
+        raise ConfigError(f"{place}: {wrong}; write nan for an unknown value") from None

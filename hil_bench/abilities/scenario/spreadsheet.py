@@ -8,6 +8,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.recording.reading import check_marks
 from hil_bench.abilities.scenario.records import Amount, Reference
 from hil_bench.errors import ConfigError, about_file
 
@@ -75,6 +76,10 @@ def read_cells(path: Path) -> Sheet:
     except csv.Error as error:
         where = f"{path}:{reader.line_num}"
         raise ConfigError(f"{where}: is no CSV: {error}; save it anew") from None
+    if has_commas:
+        check_marks(
+            (f"{path}:{each.line}:{each.column}", each.text) for row in rows for each in row
+        )
     return Sheet(rows, has_commas)
 
 

@@ -132,11 +132,11 @@ class Hand:
             case RegisterTarget():
                 return target.read() == value
             case SignalTarget():
-                return target.handle[target.name] == target.raw(value)
+                return bool(target.handle[target.name] == target.raw(value))
             case ValveTarget():
                 return target.handle[SET_POINT] == value
             case ObjectTarget():
-                return target.variable.value == target.raw(value)
+                return bool(target.variable.value == target.raw(value))
 
     def command(self, step: NmtStep) -> list[Frame]:
         """Return the frames of an NMT command: one a bus where it is for all."""

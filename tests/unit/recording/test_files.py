@@ -117,7 +117,14 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
         ("time,x\ns\n", "it has 2 names and 1 units"),
         ("time,time\ns,s\n", "recording channel time: is there twice; give each its own name"),
         ("time,x\ns,m\n1\n", "row 3 has 1 values, the first has 2"),
-        ("time,x\ns,m\n1,fast\n", "could not convert string to float: 'fast'"),
+        (
+            "time,x\ns,m\n1,fast\n",
+            'row 3, column x: "fast" is not a number; write nan for an unknown value',
+        ),
+        (
+            "time,x\ns,m\n1,2\n2,\n",
+            "row 4, column x: is empty; write nan for an unknown value",
+        ),
         ("x,time\nm,s\n", "it has no row of numbers"),
         ("\n\n", "it has no row of numbers"),
     ],

@@ -89,6 +89,18 @@ def test_what_is_no_number_counts_as_none(tmp_path):
         (" ,\n1,2\n", "2 columns have no names"),
         ("a,a\n1,2\n", "the column a twice"),
         ("a,b\n1,2\n3\n5,6\n", "row 3 has 1 values, the first has 2"),
+        # A point between thousands, read as that of a decimal, is wrong by a thousand.
+        (
+            "t;p\n0;999\n1;1.234.567\n",
+            r'row 3, column p: "1.234.567" has marks between thousands; write .* as 1234567',
+        ),
+        ("t;p\n0;999\n1;1.234,5\n", 'row 3, column p: "1.234,5" has .* as 1234,5$'),
+        ("t,p\n0,999\n1,-1 234.5\n", 'row 3, column p: "-1 234.5" has .* as -1234.5$'),
+        (
+            "t;p\n0,5;999\n1,5;1.234\n",
+            r'row 3, column p: "1.234" may be 1234 or 1.234 beside "0,5"; write all',
+        ),
+        ('t,p\n0.5,999\n1.5,"1,234"\n', 'row 3, column p: "1,234" may be 1234 or 1.234 beside'),
     ],
 )
 def test_what_is_no_table_is_refused_in_a_line(tmp_path, text, complaint):
@@ -96,6 +108,18 @@ def test_what_is_no_table_is_refused_in_a_line(tmp_path, text, complaint):
         read_columns(write(tmp_path, text))
 
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("t;p\n0;1.234\n1;2.345\n", [1.234, 2.345]),  # one mark, with three decimals
+        ("t;p\n0;1,234\n1;2,345\n", [1.234, 2.345]),
+        ("t;p\n0,5;0.234\n1,5;12.5\n", [0.234, 12.5]),  # no group begins with 0 or has one digit
+    ],
+)
+def test_three_decimals_are_no_thousands(tmp_path, text, expected):
+    assert read_columns(write(tmp_path, text))[0]["p"].tolist() == expected
 
 
 def test_the_vectors_of_a_mat_file_are_columns(tmp_path):

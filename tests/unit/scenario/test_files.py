@@ -169,6 +169,13 @@ def test_a_course_may_end_after_all_time(tmp_path, late):
     assert step.action.course == ((0, 0.0), (1000, 0.0), (10**12, 0.0))
 
 
+def test_a_course_with_points_between_thousands_is_refused(tmp_path):
+    (tmp_path / "profile.csv").write_text("0;0,5\n0,5;1.234\n")
+    step = '[[step]]\nat_s = 1\nset = "axis1.load"\ntable = "profile.csv"\n'
+    with pytest.raises(ConfigError, match=r'profile.csv:2:5: "1.234" may be 1234 or 1.234 beside'):
+        load(tmp_path, HEAD + step + EXPECT)
+
+
 def test_a_course_with_an_unknown_name_is_refused(tmp_path):
     (tmp_path / "profile.csv").write_text("0,0\n0.5,peek_bar\n")
     step = '[[step]]\nat_s = 1\nset = "io.0x6401.01"\ntable = "profile.csv"\n'

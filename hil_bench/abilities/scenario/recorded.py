@@ -224,12 +224,12 @@ def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int
     steps = np.diff(times)
     if steps.min() <= 0.0:
         first = int(np.argmax(steps <= 0.0))
-        was, now = times[first : first + 2]
-        what = f"the time does not go on in row {first + 2}: {was:.9g} s, and then {now:.9g} s"
+        was, now = map(_show_time, times[first : first + 2])
+        what = f"the time does not go on in row {first + 2}: {was} s, and then {now} s"
         right = "'hil-bench decode --tick' lays a log of frames on ticks"
         raise ConfigError(f"{source}: {what}; give rising times ({right})")
     usual = float(np.median(steps))
-    tick_ns = round(usual * 1e9)
+    tick_ns = _find_tick(times, usual)
     if not tick_ns:
         raise ConfigError(f"{source}: its rows are not evenly spaced, or less than 1 ns apart")
     places = (times - times[0]) / (tick_ns * 1e-9)
@@ -238,6 +238,26 @@ def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int
     if np.abs(places - rows).max() <= _JITTER and np.diff(rows).min() > 0.0:
         return rows.astype(np.int64), tick_ns, ""
     return _number_uneven(times, np.rint(steps / usual), source)
+
+
+def _find_tick(times: Floats, usual: float) -> int:
+    """Return the time between two rows [ns].
+
+    Of times since 1970 a double keeps 0.2 us. So their interval is that of the whole recording, in
+    as few digits as they allow.
+
+    Args:
+        times: of the rows [s].
+        usual: the median of the times between two [s].
+    """
+    rounding = float(np.spacing(np.abs(times).max()))
+    if rounding < 1e-9:
+        return round(usual * 1e9)
+    rows = float(np.rint(np.diff(times) / usual).sum())
+    mean = float(times[-1] - times[0]) / rows
+    rounded = [round(mean, digits) for digits in range(10)]
+    close = (each for each in rounded if abs(each - mean) <= rounding / rows)
+    return round(next(close, mean) * 1e9)
 
 
 def _number_uneven(
@@ -260,7 +280,7 @@ def _number_uneven(
     worst = int(np.argmax(np.abs(off)))
     if counts.min() < 1.0 or abs(off[worst]) > _MOST_JITTER * tick_ns * 1e-9:
         raise ConfigError(
-            f"{source}: its rows are not evenly spaced, as at {times[worst]:.9g} s; "
+            f"{source}: its rows are not evenly spaced, as at {_show_time(times[worst])} s; "
             "give one with a row a tick; 'decode --tick' makes one of a bus log"
         )
     note = f"its rows are up to {1e3 * abs(off[worst]):.3g} ms off ticks of {tick_ns / 1e6:.6g} ms"
@@ -276,9 +296,14 @@ def _outside(times: Floats, start: float, length: float | None) -> str:
     """Describe the time span of a recording's rows and the judged span, of its clock."""
     end = times[-1] if length is None else start + length
     return (
-        f"its rows are from {times[0]:.9g} to {times[-1]:.9g} s; judged are {start:.9g} to "
-        f"{end:.9g} s, --start S says where that begins"
+        f"its rows are from {_show_time(times[0])} to {_show_time(times[-1])} s; judged are "
+        f"{_show_time(start)} to {_show_time(end)} s, --start S says where that begins"
     )
+
+
+def _show_time(time: float) -> str:
+    """Return a time [s] in nine digits, of times since 1970 up to the microsecond."""
+    return f"{time:.9g}" if abs(time) < 1e6 else f"{time:.6f}".rstrip("0").rstrip(".")
 
 
 # Scenarios on a machine: what of them exists there, and what is refused before anything moves.

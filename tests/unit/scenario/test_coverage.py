@@ -240,6 +240,20 @@ def test_rows_lie_on_the_ticks_of_the_run(times, start, duration, column, planne
     assert found.start == pytest.approx(begin)
 
 
+@pytest.mark.parametrize(("rows", "hertz"), [(3, 1000), (2001, 1000), (90_001, 8), (501, 4096)])
+def test_times_since_1970_lie_on_the_ticks_that_their_writer_had(rows, hertz):
+    """A double has steps of 0.24 us there; that in ns is what the bench calls a tick."""
+    times = [1_732_700_000 + row / hertz for row in range(rows)]
+    found = lay_on_ticks(recording(times), "r")
+    assert (found.tick_ns, found.ticks) == (round(1e9 / hertz), rows)
+
+
+def test_times_since_1970_are_said_to_the_microsecond():
+    times = recording([1_732_700_000.0, 1_732_700_000.5])
+    said = lay_on_ticks(times, "r", 0.0, 1.0).note
+    assert said.startswith("its rows are from 1732700000 to 1732700000.5 s; judged are 0 to 1 s")
+
+
 def test_a_start_that_is_far_off_has_nothing_or_too_much():
     for start in (1e300, -1e300):
         found = lay_on_ticks(recording([0.0, 0.1]), "r", start, 0.2)

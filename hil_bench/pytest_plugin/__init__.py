@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
+BENCH: "pytest.StashKey[VirtualBench]" = pytest.StashKey()
+"""The key of the virtual bench of a test, by whichever fixture the test has got it."""
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
 _CONFIG: "pytest.StashKey[BenchConfig]" = pytest.StashKey()
 
@@ -142,10 +144,8 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Add the last frames of its bench to the report of a failed test, and name its files."""
     report = yield
-    bench = getattr(item, "funcargs", {}).get("bench")
-    if bench is None or _ARTIFACTS not in item.stash:  # none, or another fixture of that name
-        return report
-    if call.when == "call" and report.failed:
+    bench = item.stash.get(BENCH, None)
+    if bench is not None and call.when == "call" and report.failed:
         from hil_bench.pytest_plugin.failure_report import attach_files, describe_bench
 
         report.sections += describe_bench(bench)
@@ -210,6 +210,7 @@ def bench(
     recorder = next(iter(given_to("pytest")), None)
     path = None if recorder is None else recorder.make_recording_path(request.node)
     with VirtualBench(_bench_config, pacer=pacer, record=path) as virtual:
+        request.node.stash[BENCH] = virtual
         yield virtual
     if recorder is not None:
         recorder.check_recorded(virtual.recording)

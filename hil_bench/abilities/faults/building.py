@@ -39,6 +39,7 @@ def build_faults(config: BenchConfig, bench: Bench, planned: Sequence[FaultConfi
     points = find_fault_points(config, bench)
     faults = Faults(points, bench, tick_ns=config.tick_ns, seed=config.seed)
     schedule_faults(faults, planned)
+    faults.of_file = faults.pending
     return faults
 
 

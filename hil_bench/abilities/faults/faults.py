@@ -48,6 +48,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
         points: as passed in.
         lines: connections that have or had a fault, by node; a new object whenever one comes in.
         clock: returns the bench time [s] where somebody sees it.
+        of_file: those that the bench's file has.
     """
 
     lines: Mapping[Receiver, Line]
@@ -68,6 +69,7 @@ class Faults(FaultSchedule, Verbs[Fault]):
         self._streams: Counter[str] = Counter()
         self._board: Board | None = None
         self.clock: Callable[[], float] = float
+        self.of_file: tuple[Fault, ...] = ()
 
     def join(self, bench: Places) -> None:
         """Begin and end what is due at the beginning of each tick of a bench.

@@ -266,6 +266,13 @@ def test_a_bus_that_broke_is_told_once(pytester):
     result.stdout.fnmatch_lines([f"*the bench's bus broke before: {why} *"])
 
 
+def test_a_failed_test_that_asks_for_a_driver_alone_shows_its_frames(pytester):
+    pytester.makepyfile("def test_fails(valve):\n    assert False")
+    result = pytester.runpytest()
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*last 20 frames that are not cyclic*"])
+
+
 def test_a_failed_test_shows_its_faults(pytester):
     pytester.makepyfile(
         "def test_fails(bench, faults):\n"
@@ -284,10 +291,27 @@ def test_a_failed_test_shows_its_faults(pytester):
     )
 
 
-def test_a_test_that_passes_beside_a_fault_that_changes_nothing_is_an_error(pytester):
+@pytest.mark.parametrize(
+    "how",
+    [
+        "def test_in_vain(bench, faults):",
+        "def test_in_vain(bench):\n    faults = bench.faults",
+        "def test_in_vain(rig):\n    bench, faults = rig, rig.faults",
+        (
+            "def test_in_vain(valve, request):\n"
+            "    bench = request.getfixturevalue('bench')\n"
+            "    faults = bench.faults"
+        ),
+    ],
+)
+def test_a_test_that_passes_beside_a_fault_that_changes_nothing_is_an_error(pytester, how):
     assert {"lose", "silence", "offset"} <= {*FAULT_KINDS.names()}
     pytester.makepyfile(
-        "def test_in_vain(bench, faults):\n"
+        "import pytest\n"
+        "@pytest.fixture\n"
+        "def rig(bench):\n"
+        "    return bench\n"
+        f"{how}\n"
         "    faults.lose('valve', can_id=0x7ff)\n"
         "    faults.silence('valve', at=9.0)\n"
         "    bench.run(0.02)\n"

@@ -7,6 +7,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    ├── DiskError             the disk under a file is full or broken: exit code 5
      │    ├── ParameterError        a plant parameter or state makes no sense
      │    └── EdsError              an EDS file cannot serve as a device
+     ├── NothingSeenError          a recording is empty, so nothing can be said of it: exit code 6
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
      ├── TimingError               a tick took too long, and the loop is to stop then: exit code 4
      ├── RecordingError (OSError)   a recording could not be written on: exit code 5
@@ -44,6 +45,7 @@ __all__ = [
     "DiskError",
     "EdsError",
     "HilBenchError",
+    "NothingSeenError",
     "ParameterError",
     "RecordingError",
     "SdoAbort",
@@ -74,6 +76,10 @@ class ParameterError(ConfigError):
     def __init__(self, message: str, *symbols: str) -> None:
         super().__init__(message)
         self.symbols = symbols
+
+
+class NothingSeenError(HilBenchError):
+    """A recording that is to be looked at holds nothing."""
 
 
 class BusError(HilBenchError, OSError):

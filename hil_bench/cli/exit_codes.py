@@ -25,6 +25,7 @@ from hil_bench.errors import (
     ControllerError,
     DiskError,
     HilBenchError,
+    NothingSeenError,
     RecordingError,
     TimingError,
     WaitTimeoutError,
@@ -239,6 +240,7 @@ _CODES_OF_ERRORS = {
     ControllerError: ExitCode.BUS,
     WaitTimeoutError: ExitCode.BUS,
     TimingError: ExitCode.TIMING,
+    NothingSeenError: ExitCode.INCONCLUSIVE,
 }
 
 _CODES_OF_NUMBERS = {

@@ -25,7 +25,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import ExitCode, interruption
 from hil_bench.cli.results import plain, warn_of
-from hil_bench.errors import BusError, ConfigError, first_line
+from hil_bench.errors import BusError, ConfigError, NothingSeenError, first_line
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import LoggedFrame, Recording
 from hil_bench.outside.transports.opening import open_can_bus
@@ -109,11 +109,14 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     """Put the frames on the bus.
 
     Raises:
-        ConfigError: there are none, or the bus cannot carry them.
+        ConfigError: none of them are meant, or the bus cannot carry them.
+        NothingSeenError: there are none.
         BusError: the bus was lost.
     """
     direction = drives.FrameDirection(args.frames)
     recorded = list(read_frames(args.recording))
+    if not recorded:
+        raise NothingSeenError(f"{args.recording}: has no frames to play")
     if direction is not drives.FrameDirection.ALL and any(
         logged.is_received is None for logged in recorded
     ):
@@ -123,9 +126,8 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         )
     frames = [logged for logged in recorded if direction.includes(logged)]
     if not frames:
-        there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
-        which = "" if direction is drives.FrameDirection.ALL else f"{direction.value} "
-        raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
+        which = f"no {direction.value} frames to play; all its {len(recorded)} are others"
+        raise ConfigError(f"{args.recording}: has {which}")
     count = 0 if config.bus.fd else sum(logged.frame.fd != 0 for logged in frames)
     if count:
         right = "give --fd, and a bus that carries it"

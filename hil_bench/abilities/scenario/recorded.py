@@ -22,7 +22,7 @@ from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.values import Floats
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, NothingSeenError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
 from hil_bench.units import ONE, read_unit
 
@@ -185,7 +185,7 @@ def lay_on_ticks(
             row.
         duration: of the run [s]; None for up to the last row.
 
-    A `ConfigError` says that its rows are too few, or lie on no grid.
+    A `NothingSeenError` says that its rows are too few, a `ConfigError` that they lie on no grid.
     """
     times = np.asarray(signals[TIME.name], dtype=np.float64)
     rows, tick_ns, jitter = _number_rows(times, source)
@@ -214,10 +214,11 @@ def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int
     """Return the tick of each row from the first one on, the time between two [ns], and a note.
 
     Raises:
-        ConfigError: the rows are too few, or lie on no grid.
+        ConfigError: the rows lie on no grid.
+        NothingSeenError: they are too few.
     """
     if len(times) < 2:
-        raise ConfigError(f"{source}: has {len(times)} rows; give a recording of two or more")
+        raise NothingSeenError(f"{source}: has {len(times)} rows; give a recording of two or more")
     if not np.isfinite(times).all():
         row = int(np.argmin(np.isfinite(times)))
         raise ConfigError(f"{source}: the time of row {row + 1} is no number")

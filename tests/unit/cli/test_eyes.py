@@ -231,18 +231,33 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
             ["t.log", "--write-dbc", "d.dbc"],
             "--write-dbc d.dbc: no PDO and no J1939 signal is known",
         ),
-        (["empty.log"], "empty.log: has no frames to decode"),
         (["foreign.mf4"], "to read the frames of other MF4, pip install asammdf"),
     ],
 )
 def test_a_wrong_argument_is_one_line(folder, cli, arguments, message):
-    (folder / "empty.log").touch()
     (folder / "foreign.mf4").write_bytes(
         b"MDF     4.11    made up ".ljust(64, b"\0") + b"##HD" + bytes(99)
     )
     said = cli(["decode", *arguments], 2).err
     assert said.count("\n") == 1
     assert message in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("decode", "has no frames to decode"),
+        ("explain", "has no frames to explain"),
+        ("replay", "has no frames to play"),
+        ("shadow --log", ""),
+    ],
+)
+@pytest.mark.parametrize("suffix", ["log", "asc"])
+def test_a_log_without_frames_has_shown_nothing(make_file, cli, words, said, suffix):
+    """As a bus on which no frame comes: docs/exit-codes.md has 6 for it."""
+    path = make_file(f"empty.{suffix}", b"")
+    found = cli([*words.split(), str(path)], 6)
+    assert f"{path}: {said}" * bool(said) in found.err
 
 
 @pytest.mark.usefixtures("folder", "bus")

@@ -40,7 +40,6 @@ def test_a_missing_row_is_unknown():
 @pytest.mark.parametrize(
     ("times", "wrong"),
     [
-        ([0.0], "has 1 rows; give a recording of two or more"),
         ([0.0, 0.0], "the time does not go on in row 2: 0 s, and then 0 s; give rising times"),
         ([0.0, 2.0, 1.5, 3.0], "the time does not go on in row 3: 2 s, and then 1.5 s"),
         ([0.0, float("nan")], "the time of row 2 is no number"),
@@ -53,6 +52,24 @@ def test_a_missing_row_is_unknown():
 def test_a_recording_without_a_grid_is_refused(times, wrong):
     with pytest.raises(ConfigError, match=wrong):
         lay_on_ticks(recording(*((time, 0.0) for time in times)), "r")
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_recording_without_rows_shows_nothing_and_hides_no_other(tmp_path, cli, rows):
+    empty, full, wrong = (tmp_path / f"{name}.csv" for name in ("empty", "full", "wrong"))
+    empty.write_text("time,axis1.P_A\ns,Pa\n" + "0,1\n" * rows)
+    full.write_text("time,axis1.P_A\ns,Pa\n0,1\n1,3e7\n")
+    wrong.write_text("time,axis1.P_A\ns,Pa\n0,1\n1,\n")
+    requirements = tmp_path / "r.toml"
+    requirements.write_text(PASSES)
+    said = cli(["judge", str(requirements), str(empty)], ExitCode.INCONCLUSIVE)
+    assert f"{empty}: has {rows} rows; give a recording of two or more" in said.err
+    said = cli(["judge", str(requirements), str(empty), str(wrong), str(full)], 1)
+    assert said.err.count("\n") == 2
+    assert "R1  failed" in said.out
+    requirements.write_text("duration_s = -1.0\n" + PASSES)
+    said = cli(["judge", str(requirements), str(full), str(full)], ExitCode.USAGE)
+    assert (said.err.count("\n"), said.out) == (1, "")
 
 
 def test_rows_that_jitter_keep_their_values_and_say_how_far_they_are_off():

@@ -26,7 +26,7 @@ from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, NothingSeenError
 from hil_bench.outside.recording.channels import LoggedFrame, from_first
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     """Decode a log.
 
     Raises:
-        ConfigError: the log has no frames, or an output cannot be meant.
+        NothingSeenError: the log has no frames.
     """
     _check_outputs(args)
     left_out, ending = LeftOut(), Ending(args)
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             count, language = _print(args, decoder, frames)
     if not count:
-        raise ConfigError(f"{args.log}: has no frames to decode")
+        raise NothingSeenError(f"{args.log}: has no frames to decode")
     eyes_arguments.print_losses(args, left_out)
     if language is not None:
         eyes_arguments.say_language(args, load_bench_config(args), language, count)

@@ -17,7 +17,7 @@ from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.errors import ConfigError
+from hil_bench.errors import NothingSeenError
 from hil_bench.outside.bits import USUAL_BITRATE, bitrate_text
 
 _EXAMPLES = """\
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     """Explain a log.
 
     Raises:
-        ConfigError: it has no frames.
+        NothingSeenError: it has no frames.
     """
     config = load_bench_config(args)
     left_out = LeftOut()
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     with shown_work(args, Work("explain", unit="frames")) as work:
         found = explain(counted(work, frames), nodes, bitrate, ecus, config.bus.speedup)
     if not found.frames:
-        raise ConfigError(f"{args.log}: has no frames to explain")
+        raise NothingSeenError(f"{args.log}: has no frames to explain")
     if left_out.dropped:
         lost = f"{left_out.dropped} frames were lost by its recorder; what is missing may be theirs"
         found = found._replace(notes=(*found.notes, lost))

@@ -19,7 +19,7 @@ from hil_bench.abilities.scenario.verbs import scenario_report as reports
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.recording.channels import Recording
 
 _EXAMPLES = """\
@@ -73,22 +73,28 @@ def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
     reports.check_report_argument(args)
     judged: dict[Path, Judged] = {}
-    chapters = []
+    chapters, ending, said = [], Ending(args), set[str]()
     work = Work("judge", len(args.recordings), "recordings")
     with shown_work(args, work):
         for path in args.recordings:
             work.begin(str(path))
-            signals = _read_signals(args, path)
-            judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
-            names = names_in(each.requirement.condition for each in judged[path].findings)
+            try:
+                signals = _read_signals(args, path)
+                found = judge_with_trace(args.requirements, signals, str(path), args.start)
+            except HilBenchError as error:  # of this one, or of the requirements
+                if str(error) not in said:
+                    ending.take_error(error)
+                said.add(str(error))
+                continue
+            judged[path] = found
+            names = names_in(each.requirement.condition for each in found.findings)
             warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
             if args.report:
-                chapters.append(
-                    reports.recording_chapter(args.requirements, path, signals, judged[path])
-                )
+                chapters.append(reports.recording_chapter(args.requirements, path, signals, found))
+    if not judged:
+        return ending.code
     content = {str(path): reports.finding_content(each.findings) for path, each in judged.items()}
     outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
-    ending = Ending(args)
     ending.take(reports.exit_code_for(outcomes))
     with ending.going_on():
         print_results(args, _lines(judged), content)

@@ -22,6 +22,7 @@ from hil_bench.cli.results import (
     ecu_text,
     print_results,
 )
+from hil_bench.config.values import quote
 from hil_bench.errors import (
     BusError,
     ConfigError,
@@ -268,7 +269,8 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
         quantity, unit = _influence(place, name, hello["axes"][place])
         value = parse_value(text)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ConfigError(f"set {word}: {text} is not a number")
+            wrong = f"{quote(text)} is not a number" if text else "the value is missing"
+            raise ConfigError(f"set {word}: {wrong}; {_RIGHT_SET}")
         _check_finite(word, value)
         fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
         return LiveSetting("set_plant", fields)

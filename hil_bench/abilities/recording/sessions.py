@@ -194,7 +194,7 @@ class LiveRecording:
             ConfigError: none runs.
         """
         if self._sink is None or self._observer is None:
-            raise ConfigError("record: no recording runs that was begun through the door")
+            raise ConfigError("record: no recording runs that ctl, the page or attach() has begun")
         self._observer.leave()
         self._observer = None
         sink, now = self._sink, self._session.now * 1e-9

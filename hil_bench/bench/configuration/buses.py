@@ -191,13 +191,15 @@ def _check_data_bitrate(table: str, bus: Settings, problems: Problems) -> None:
     rate, bitrate = bus["data_bitrate"].value, bus["bitrate"].value or USUAL_BITRATE
     if rate is None:
         return
-    wrong = ""
+    is_typed = bus["data_bitrate"].origin is Origin.COMMAND_LINE
+    wrong, right = "", "--fd" if is_typed else "fd = true"
     if not bus["fd"].value:
-        wrong = "the bus is classical, and has one bit rate; give fd = true, or leave it out"
+        wrong = f"the bus is classical, and has one bit rate; give {right}, or leave it out"
     elif rate < bitrate:
         wrong = f"{describe(rate)} is less than the bit rate; give {bitrate} or more"
     if wrong:
-        problems.add(problems.place(table, "data_bitrate"), wrong)
+        place = "--data-bitrate" if is_typed else problems.place(table, "data_bitrate")
+        problems.add(place, wrong)
 
 
 def _build_bus(bus: Settings, wire: BusTable | None) -> BusConfig:

@@ -308,7 +308,8 @@ def _resolve(given: dict[str, object]) -> dict[str, Any]:
     except can.CanInterfaceNotImplementedError as error:
         raise BusError(_unknown_interface(_wanted_interface(given))) from error
     except (ValueError, TypeError) as error:
-        raise BusError(f"python-can's configuration: {first_line(error)}") from error
+        where = "a setting of the bus, or python-can's configuration"
+        raise BusError(f"{where}: {first_line(error)}") from error
 
 
 def _wanted_interface(given: Mapping[str, object]) -> str:

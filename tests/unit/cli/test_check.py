@@ -159,7 +159,10 @@ def test_a_bus_of_can_fd_is_given_by_the_options_of_python_can(cli):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--data-bitrate=2000000"], "the bus is classical, and has one bit rate; give fd = true"),
+        (
+            ["--data-bitrate=2000000"],
+            "error: --data-bitrate: the bus is classical, and has one bit rate; give --fd",
+        ),
         (["--fd", "--data-bitrate=900000"], "900000 is less than the bit rate; give 1000000 or"),
         (["--timing", "f_clock=8000000"], "--timing: bit timing is the adapter's; give -b or"),
     ],

@@ -71,7 +71,7 @@ def test_what_cannot_be_recorded_is_said_in_words(loop, tmp_path):
     errors = [line["error"] for line in wire.lines() if line["type"] == "answer"]
     assert errors == [
         "record: run.mf4: give an absolute path",
-        "record: no recording runs that was begun through the door",
+        "record: no recording runs that ctl, the page or attach() has begun",
     ]
     bench.record(tmp_path / "run.mf4")
     with pytest.raises(ConfigError, match=r"run\.mf4 is being recorded; stop that first"):

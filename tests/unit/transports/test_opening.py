@@ -77,13 +77,15 @@ def test_an_interface_like_no_other_names_them_all():
 
 def test_a_malformed_setting_is_refused():
     assert refusal("socketcand", "can0", host="h", port="x") == (
-        "python-can's configuration: Port config must be a number!"
+        "a setting of the bus, or python-can's configuration: Port config must be a number!"
     )
 
 
 def test_a_malformed_environment_is_refused(monkeypatch):
     monkeypatch.setenv("CAN_CONFIG", "{")
-    assert refusal("virtual", "x").startswith("python-can's configuration: Expecting property name")
+    assert refusal("virtual", "x").startswith(
+        "a setting of the bus, or python-can's configuration: Expecting property name"
+    )
 
 
 def test_a_missing_argument_is_named():

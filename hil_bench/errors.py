@@ -5,6 +5,8 @@ Each error is also the builtin that it is, so that a caller may catch either::
     HilBenchError
      ├── ConfigError (ValueError)   a file, an argument or a value is wrong: exit code 2
      │    ├── DiskError             the disk under a file is full or broken: exit code 5
+     │    ├── ControllerFileError   the program of a controller is missing or of another kind;
+     │    │                         also a ControllerError
      │    ├── ParameterError        a plant parameter or state makes no sense
      │    └── EdsError              an EDS file cannot serve as a device
      ├── NothingSeenError          a recording is empty, so nothing can be said of it: exit code 6
@@ -42,6 +44,7 @@ __all__ = [
     "BusError",
     "ConfigError",
     "ControllerError",
+    "ControllerFileError",
     "DiskError",
     "EdsError",
     "HilBenchError",
@@ -100,6 +103,10 @@ class WaitTimeoutError(HilBenchError, TimeoutError):
 
 class ControllerError(HilBenchError, RuntimeError):
     """The program that controls a bench has ended or says nothing, so bench time stands still."""
+
+
+class ControllerFileError(ConfigError, ControllerError):
+    """The file of a controller is missing, or is no program of its kind: nothing has run."""
 
 
 @contextlib.contextmanager

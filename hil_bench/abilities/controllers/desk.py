@@ -123,8 +123,7 @@ class Desk:
             until: the moment, in time without the ticks that were skipped [ns].
             skipped: how much time these were [ns].
 
-        Raises:
-            ControllerError: it has failed, or cannot be started.
+        A `ControllerError` says that it has failed, or cannot be started.
         """
         self._skipped = skipped
         received: Sequence[TimedFrame] = self._inbox
@@ -144,21 +143,20 @@ class Desk:
                 words = f": {end}" if str(end) else ""
                 logger.warning("%.3f s: %shas ended%s", until * 1e-9, self.place, words)
         except ControllerError as error:
-            raise ControllerError(f"{self.place}{error}") from error
+            raise type(error)(f"{self.place}{error}") from error
         return self._take(sent) if sent else ()
 
     def prepare(self) -> None:
         """Build the controller that starts with the first tick, and do what needs no time.
 
-        Raises:
-            ControllerError: it cannot be started.
+        A `ControllerError` says that it cannot be started.
         """
         if not self.is_due or self.is_running:
             return
         try:
             self._start(())
         except ControllerError as error:
-            raise ControllerError(f"{self.place}{error}") from error
+            raise type(error)(f"{self.place}{error}") from error
         if isinstance(self._controller, PreparingController):
             self._controller.prepare()
 

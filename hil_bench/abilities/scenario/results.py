@@ -11,6 +11,7 @@ from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import (
+    ControllerFileError,
     HilBenchError,
     about_file,
 )
@@ -34,6 +35,7 @@ class ScenarioResult:
         findings: the judgement on each requirement; empty where there is a problem.
         evidence: for a report; None where none was asked for.
         is_interrupted: whether somebody pressed Ctrl-C.
+        is_misuse: whether the problem is a file that is no controller.
     """
 
     path: str
@@ -47,6 +49,7 @@ class ScenarioResult:
     findings: tuple[Finding, ...] = ()
     evidence: Evidence | None = field(default=None, compare=False)
     is_interrupted: bool = field(default=False, compare=False)
+    is_misuse: bool = field(default=False, compare=False)
 
     @property
     def outcomes(self) -> set[RequirementOutcome]:
@@ -59,13 +62,13 @@ class ScenarioResult:
 def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> ScenarioResult:
     """Play a scenario; a firmware that fails, or a step that cannot act, is a result too."""
     scenario = prepared.scenario
-    duration, ending, problem = 0.0, "", ""
+    duration, ending, problem, is_misuse = 0.0, "", "", False
     findings: tuple[Finding, ...] = ()
     evidence: Evidence | None = None
     try:
         run = play(prepared, options)
     except HilBenchError as error:
-        problem = str(error)
+        problem, is_misuse = str(error), isinstance(error, ControllerFileError)
     else:
         duration, ending, findings = run.duration, run.ending, run.findings
         evidence = run.evidence
@@ -80,6 +83,7 @@ def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) ->
         problem,
         findings,
         evidence,
+        is_misuse=is_misuse,
     )
 
 

@@ -144,11 +144,27 @@ def test_a_read_only_folder_is_refused_before_anything_is_played(
     assert f"{option} {file}: its folder is read-only" in found.err
 
 
-def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, cli):
-    path = scenario(
-        tmp_path, "always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'
-    )
-    assert "  /no/such: cannot be started: " in cli(["test", path], ExitCode.CHECK_FAILED).out
+@pytest.mark.parametrize(
+    ("controller", "wrong"),
+    [
+        ('firmware = ["/no/such"]', "/no/such: cannot be started: No such file"),
+        ('kind = "program"\ncommand = ["/"]', "/: cannot be started: Permission denied"),
+        ('kind = "process"\ncommand = ["/no/such"]', "/no/such: cannot be started: No such file"),
+        ('kind = "library"\nlibrary = "/no/such.so"', "/no/such.so: there is no such library"),
+        ('kind = "library"\nlibrary = "OWN"', "cannot be loaded: "),
+        ('kind = "elf"\nprogram = "/no/such.elf"\nchip = "STM32F407"', "/no/such.elf: cannot be"),
+        ('kind = "python"\ncall = "/no/such.py:step"', "/no/such.py: there is no such file"),
+        ('kind = "fmu"\nfile = "/no/such.fmu"\noutputs = {}', "/no/such.fmu: cannot be read"),
+    ],
+)
+def test_a_file_that_is_no_controller_is_bad_input_whatever_its_kind(
+    controller, wrong, tmp_path, cli
+):
+    """docs/exit-codes.md: 2 for a file that is wrong, 1 for a controller that ran and failed."""
+    head = f"[controller]\n{controller}\n".replace("OWN", str(tmp_path / "a.scenario.toml"))
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar", head)
+    found = cli(["test", path], ExitCode.USAGE)
+    assert wrong in found.out + found.err
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from pathlib import Path
 from struct import Struct, error
 from typing import Final, NamedTuple
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ControllerFileError
 
 _HEADER: Final = Struct("<4sBBB9xHHIIIIIHHHHHH")
 _PROGRAM: Final = Struct("<IIIIIIII")
@@ -55,22 +55,22 @@ def read_program(path: Path) -> Program:
     """Return the program of an ELF file.
 
     Raises:
-        ConfigError: the file cannot be read or is no program for a Cortex-M.
+        ControllerFileError: the file cannot be read or is no program for a Cortex-M.
     """
     try:
         if path.exists() and not path.is_file():  # a pipe would be waited for, a device has no end
-            raise ConfigError(f"{path}: is no file; {_RIGHT}")
+            raise ControllerFileError(f"{path}: is no file; {_RIGHT}")
         if path.stat().st_size > _LARGEST:
-            raise ConfigError(f"{path}: has more than {_LARGEST >> 20} MiB; {_RIGHT}")
+            raise ControllerFileError(f"{path}: has more than {_LARGEST >> 20} MiB; {_RIGHT}")
         data = path.read_bytes()
     except OSError as fault:
-        raise ConfigError(f"{path}: cannot be read: {fault.strerror or fault}") from fault
+        raise ControllerFileError(f"{path}: cannot be read: {fault.strerror or fault}") from fault
     try:
         return _read(data)
     except (error, IndexError, UnicodeDecodeError):
-        raise ConfigError(f"{path}: is a damaged ELF file; {_RIGHT}") from None
+        raise ControllerFileError(f"{path}: is a damaged ELF file; {_RIGHT}") from None
     except ValueError as fault:
-        raise ConfigError(f"{path}: {fault}; {_RIGHT}") from None
+        raise ControllerFileError(f"{path}: {fault}; {_RIGHT}") from None
 
 
 def _read(data: bytes) -> Program:

@@ -18,7 +18,7 @@ from typing import Any
 
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame, make_timed
 from hil_bench.canopen_device.frame import Frame, make_frame
-from hil_bench.errors import ControllerError
+from hil_bench.errors import ControllerError, ControllerFileError
 
 Advance = Callable[[int, int, int, list[TimedFrame], bytearray], tuple[int, int]]
 """Given the addresses of ``hil_controller_advance`` and of an instance, a time [ns], frames that
@@ -109,13 +109,14 @@ def load_library(path: Path, _changed: int) -> dict[str, Any]:
         _changed: when its file was last changed: another file is another library.
 
     Raises:
-        ControllerError: it cannot be loaded, lacks a function or is of another version.
+        ControllerError: it lacks a function or is of another version.
+        ControllerFileError: it cannot be loaded.
     """
     _guard()
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
-        raise ControllerError(f"{path}: cannot be loaded: {error}") from None
+        raise ControllerFileError(f"{path}: cannot be loaded: {error}") from None
     functions = {}
     for name, (result, arguments) in _FUNCTIONS.items():
         try:
@@ -179,7 +180,7 @@ class LibraryController:
     def __init__(self, path: Path, settings: Mapping[str, str]) -> None:
         path = path.resolve()
         if not path.is_file():
-            raise ControllerError(f"{path}: there is no such library; build it first")
+            raise ControllerFileError(f"{path}: there is no such library; build it first")
         self._path, self._call = path, load_library(path, path.stat().st_mtime_ns)
         words = [f"{name}={value}".encode() for name, value in settings.items()]
         given = (ctypes.c_char_p * (len(words) + 1))(*words, None)

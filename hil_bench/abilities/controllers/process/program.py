@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.abilities.common.processes import living
-from hil_bench.errors import ControllerError, HilBenchError
+from hil_bench.errors import ControllerError, ControllerFileError, HilBenchError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import PATIENCE
 
@@ -67,7 +67,7 @@ class Program:
         process: the process.
 
     Raises:
-        ControllerError: it cannot be started.
+        ControllerFileError: it cannot be started.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Program:
                     process_group=0 if leads else None,
                 )
             except OSError as error:
-                raise ControllerError(_why_unstarted(command[0], error)) from None
+                raise ControllerFileError(_why_unstarted(command[0], error)) from None
 
     @property
     def is_running(self) -> bool:

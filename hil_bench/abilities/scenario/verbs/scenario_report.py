@@ -24,7 +24,7 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.exit_codes import ExitCode, verdict_code
+from hil_bench.cli.exit_codes import ExitCode, verdict_code, worst
 from hil_bench.cli.results import json_text
 from hil_bench.config.settings import Origin
 from hil_bench.errors import (
@@ -226,6 +226,16 @@ def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:
     return verdict_code(
         fails=RequirementOutcome.FAILED in found, passes=found == {RequirementOutcome.PASSED}
     )
+
+
+def exit_code_of_results(results: Sequence[ScenarioResult]) -> ExitCode:
+    """Return the exit code of scenarios; an interrupted one says nothing of its requirements."""
+    codes = {ExitCode.INTERRUPTED for each in results if each.is_interrupted}
+    codes |= {ExitCode.USAGE for each in results if each.is_misuse}
+    whole = [each for each in results if not (each.is_interrupted or each.is_misuse)]
+    if whole or not codes:
+        codes.add(exit_code_for(set().union(*(each.outcomes for each in whole))))
+    return worst(*codes)
 
 
 def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:

@@ -123,7 +123,7 @@ def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
         options = PlayOptions(record=recording_wish(args), beside=company.beside)
         result = play_for_result(prepared, options)
     ending = Ending(args)
-    ending.take(scenario_report.exit_code_for(result.outcomes), company.code, wish.code)
+    ending.take(scenario_report.exit_code_of_results([result]), company.code, wish.code)
     lines = (*scenario_report.result_lines([result]), *company.lines())
     content = {"scenario": scenario_report.result_content(result), "recording": company.recording}
     with ending.going_on():

@@ -30,7 +30,7 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     read_parameter,
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
-from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, worst
+from hil_bench.cli.exit_codes import Ending, interrupted_once
 from hil_bench.cli.parser import add_units_argument, count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.errors import ConfigError
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         results, chapters = _test_virtually(args, paths, given, ending)
         lines = []  # each was printed when it was known
-    ending.take(_code_of(results))
+    ending.take(scenario_report.exit_code_of_results(results))
     with ending.going_on():
         print_results(
             args, lines, {result.path: scenario_report.result_content(result) for result in results}
@@ -135,14 +135,6 @@ def _check_outputs(args: argparse.Namespace) -> None:
         raise ConfigError(
             f"--jobs {args.jobs}: a machine plays one scenario at a time; leave it out"
         )
-
-
-def _code_of(results: Sequence[ScenarioResult]) -> ExitCode:
-    """Return the exit code of results; an interrupted one says nothing of its requirements."""
-    whole = [result for result in results if not result.is_interrupted]
-    outcomes = set().union(*(result.outcomes for result in whole))
-    interrupted = ExitCode.INTERRUPTED if len(whole) < len(results) else ExitCode.DONE
-    return worst(scenario_report.exit_code_for(outcomes), interrupted)
 
 
 class Task(NamedTuple):

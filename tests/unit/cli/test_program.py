@@ -36,7 +36,7 @@ def test_a_file_is_downloaded(capsys, program, options):
     ("arguments", "code", "what"),
     [
         (["--virtual", "--node", "1"], 1, "node 1: has no program 1; a device with 0x1F50"),
-        (["--virtual", "--node", "9"], 1, "node 9: no answer within 2 s"),
+        (["--virtual", "--node", "9"], 6, "node 9: no answer within 2 s"),
         (["--virtual", "--node", "128"], 2, "--node 128: a number from 1 to 127 is right"),
         (["--virtual", "--node", "1", "--file", "none"], 2, "--file none: cannot be read: No such"),
     ],

@@ -50,6 +50,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Download, or look; exit code 0 where the device has a valid program in the end.
 
+    It is 6 where no device answers: nothing has been asked of it.
+
     Raises:
         ConfigError: the command line is wrong.
         BusLostError: the bus was lost.
@@ -64,8 +66,10 @@ def run(args: argparse.Namespace) -> int:
     with open_network(args, config) as opened:
         node = opened.network.add_node(args.node)
         download = ProgramDownload(opened.network, node, args.number)
+        is_there = False
         try:
             node.await_answer()
+            is_there = True
             if program is None:
                 state = download.read()
             else:
@@ -81,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
             if is_silent(args):
                 print_results(args, [], {"done": False, "error": str(error)})
             print(f"hil-bench: error: {error}", file=sys.stderr)
-            return ExitCode.CHECK_FAILED
+            return ExitCode.CHECK_FAILED if is_there else ExitCode.INCONCLUSIVE
     lines = _lines(state)
     if program is not None:
         lines.insert(0, f"downloaded      {len(program)} bytes")

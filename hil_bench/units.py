@@ -133,7 +133,16 @@ COUNT = "1"
 _MINUTE, _HOUR = 60.0, 3600.0
 _SPELLED: Mapping[str, Mapping[str, float]] = {
     "-": {"-": 1.0, COUNT: 1.0, "%": 1e-2},
-    "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": _MINUTE, "h": _HOUR},
+    "s": {
+        "s": 1.0,
+        "sec": 1.0,
+        "second": 1.0,
+        "ms": 1e-3,
+        "us": 1e-6,
+        "ns": 1e-9,
+        "min": _MINUTE,
+        "h": _HOUR,
+    },
     "m": {
         "m": 1.0,
         "dm": 1e-1,
@@ -245,10 +254,15 @@ def read_unit(text: str) -> SiUnit | None:
     Returns:
         The unit; None where it is not known.
     """
+    return _CONVERSIONS.get(bare_unit(text))
+
+
+def bare_unit(text: str) -> str:
+    """Return a unit without brackets, its letters as `read_unit` takes them: ``m3/s``, ``uV``."""
     symbol = text.strip()
     if symbol[:1] + symbol[-1:] in {"[]", "()"}:
         symbol = symbol[1:-1].strip()
-    return _CONVERSIONS.get(symbol.translate(_SPELLING))
+    return symbol.translate(_SPELLING)
 
 
 @lru_cache(maxsize=256)

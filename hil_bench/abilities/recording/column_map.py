@@ -20,12 +20,17 @@ from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
+from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, bare_unit, read_unit
 
 _FILES = "files"
 _MEASURED = ".measured"
 _FULL_SCALE = (Unit("V", "_v", 0.1), Unit("mA", "_ma", 0.05))
 """Units of a command: 10 V and 20 mA are the full opening, where nothing else is said."""
+
+_RAW = frozenset(
+    {"a", "ma", "ua", "v", "mv", "uv", "kv", "volt", "volts", "count", "counts", "lsb"}
+)
+"""Units of what no gain has made a quantity of, in small letters."""
 
 CHANNELS = (
     TIME,
@@ -233,16 +238,26 @@ def check_units(units: Mapping[str, str], mapped: Mapped) -> None:
     """Refuse a map that gives a column another unit than its file does.
 
     Args:
-        units: of the file, by the name of the column; those that are not known say nothing.
+        units: of the file, by the name of the column; those that are not known say nothing, but
+            for those of a sensor's signal, as V or counts.
         mapped: the columns; one with a gain or an offset is raw, so its unit is not the file's.
 
     Raises:
         ConfigError: there is one.
     """
     for quantity, column in mapped.items():
-        given = read_unit(units.get(column.name, ""))
-        is_raw = (column.gain, column.offset) != (1.0, 0.0)
-        if given is None or given == SiUnit(ONE.symbol) or is_raw:
+        symbol = bare_unit(units.get(column.name, ""))
+        given = read_unit(symbol)
+        if (column.gain, column.offset) != (1.0, 0.0) or given == SiUnit(ONE.symbol):
+            continue
+        if symbol.casefold() in _RAW and symbol.casefold() != column.unit.symbol.casefold():
+            is_command = _UNITS[quantity] == "-" and symbol in {each.symbol for each in _FULL_SCALE}
+            right = f"give it in {symbol}" if is_command else "give gain and offset"
+            raise ConfigError(
+                f'column {column.name} is in "{symbol}" there, and the map has {quantity} in '
+                f"{column.unit.symbol}; {right} in a file for --columns"
+            )
+        if given is None:
             continue
         factor = given.factor if given.symbol == _UNITS[quantity] else math.nan
         if not math.isclose(factor, column.unit.factor) or given.offset:

@@ -44,6 +44,9 @@ _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,'\u2019 \u00a0\u202f])\d{3}(?:\1\d{
 """A number in which marks may part groups of three digits."""
 _DECIMAL = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?")
 
+_END_OF_HEAD = "***End_of_Header***"
+"""The line of LabVIEW's LVM files above their names, and one further up."""
+
 _HEAD = 50  # lines among which the one with the names is
 _TIMES = frozenset({"time", "t", "zeit"})
 
@@ -110,6 +113,10 @@ def _read_lines(path: Path) -> tuple[list[str], str]:
         lines.pop()  # its writer may have been killed within a number
     if lines and _SEPARATOR.fullmatch(lines[0]):
         del lines[0]
+    ends = [number for number, line in enumerate(lines[:_HEAD]) if line.startswith(_END_OF_HEAD)]
+    if ends:
+        del lines[: ends[-1] + 1]
+        lines[:1] = [line.removesuffix("\tComment") for line in lines[:1]]  # a column of no numbers
     return lines, max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
 
 

@@ -1,5 +1,7 @@
 """Which column is which quantity."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -169,6 +171,24 @@ def test_a_map_that_contradicts_the_unit_of_the_file_is_refused(unit):
 
     with pytest.raises(ConfigError, match="the map has position in cm"):
         check_units({"s": unit}, columns.of("a.csv"))
+
+
+@pytest.mark.parametrize(
+    ("option", "unit", "wrong"),
+    [
+        ("p=P_A:bar", "mA", "P_A in bar; give gain and offset in a file for --columns"),
+        ("p=P_A:bar", "(mV)", 'is in "mV" there'),
+        ("p=position:mm", "[counts]", 'is in "counts" there'),
+        ("p=spool_setpoint:V", "mV", "spool_setpoint in V; give gain and offset"),
+        ("p=spool_setpoint:%", "V", "spool_setpoint in %; give it in V"),
+        ("p=spool_setpoint:mA", "[mA]", ""),
+        ("p=spool_setpoint:V", "V", ""),
+    ],
+)
+def test_a_sensors_signal_is_no_quantity_without_a_gain(option, unit, wrong):
+    mapped = read_column_map(None, [option]).of("a.csv")
+    with pytest.raises(ConfigError, match=wrong) if wrong else nullcontext():
+        check_units({"p": unit}, mapped)
 
 
 @pytest.mark.parametrize("unit", ["mm", "", "furlong", "1"])

@@ -144,6 +144,12 @@ def test_a_file_that_is_no_recording_says_why(make_file, text, reason):
         "Time,axis1.P_A\nms,bar\n0,1\n10,-\n",
         "logger 7\n\naxis1.P_A (bar);Zeit (ms)\n1,0;0\n;1,0e1\n",  # a comma in the numbers
         "t [s]\taxis1.P_A [bar]\n0\t1\n0.01\tERR\n0.02\t2",  # its writer was killed
+        "x,axis1.P_A\nsecond,bar\n+0.0E+00,+1.0E+00\n+1.0E-02,\n",  # an oscilloscope's
+        (
+            "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\n"
+            "Channels\t1\nX0\t0,0\n"
+            "***End_of_Header***\t\nt [s]\taxis1.P_A [bar]\tComment\n0,0\t1,0\n0,01\t\n"
+        ),
     ],
 )
 def test_a_table_of_another_tool_is_a_recording(make_file, text):

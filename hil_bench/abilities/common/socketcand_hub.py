@@ -2,6 +2,7 @@
 
 import functools
 import re
+from binascii import hexlify
 
 from hil_bench.canopen_device.frame import FDF, Frame, make_frame
 from hil_bench.frame import FD_LENGTHS
@@ -92,8 +93,12 @@ def format_frame(frame: Frame, stamp: bytes) -> bytes:
     if fd:
         text = b"< fdframe %08X %02X %b %b >" if is_extended else b"< fdframe %03X %02X %b %b >"
         return text % (can_id, fd, stamp, data.hex().upper().encode())
-    text = b"< frame %08X %b %b >" if is_extended else b"< frame %03X %b %b >"
-    return text % (can_id, stamp, data.hex().upper().encode())
+    return _head(can_id, is_extended) + stamp + b" " + hexlify(data).upper() + b" >"
+
+
+@functools.lru_cache(maxsize=4096)
+def _head(can_id: int, is_extended: bool) -> bytes:
+    return (b"< frame %08X " if is_extended else b"< frame %03X ") % can_id
 
 
 BURST = 10_000_000

@@ -146,6 +146,23 @@ def test_a_wait_without_a_frame_ends(bus, join):
     assert bus.receive(8) == []
 
 
+def test_who_comes_is_seen_to_while_the_only_client_speaks_or_is_silent(bus, join, connect):
+    """The bus waits for a single client alone, but not for ever."""
+    talker = join()
+    for speaks in (True, False):
+        newcomer = connect()
+        for _ in range(20 if speaks else 3):
+            if speaks:
+                talker.say(b"< send 080 0 >")
+            assert bus.wait(GUARD if speaks else 0.001) is speaks
+            if speaks:
+                bus.receive(1)
+        newcomer._socket.settimeout(GUARD)
+        assert newcomer._socket.recv(100) == b"< hi >"
+        newcomer.close()
+        bus.wait(GUARD)
+
+
 def test_another_channel_is_refused_with_the_one_there_is(connect):
     client = connect()
     client.hear()

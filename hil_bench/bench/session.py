@@ -35,8 +35,8 @@ def bench_channels(bench: Bench) -> tuple[Channel, ...]:
 def sample(bench: Bench) -> list[float]:
     """Return the present values of all `bench_channels`, in their order."""
     row: list[float] = []
-    for axis, commanded in zip(bench.axes, bench.commands, strict=True):
-        row += axis.row(commanded)
+    for number, axis in enumerate(bench.axes):
+        row += axis.row(bench.commands[number])
     for sensor in bench.sensors:
         row.append(sensor.measured / sensor.full)
         if sensor.rate_path is not None:
@@ -185,7 +185,7 @@ class Session:
             )  # what a source sends then meets nodes that are up
         guests = self._guests(now) if self.sources else ()
         if guests:
-            frames = [*frames, *guests]
+            frames = [*frames, *guests] if frames else guests
         self.now, self.has_ticked = now, True
         if self.intercept is not None:
             frames = self.intercept(frames, now)
@@ -204,8 +204,10 @@ class Session:
             tell(now)
         return [*booted, *guests, *sent] if guests or booted else sent
 
-    def _guests(self, now: int) -> list[Frame]:
+    def _guests(self, now: int) -> Sequence[Frame]:
         """Ask the sources for their frames."""
+        if len(self.sources) == 1:
+            return self.sources[0](now)
         return [frame for source in self.sources for frame in source(now)]
 
     def row(self) -> tuple[float, ...]:

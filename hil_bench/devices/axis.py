@@ -236,7 +236,7 @@ class Axis:
         Args:
             commanded: what the valve has commanded last [SI].
         """
-        row = list(self._pick((*self.plant.output, commanded)))
+        row = list(self._pick([*self.plant.output, commanded]))
         full = self.valve.full_opening
         for place in self._shares:
             row[place] /= full

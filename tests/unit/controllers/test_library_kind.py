@@ -133,10 +133,11 @@ FRAMES = [
 def test_frames_go_in_and_out_whole(instance):
     instance.advance(1000, ())
     sent = instance.advance(2000, FRAMES)
-    assert [frame for _, frame in sent] == [
-        frame._replace(bus=frame.bus ^ 1) for _, frame in FRAMES
+    expected = [
+        TimedFrame(1000 + number, frame._replace(bus=frame.bus ^ 1))
+        for number, (_, frame) in enumerate(FRAMES)
     ]
-    assert [time for time, _ in sent] == [1000, 1001, 1002]
+    assert repr(sent) == repr(expected)  # of their types, too
 
 
 def test_more_frames_than_a_call_has_room_for_come_in_several(instance):
@@ -146,8 +147,8 @@ def test_more_frames_than_a_call_has_room_for_come_in_several(instance):
 
 def test_what_is_no_frame_is_not_packed(machine_code):
     for frame in ((1, Frame(1, bytes(9))), (1, (1, b"")), None):
-        with pytest.raises(TypeError):
-            machine_code(0, 0, 0, [frame], bytearray(24))
+        with pytest.raises(TypeError, match="no frame with its time"):
+            machine_code(0, 0, 0, [frame], bytearray(24), TimedFrame, Frame)
 
 
 def test_it_has_begun_when_it_says_so(echo):

@@ -20,9 +20,13 @@ from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame, make
 from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.errors import ControllerError, ControllerFileError
 
-Advance = Callable[[int, int, int, list[TimedFrame], bytearray], tuple[int, int]]
+Advance = Callable[
+    [int, int, int, Sequence[TimedFrame], bytearray, type[TimedFrame], type[Frame]],
+    tuple[int, int, list[TimedFrame] | None],
+]
 """Given the addresses of ``hil_controller_advance`` and of an instance, a time [ns], frames that
-came and room for those that are sent, returns an `hil_state` and how many were sent."""
+came, room for those that are sent and what they become, returns an `hil_state`, how many were sent,
+and these; None where they are still to be read, or where one is wrong."""
 
 try:
     from hil_bench.abilities.controllers.library import _call  # type: ignore[attr-defined]
@@ -150,8 +154,15 @@ class _CallByCtypes:
         self._counted = ctypes.byref(self._count)
 
     def __call__(
-        self, _address: int, instance: int, until: int, received: list[TimedFrame], _sent: bytearray
-    ) -> tuple[int, int]:
+        self,
+        _address: int,
+        instance: int,
+        until: int,
+        received: Sequence[TimedFrame],
+        _sent: bytearray,
+        _timed: type[TimedFrame],
+        _frame: type[Frame],
+    ) -> tuple[int, int, list[TimedFrame] | None]:
         place = 0
         for time, (can_id, data, is_remote, is_extended, bus, _) in received:
             flags = is_extended * _EXTENDED | is_remote * _REMOTE
@@ -160,7 +171,7 @@ class _CallByCtypes:
         state = self._function(
             instance, until, self._received_at, len(received), self._sent_at, _ROOM, self._counted
         )
-        return state, self._count.value
+        return state, self._count.value, None
 
 
 class LibraryController:
@@ -198,15 +209,11 @@ class LibraryController:
     def advance(self, until: int, received: Sequence[TimedFrame]) -> Sequence[TimedFrame]:
         """Let it live until a moment; see `Controller`."""
         sent: list[TimedFrame] = []
-        for start in range(0, len(received) or 1, _ROOM):
-            part = list(received[start : start + _ROOM])
-            state, count = self._advance(self._address, self._instance, until, part, self._sent)
-            if count:
-                sent += self._take(count, until)
-            if state:
-                self._look_at(state, sent)
-            elif not self.has_begun:
-                self.has_begun = True
+        if len(received) <= _ROOM:
+            self._live(until, received, sent)
+        else:
+            for start in range(0, len(received), _ROOM):
+                self._live(until, received[start : start + _ROOM], sent)
         return sent
 
     def reset(self) -> None:
@@ -224,6 +231,18 @@ class LibraryController:
         instance, self._instance = self._instance, 0
         if instance:
             self._call["destroy"](instance)
+
+    def _live(self, until: int, received: Sequence[TimedFrame], sent: list[TimedFrame]) -> None:
+        """Let it live with frames that it has room for; put what it sends behind `sent`."""
+        state, count, frames = self._advance(
+            self._address, self._instance, until, received, self._sent, TimedFrame, Frame
+        )
+        if count:
+            sent += self._take(count, until) if frames is None else frames
+        if state:
+            self._look_at(state, sent)
+        elif not self.has_begun:
+            self.has_begun = True
 
     def _take(self, count: int, until: int) -> list[TimedFrame]:
         """Return the frames that it has sent.

@@ -52,16 +52,6 @@ def test_by_default_the_last_set_point_stays_when_the_controller_is_gone(make_be
     assert bus.plant.output.nu == pytest.approx(0.5 * 1.3e-3, rel=1e-3)
 
 
-@pytest.mark.parametrize("lines", SUPERVISED.splitlines())
-def test_one_line_of_supervision_centres_the_spool(make_bench, lines):
-    bus = make_bench(lines)
-    bus.tick(HEARTBEAT)
-    bus.command(0x0007, 8192, count=20)
-    bus.tick(count=300)
-    assert abs(bus.plant.output.nu) < 1e-6
-    assert status_word(bus) & 0xF == 0b0011
-
-
 @pytest.mark.parametrize("cause", ["RPDO", "heartbeat"])
 def test_the_documented_walk_leads_out_of_the_fault(make_bench, cause):
     walk = documented_walk()

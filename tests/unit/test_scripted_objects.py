@@ -7,6 +7,7 @@ from pathlib import Path
 
 import can
 import pytest
+from support.tables import from_text
 
 from device_profiles import IMITATIONS
 from hil_bench import ConfigError, VirtualBench, load_config
@@ -122,55 +123,14 @@ def test_a_value_beyond_the_object_stops_at_its_limit(bench_of):
         assert value(bench) == 32767
 
 
-@pytest.mark.parametrize(
-    ("objects", "said"),
-    [
-        ('"0x6401.01" = { ramp = 5, over_s = 1 }', "0x6401.01.ramp: 5 is no ramp; give [first"),
-        ('"0x6401.01" = { ramp = [0, 5] }', "0x6401.01.over_s: missing; give for example over_s"),
-        ('"0x6401.01" = { table = [] }', "0x6401.01.table: has no points; give [[time, value]"),
-        (
-            '"0x6401.01" = { table = [[1, 0], [1, 5]] }',
-            "0x6401.01.table: its times do not rise from 0 or more",
-        ),
-        ('"0x6401.01" = { follow = "6411" }', '0x6401.01.follow: "6411" is no object; write'),
-        ('"0x6401.01" = { follow = "0x6499.01" }', "0x6401.01.follow: is not in "),
-        ('"0x6401.01" = { sine = 1, ramp = [0, 1] }', "0x6401.01: is ramp and sine at once; give"),
-        (
-            '"0x6401.01" = { constant = 1, source = "axis1.P_A" }',
-            "0x6401.01: is constant and source at once",
-        ),
-        ('"0x1017" = { constant = 1 }', "0x1017.00: belongs to the communication services"),
-        ('"0x6401.01" = { wave = 1 }', "0x6401.01: is bound to nothing; give source = "),
-        (
-            '"0x6401.01" = { sine = 1, period_s = 0 }',
-            "0x6401.01.period_s: 0 is out of range; give a number in s from 1e-06",
-        ),
-    ],
-)
+@from_text("objects", "said")
 def test_a_wrong_script_is_one_line(bench_of, objects, said):
     message = refusal(bench_of, objects)
     assert message.startswith(f"b.toml:nodes.io.objects.{said}")
     assert "\n" not in message
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            '[plant.a]\nkind = "none"\nstroke_mm = 3\n[nodes.v]\neds = "v.eds"\nnode_id = 1\n',
-            "b.toml:plant.a.stroke_mm: there is no plant to have it; leave it out, or kind",
-        ),
-        (
-            '[plant.a]\nkind = "none"\n[nodes.v]\nprofile = "valve_408"\nnode_id = 1\n',
-            "b.toml:nodes.v.axis: missing; the bench has no plant: give it one as [plant.axis1]",
-        ),
-        (
-            '[plant.a]\nkind = "none"\n',
-            "b.toml:nodes: the bench has none; give one as",
-        ),
-        ('[plant.a]\nkind = "nothing"\n', 'b.toml:plant.a.kind: "nothing" is unknown; give one of'),
-    ],
-)
+@from_text("text", "said")
 def test_no_plant_has_no_keys_and_no_valve(tmp_path, monkeypatch, text, said):
     monkeypatch.chdir(tmp_path)
     Path("b.toml").write_text(text)

@@ -7,6 +7,7 @@ import threading
 import pyarrow.parquet as pq
 import pytest
 from support.campaigns import REST, write_rest
+from support.tables import from_text
 
 from hil_bench import ConfigError
 from hil_bench.abilities.campaign import snapshot
@@ -40,61 +41,7 @@ def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
     assert not folder.exists()
 
 
-@pytest.mark.parametrize(
-    ("campaign", "scenario", "wrong"),
-    [
-        ("", REST, "campaign.toml: scenarios: missing; give for example"),
-        ("scenarios = []", REST, "campaign.toml:1:13: scenarios: is empty"),
-        ('scenarios = ["no.scenario.toml"]', REST, "no.scenario.toml: cannot be read"),
-        ('scenarios = ["rest.scenario.toml"]', PLAIN, "no parameter has a range; give one, as in"),
-        (
-            f"{ONE}[parameters]\nlimit_bar = {{ values = [60.0] }}",
-            PLAIN,
-            "no parameter has a range; give one, as in",
-        ),
-        ('scenarios = ["rest.scenario.toml"]\nrun = 3', REST, "campaign.toml:2:7: run: unknown"),
-        ('scenarios = ["rest.scenario.toml"]\nruns = 0', REST, "runs: 0 is out of range"),
-        ('scenarios = ["rest.scenario.toml"]\nseeds = 3', REST, "seeds: 3 is no list of seeds"),
-        (
-            'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit = { range = [1, 2] }',
-            REST,
-            '"limit" is no parameter of the scenarios; the nearest is limit_bar',
-        ),
-        (
-            'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit_bar = { range = [0, 2] }',
-            REST,
-            "campaign.toml: parameters.limit_bar: 0 to 2 leaves the range 1 to 301 of ",
-        ),
-        (
-            f"{ONE}[parameters]\nlimit_bar = {{ range = [1, 302] }}",
-            REST,
-            "campaign.toml: parameters.limit_bar: 1 to 302 leaves the range 1 to 301 of ",
-        ),
-        (
-            'scenarios = ["rest.scenario.toml"]\n[parameters]\nlimit_bar = 3',
-            REST,
-            "campaign.toml:3:13: parameters.limit_bar: 3 is not a distribution",
-        ),
-        (
-            f'{ONE}[tolerances]\n"plant.axis1.no_kg" = {{ range = [1, 2] }}',
-            REST,
-            "plant.axis1.no_kg: unknown key",
-        ),
-        (
-            'scenarios = ["rest.scenario.toml"]\n[firmware]\nnew = ["nowhere"]',
-            REST,
-            "has no firmware, and the campaign has [firmware]",
-        ),
-        (
-            'scenarios = ["rest.scenario.toml"]\n[firmware]\nnew = ["./nowhere"]',
-            REST.replace("[parameters]", '[controller]\nfirmware = ["true"]\n[parameters]'),
-            "./nowhere: is no program that can be run; build it first",
-        ),
-        ('scenarios = ["rest.scenario.toml"]\nbenches = ["no.toml"]', REST, "no.toml: cannot be"),
-        ("[nodes.valve]", REST, "campaign.toml: is a bench; give a campaign or a scenario"),
-        (PLAIN, REST, "campaign.toml: no parameter has a range"),  # a scenario of any name
-    ],
-)
+@from_text("campaign", "scenario", "wrong")
 def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, make_file, cli):
     write_rest(tmp_path, scenario)
     path = make_file("campaign.toml", campaign + "\n")

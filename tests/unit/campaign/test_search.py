@@ -9,6 +9,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 from support.campaigns import REST, margin_of, rest_pressures, run_result, write_rest
+from support.tables import from_text
 
 from hil_bench import ConfigError
 from hil_bench.abilities.campaign.falsify import KeptRuns, SearchPlan, falsify
@@ -448,16 +449,7 @@ def test_a_run_that_came_twice_is_kept_once(tmp_path):
     assert [each.key for each in again([spec])] == [spec.key]
 
 
-@pytest.mark.parametrize(
-    ("words", "right"),
-    [
-        ("falsify --seed -1", "-1: give an integer from 0 up"),
-        ("campaign --seed -1", "-1: give an integer from 0 up"),
-        ("falsify --minutes nan", "nan: give a positive number"),
-        ("falsify --minutes -1", "-1: give a positive number"),
-        ("falsify --timeout-s soon", "soon: give a positive number"),
-    ],
-)
+@from_text("words", "right")
 def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, cli):
     verb, *rest = words.split()
     assert right in cli([verb, "rest.scenario.toml", *rest], 2).err

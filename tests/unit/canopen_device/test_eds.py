@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.tables import from_text
 
 import device_profiles
 from hil_bench.canopen_device.eds import LARGEST_FILE, load_eds
@@ -107,184 +108,7 @@ E, W = Severity.ERROR, Severity.WARNING
 RPDO1_TARGET = "DefaultValue=0x20010010"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "severity", "message"),
-    [
-        (
-            "DefaultValue=0x00000191",
-            "DefaultValue=010",
-            E,
-            (
-                "[1000] DefaultValue: '010' has a leading zero, which is octal in CiA 306 and "
-                "decimal to most tools; write 10 or 0xA; it is 0 at power-on"
-            ),
-        ),
-        (
-            "DefaultValue=0x00000191",
-            "DefaultValue=four",
-            E,
-            (
-                "[1000] DefaultValue: 'four' is no number; write 384, 0x180 or $NODEID+0x180; "
-                "it is 0 at power-on"
-            ),
-        ),
-        (
-            "DefaultValue=0x12345678",
-            "DefaultValue=0x112345678",
-            E,
-            "[1018sub4] DefaultValue: '0x112345678' is outside UNSIGNED32; write 0 to 4294967295",
-        ),
-        (
-            "DefaultValue=0x3FC00000",
-            "DefaultValue=3E800000",
-            E,
-            (
-                "[2024] DefaultValue: '3E800000' is no REAL32; write 1.5 or its bit pattern "
-                "0x3FC00000; it is 0.0 at power-on"
-            ),
-        ),
-        (
-            "DefaultValue=0x3FC00000",
-            "DefaultValue=1e39",
-            E,
-            "[2024] DefaultValue: '1e39' is no REAL32",
-        ),
-        (
-            "DefaultValue=0x3FC00000",
-            "DefaultValue=3",
-            W,
-            (
-                "[2024] DefaultValue: '3' is outside its limits, -2.0 to 2.0; it is the value at "
-                "power-on all the same"
-            ),
-        ),
-        (
-            "LowLimit=-1000",
-            "LowLimit=1001",
-            E,
-            "[2001] LowLimit: 1001 is above HighLimit 1000; the bus may write any value",
-        ),
-        ("LowLimit=-2.0", "LowLimit=nan", W, "[2024] LowLimit: 'nan' is no limit; it does not"),
-        (
-            "DefaultValue=01 02 03",
-            "DefaultValue=1 2",
-            W,
-            (
-                "[2025] DefaultValue: '1 2' is no byte string; write hexadecimal pairs: 01 A2 FF; "
-                "it is empty at power-on"
-            ),
-        ),
-        (
-            "DefaultValue=abc",
-            "DefaultValue=ä",
-            W,
-            "[2020] DefaultValue: 'ä' has characters outside VISIBLE_STRING; each is replaced by",
-        ),
-        ("2=-7", "2=x", E, "[2030Value] 2: 'x' is no number"),
-        (
-            "CompactSubObj=3",
-            "CompactSubObj=300",
-            W,
-            "[2030] CompactSubObj: is 300; a sub-index is 254 at most, which is taken",
-        ),
-        (
-            "DataType=0x000F\nAccessType=rw",
-            "DataType=0x00A0\nAccessType=rw",
-            E,
-            "[2021] DataType: '0x00A0' is no data type of CiA 301; the entry takes any bytes",
-        ),
-        (
-            "AccessType=wo",
-            "AccessType=write",
-            W,
-            "[2022] AccessType: is 'write'; one of ro, wo, rw, rwr, rww, const is right, rw is",
-        ),
-        ("AccessType=wo\n", "", W, "[2022] AccessType: is missing; one of ro, wo"),
-        (
-            "ParameterName=Key\n",
-            "",
-            W,
-            "[2022] ParameterName: is missing; any text is right, 0x2022.00 is taken",
-        ),
-        (
-            "ObjectType=0x2",
-            "ObjectType=0x5",
-            W,
-            "[2021] ObjectType: is 0x5; 0x2, 0x7, 0x8 or 0x9 is right, 0x7 is taken",
-        ),
-        ("[1018sub0]", "[1018sub9]", W, "[1018] [1018sub0] is missing; sub-index 0 is 9"),
-        ("[1018sub1]", "[2918sub1]", W, "[2918sub1] has no object [2918]; a RECORD is taken"),
-        (
-            "[1001]",
-            "[2099]",
-            W,
-            "[1001] 0x1001.00 is missing, and CiA 301 has it in every device; here it is 0x0",
-        ),
-        ("[1018sub1]", "[1018sub5]", W, "[1018] 0x1018.01 is missing, and CiA 301 has it"),
-        (
-            "ParameterName=Producer heartbeat time\nObjectType=0x7\nDataType=0x0006",
-            "ParameterName=Producer heartbeat time\nObjectType=0x7\nDataType=0x0007",
-            E,
-            "[1017] DataType: is UNSIGNED32; CiA 301 says UNSIGNED16, which it is here",
-        ),
-        (
-            RPDO1_TARGET,
-            "DefaultValue=0x40000010",
-            E,
-            "[1600sub2] DefaultValue: maps 0x4000.00 (16 bit), which does not exist; RPDO1 is off",
-        ),
-        (
-            RPDO1_TARGET,
-            "DefaultValue=0x20260008",
-            W,
-            (
-                "[1600sub2] DefaultValue: maps 0x2026.00 (8 bit), which has PDOMapping=0; RPDO1 "
-                "carries it all the same"
-            ),
-        ),
-        (
-            RPDO1_TARGET,
-            "DefaultValue=0x20100010",
-            W,
-            (
-                "[1600sub2] DefaultValue: maps 0x2010.00 (16 bit), which has AccessType=ro, which "
-                "no RPDO may carry; RPDO1 carries it all the same"
-            ),
-        ),
-        (
-            "DefaultValue=0x20110010",
-            RPDO1_TARGET,
-            W,
-            (
-                "[1A00sub2] DefaultValue: maps 0x2001.00 (16 bit), which has AccessType=rww, which "
-                "no TPDO may carry; TPDO1 carries it all the same"
-            ),
-        ),
-        (
-            RPDO1_TARGET,
-            "DefaultValue=0x20010008",
-            E,
-            (
-                "[1600sub2] DefaultValue: maps 0x2001.00 (8 bit), which is INTEGER16, which has 16 "
-                "bit; RPDO1 is off"
-            ),
-        ),
-        (
-            "[1801sub2]",
-            "[1801sub9]",
-            W,
-            "[1801] [1801sub2] is missing; the transmission type is 255",
-        ),
-        (
-            "[1A01sub1]",
-            "[1A01sub2]",
-            E,
-            "[1A01] [1A01sub1] is missing; 0x1A01.00 says 1 mapped objects; TPDO2 is off",
-        ),
-        ("[2022]", "[2022", W, "[2022] the heading lacks its ]"),
-        ("AccessType=wo", "AccessType wo", W, "[2022] 'AccessType wo' is no [section]"),
-    ],
-)
+@from_text("old", "new", "severity", "message")
 def test_found_and_loaded_all_the_same(load_changed, old, new, severity, message):
     dictionary = load_changed((old, new))
     found = [f for f in dictionary.findings if f"[{f.section}] {f.text}".startswith(message)]
@@ -374,20 +198,7 @@ def test_missing_file(tmp_path):
     assert message.endswith("none.eds: No such file or directory; name an EDS file that exists")
 
 
-@pytest.mark.parametrize(
-    ("text", "wrong"),
-    [
-        ("", "is no EDS file, it has no object such as [1000]; give the EDS file (CiA 306)"),
-        ("no section", "is no EDS file, it has no object such as [1000]"),
-        ("[DeviceInfo]\n[DeviceInfo]\n", "is no EDS file, it has no object such as [1000]"),
-        ("[DeviceInfo]\n[DummyUsage]\nDummy0001=0\n", "is no EDS file, it has no object such"),
-        (
-            "[1000]\nname=a section of some other file\n",
-            "is no EDS file, it has neither [FileInfo]",
-        ),
-        ('<?xml version="1.0"?>\n<a>[1000]</a>', "is XML, as an XDD file is; give the EDS file"),
-    ],
-)
+@from_text("text", "wrong")
 def test_text_that_is_no_eds(make_file, text, wrong):
     path = make_file("no.eds", text)
     assert refusal(load_eds, path, 5).startswith(f"{path}: {wrong}")

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import errors
 from hil_bench.abilities.analysis import verbs
@@ -121,23 +122,9 @@ def test_the_papers_report_is_written_and_its_verdicts_printed(tmp_path, cli, mo
     assert content["statements"][0].keys() == {"place", "claim", "found", "verdict"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["linearisation", "--velocity-mm-s", "500"],
-            "no steady motion at 0.5 m/s: it needs an orifice of 1.724 mm, and the valve opens",
-        ),
-        (
-            ["frequency-response", "--from-hz", "12000"],
-            "chirp up to 12000 Hz: must stay below the Nyquist frequency of 10000 Hz, half of one",
-        ),
-        (["root-locus", "--axis", "x"], "--axis x: is no axis of this bench; give axis1"),
-        (["trajectories", "--amplitude-mm", "nan"], "amplitude = nan m: must be finite and no "),
-    ],
-)
+@from_text("arguments", "message")
 def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, cli):
-    (line,) = cli(["analyse", *arguments], 2).err.splitlines()
+    (line,) = cli(["analyse", *arguments.split()], 2).err.splitlines()
     assert line.startswith(f"hil-bench: error: {message}")
 
 

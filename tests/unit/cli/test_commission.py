@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from support.direct_lockstep import DirectLockStep
+from support.tables import from_text
 
 from hil_bench import load_config, read_frames
 from hil_bench.abilities.commissioning.plan import load_plan
@@ -204,49 +205,10 @@ def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(folder, 
     assert (folder / "out" / "unrestored.jsonl").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["plan.toml", "--virtual", "--restore"],
-            "--restore: a virtual machine is new in every run; give a bus",
-        ),
-        (
-            ["plan.toml", "-i", "virtual", "-c", "x", "--restore"],
-            "hil-bench-commissioning/unrestored.jsonl: cannot be read: No such file or directory",
-        ),
-        (
-            ["plan.toml", "--machine", "sheet.toml"],
-            "--machine: is for a virtual machine; give --virtual too",
-        ),
-        (
-            ["no.toml", "--virtual"],
-            "no.toml: cannot be read: No such file or directory; give a TOML file",
-        ),
-        (
-            ["plan.toml", "--virtual", "--output", "sheet.toml"],
-            "--output sheet.toml: cannot be made: File exists; give a directory of yours",
-        ),
-        (
-            ["plan.toml", "--virtual", "--lockstep"],
-            "--lockstep: --virtual has virtual time already; give one of both",
-        ),
-        (
-            ["plan.toml", "--virtual", "--sync-period-us", "2000"],
-            "--sync-period-us: belongs to --lockstep; give both",
-        ),
-        (
-            ["plan.toml", "-i", "virtual", "--lockstep", "--sync-period-us", "6000"],
-            (
-                "plan.toml:plan.period_ms: 4 ms is not a multiple of sync_period_us = 6000; "
-                "give one, or another sync_period_us"
-            ),
-        ),
-    ],
-)
+@from_text("arguments", "message")
 @pytest.mark.usefixtures("folder")
 def test_arguments_that_cannot_be_meant(arguments, message, cli):
-    assert cli(["commission", *arguments], 2).err == f"hil-bench: error: {message}\n"
+    assert cli(["commission", *arguments.split()], 2).err == f"hil-bench: error: {message}\n"
 
 
 @pytest.mark.usefixtures("folder")

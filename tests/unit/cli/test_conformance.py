@@ -3,6 +3,7 @@ import zlib
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import VALVE_408
 from hil_bench.abilities.conformance.device import DeviceUnderTest
@@ -116,21 +117,10 @@ def test_nobody_there_is_inconclusive_with_a_hint(make_file, capsys):
     assert "node 5 on virtual bench: 0x1000.00 cannot be read" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--node-id", "0"], "--node-id 0: give 1 to 127"),
-        (["--node-id", "9"], "no --eds, and the built-in bench has no such node"),
-        (["--node-id", "1", "--store"], "--store: overwrites what the device has stored"),
-        (["--node-id", "1", "--patience", "0"], "--patience 0: give more than 0"),
-        (["--node-id", "1", "--report", "nowhere/report.md"], "there is no folder nowhere"),
-        (["--node-id", "1", "--report", "."], "--report .: is a directory"),
-        (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),
-    ],
-)
+@from_text("arguments", "message")
 def test_a_wrong_command_line_is_one_clear_line(arguments, message, tmp_path, monkeypatch, cli):
     monkeypatch.chdir(tmp_path)
-    (line,) = cli(["conformance", "--virtual", *arguments], 2).err.splitlines()
+    (line,) = cli(["conformance", "--virtual", *arguments.split()], 2).err.splitlines()
     assert message in line
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from support.documents import ROOT
+from support.tables import from_text
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.analysis.validation import closed_forms
@@ -241,16 +242,7 @@ def test_the_exit_code_is_that_of_the_requirements(tmp_path, make_file, content,
     assert main(["-q", *pack]) == code
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--seconds", "-1"], "--seconds -1"),
-        (["--digest", "00"], "--verify"),
-        (["--results", "none.json"], "none.json"),
-        (["none.toml"], "none.toml"),
-        (["--verify"], "is no folder"),
-    ],
-)
+@from_text("arguments", "message")
 def test_what_is_wrong_is_said_before_anything_runs(tmp_path, cli, arguments, message):
-    assert message in cli(["evidence", str(tmp_path / "pack"), *arguments], 2).err
+    assert message in cli(["evidence", str(tmp_path / "pack"), *arguments.split()], 2).err
     assert list(tmp_path.iterdir()) == []

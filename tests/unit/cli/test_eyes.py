@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.scripted_bus import ScriptedBus
 from support.sdo_frames import MS, answer, heard, request, upload
+from support.tables import from_text
 
 from hil_bench.abilities.eyes.listener import Listener, dropped_by_kernel
 from hil_bench.abilities.eyes.verbs import listening
@@ -209,36 +210,12 @@ def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys
     assert "left out (1 of ca\\x9bn0)" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["t.log", "--node", "nix"], "--node nix: no node has this name; give a node-ID"),
-        (["t.log", "--eds", "5"], "--eds 5: give NODE-ID=FILE, as in 5=vendor.eds"),
-        (["t.log", "--eds", "128=x.eds"], "--eds 128=x.eds: give NODE-ID=FILE"),
-        (["t.log", "--eds", "5=nix.eds"], "nix.eds: No such file"),
-        (["nix.log"], "nix.log: cannot be read"),
-        (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
-        (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
-        (["t.log", "--tick", "1"], "--tick is for the rows of a recording; give it with -o"),
-        (["t.log", "--hold", "5"], "--hold is for the values of a recording; give it with -o"),
-        (["t.log", "-o", "d.csv", "--tick", "1e-7"], "--tick 1e-07: give 0.001 ms or more"),
-        (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
-        (
-            ["t.log", "--write-dbc", "d.txt"],
-            "--write-dbc d.txt: give a file name that ends in .dbc",
-        ),
-        (
-            ["t.log", "--write-dbc", "d.dbc"],
-            "--write-dbc d.dbc: no PDO and no J1939 signal is known",
-        ),
-        (["foreign.mf4"], "to read the frames of other MF4, pip install asammdf"),
-    ],
-)
+@from_text("arguments", "message")
 def test_a_wrong_argument_is_one_line(folder, cli, arguments, message):
     (folder / "foreign.mf4").write_bytes(
         b"MDF     4.11    made up ".ljust(64, b"\0") + b"##HD" + bytes(99)
     )
-    said = cli(["decode", *arguments], 2).err
+    said = cli(["decode", *arguments.split()], 2).err
     assert said.count("\n") == 1
     assert message in said
 

@@ -5,6 +5,7 @@ import contextlib
 import numpy as np
 import pytest
 from support.machines import WRONG_REVISION
+from support.tables import from_text
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.common.controller_side import OpenNetwork
@@ -148,22 +149,7 @@ EXAMPLE = '[controller]\nexample = "position_control"\n'
 HOLDS = expect("always axis1.P_A < 250 bar")
 
 
-@pytest.mark.parametrize(
-    ("text", "wrong"),
-    [
-        (FAULT + HOLDS, "the fault drop_supply of axis1 needs the virtual bench"),
-        (LOAD + HOLDS, "axis1.load cannot be set on a machine; only valve.spool_setpoint can"),
-        (MOVE.replace("0.6", "1.2") + HOLDS, "1.2 is out of range; give -1 to 1"),
-        (NMT + HOLDS, "NMT commands and SYNC are the test's own"),
-        (SYNC + HOLDS, "NMT commands and SYNC are the test's own"),
-        (FIRMWARE + KILL + HOLDS, "there is no firmware on a machine"),
-        (EXAMPLE + HOLDS, "on a machine the steps alone drive"),
-        (expect('always valve.state == "ACTIVE"'), '"valve.state" is no signal here'),
-        (expect("eventually emcy(valve)"), "there are no nodes here"),
-        (expect("eventually frame(0x181)"), "there are no frames here"),
-        (HOLDS + '[parameters]\nsag_bar = 1\n', "parameters.sag_bar: does nothing"),
-    ],
-)  # fmt: skip
+@from_text("text", "wrong")
 def test_what_a_machine_lacks_is_refused_before_the_bus_is_opened(machine, capsys, text, wrong):
     assert machine.test(MOVE + HOLDS, text) == ExitCode.USAGE
     error = capsys.readouterr().err
@@ -200,20 +186,10 @@ def test_nothing_moves_unasked(machine, capsys, monkeypatch):
     assert machine.test(MOVE + HOLDS, words=()) == ExitCode.DONE
 
 
-@pytest.mark.parametrize(
-    ("words", "wrong"),
-    [
-        (BUS, "a machine needs limits; give --plan"),
-        (["--plan", "p.toml"], "--plan: belongs to a machine"),
-        (["--yes"], "--yes: belongs to a machine"),
-        (["--output", "settings"], "--output: belongs to a machine"),
-        (["--bitrate", "250000"], "--bitrate: belongs to a machine"),
-        ([*BUS, "--plan", "p.toml", "--seed", "3"], "are for the virtual bench"),
-    ],
-)
+@from_text("words", "wrong")
 def test_a_machine_has_its_own_arguments(make_file, cli, words, wrong):
     path = make_file("a.scenario.toml", HEAD + MOVE + HOLDS)
-    assert wrong in cli(["test", str(path), *words], ExitCode.USAGE).err
+    assert wrong in cli(["test", str(path), *words.split()], ExitCode.USAGE).err
 
 
 def test_set_points_go_straight_from_point_to_point():

@@ -9,6 +9,7 @@ from errno import ENOSPC
 from types import ModuleType
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import __version__, cli
 from hil_bench.__main__ import main as command
@@ -146,45 +147,9 @@ def test_each_error_has_its_exit_code(error, code):
     assert exit_code_of(error) is code
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "the following arguments are required: VERB; see: hil-bench --help"),
-        (["rnu"], "argument VERB: 'rnu' is unknown; did you mean run?; see: hil-bench --help"),
-        (
-            ["run", "--locksetp"],
-            "--locksetp is unknown; did you mean --lockstep?; see: hil-bench run --help",
-        ),
-        (["check", "--qqq"], "--qqq: unknown; see: hil-bench check --help"),
-        (
-            ["shadow", "x.log", "bench.toml"],
-            (
-                "bench.toml: too many; hil-bench shadow takes bench.toml, and options; "
-                "see: hil-bench shadow --help"
-            ),
-        ),
-        (
-            ["doctor", "x", "y"],
-            "x y: too many; hil-bench doctor takes options alone; see: hil-bench doctor --help",
-        ),
-        (
-            ["run", "-i", "sockecan"],
-            (
-                "argument -i/--interface: 'sockecan' is unknown; did you mean socketcan?; "
-                "see: hil-bench run --help"
-            ),
-        ),
-        (
-            ["demo", "--sensors", "x"],
-            (
-                "argument --sensors: 'x' is unknown; canopen, modbus are right; "
-                "see: hil-bench demo --help"
-            ),
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, cli):
-    assert cli(arguments, 2).err == f"hil-bench: error: {message}\n"
+    assert cli(arguments.split(), 2).err == f"hil-bench: error: {message}\n"
 
 
 def test_the_version_is_told(cli):

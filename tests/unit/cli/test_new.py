@@ -1,9 +1,11 @@
 import io
 import json
+import shlex
 import sys
 import tomllib
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.new.wording import CYLINDERS, VALVES
 from hil_bench.bench.configuration import load_config
@@ -60,20 +62,9 @@ def test_a_double_rod_has_two_equal_areas():
     assert p.A_A == p.A_B
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--cylinder", "63/70x500"], '--cylinder: "63/70x500": the rod of 70 mm fills the bore;'),
-        (["--cylinder", "63"], '--cylinder: "63" is no cylinder; give BORE/RODxSTROKE in mm'),
-        (["--valve", "60 l/min"], '--valve: "60 l/min" is no valve; give "60 l/min @ 5 bar'),
-        (["--valve", "60 l/min @ 5 bar, blue"], '--valve: "blue" is no datum of a valve; give'),
-        (["--supply", "much"], '--supply: "much" is out of range; give a number in bar, 1 to 1000'),
-        (["--oil", "olive"], '--oil: "olive" is unknown; give one of "HLP 22"'),
-        (["--cylinder", "63/36x0"], "bench.toml:plant.axis1.stroke_mm: 0 is no stroke"),
-    ],
-)
+@from_text("options", "said")
 def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, cli, options, said):
-    (line,) = cli(["new", *PRESS, *options], 2).err.splitlines()
+    (line,) = cli(["new", *PRESS, *shlex.split(options)], 2).err.splitlines()
     assert line.startswith(f"hil-bench: error: {said}")
     assert not (tmp_path / "bench.toml").exists()
 

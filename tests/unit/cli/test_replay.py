@@ -1,9 +1,11 @@
 """`hil-bench replay`."""
 
 import json
+import shlex
 
 import can
 import pytest
+from support.tables import from_text
 
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
@@ -119,28 +121,12 @@ def test_the_columns_of_another_logger_are_ours(tmp_path, capsys):
     assert mine["maximum"] > 0.001  # it has moved
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--map", "t=time:s"], "--columns, --map and --axis are for --virtual; give that, too"),
-        (
-            ["--virtual", "--map", "t=time:ms"],
-            (
-                "{0}: no column is position and spool_setpoint; give each in --columns or with "
-                "--map COLUMN=position:UNIT; the file has s_mess, U, t"
-            ),
-        ),
-        (
-            ["--virtual", "--columns", "{1}"],
-            "{0}: the polarity of spool_setpoint is unknown; give 1 or -1; identify finds it",
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_columns_that_say_too_little(tmp_path, arguments, message, capsys):
     file, rig = tmp_path / "theirs.csv", tmp_path / "rig.toml"
     file.write_text(THEIRS.format("0;0;0\n0;0;1\n"))
     rig.write_text(RIG.replace("-1", '"unknown"'))
-    assert main(["replay", str(file), *(each.format(file, rig) for each in arguments)]) == 2
+    assert main(["replay", str(file), *arguments.format(file, rig).split()]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message.format(file)}\n"
 
 
@@ -152,37 +138,12 @@ def test_what_is_out_of_tolerance_fails(run_mf4, make_file, capsys):
     assert not verdicts["axis1.P_A"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["--virtual", "-i", "virtual"],
-            "--virtual needs no bus; give either --virtual or -i and -c",
-        ),
-        (
-            ["--virtual", "--tolerance", "position"],
-            '--tolerance "position": "position=0.5 mm" is the form',
-        ),
-        (
-            ["--virtual", "--tolerance", "load=1"],
-            '--tolerance "load=1": position, speed, P_A, P_B, spool_position are compared',
-        ),
-        (
-            ["--virtual", "--tolerance", "position=-1 mm"],
-            '--tolerance "position=-1 mm": "position=0.5 mm" is the form',
-        ),
-        (
-            ["--virtual", "--tolerance", "position=1e400 mm"],  # within which everything is
-            '--tolerance "position=1e400 mm": "position=0.5 mm" is the form',
-        ),
-        (
-            ["--virtual", "--tolerance", "position=1 bar"],
-            '"position=1 bar": bar is no unit of it; give one of m, mm, um',
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, cli):
-    assert cli(["replay", str(run_mf4), *arguments], 2).err == f"hil-bench: error: {message}\n"
+    assert (
+        cli(["replay", str(run_mf4), *shlex.split(arguments)], 2).err
+        == f"hil-bench: error: {message}\n"
+    )
 
 
 def test_a_speed_that_is_none(run_mf4, capsys):

@@ -7,6 +7,7 @@ import socket
 
 import can
 import pytest
+from support.tables import from_text
 
 from device_profiles import IMITATIONS
 from hil_bench.abilities.hub.process import HubProcess
@@ -171,30 +172,9 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
     assert main(["run", *BUS]) == 130
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--duration", "0"], "--duration 0: give a positive number of seconds"),
-        (["--duration", "nan"], "--duration nan: give a positive number of seconds"),
-        (["--hub", "65536"], "--hub 65536: give a port from 1 to 65535, or 0 for a free one"),
-        (["--hub", "-1"], "--hub -1: give a port from 1 to 65535, or 0 for a free one"),
-        (
-            ["--speed", "max", "--realtime", "fifo"],
-            "--realtime: at --speed max there is no real time to miss; leave it out",
-        ),
-        (["--hub-unlimited"], "--hub-unlimited: belongs to --hub; leave it out"),
-        (
-            ["--hub", "--lockstep", "--hub-unlimited"],
-            "--hub-unlimited: in lock-step nothing is limited; leave it out",
-        ),
-        (
-            ["--hub", "-c", "can1"],
-            "--hub makes a bus of its own; give either --hub or -i and -c",
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_arguments_that_cannot_be_meant(arguments, message, cli):
-    assert cli(["run", *arguments], 2).err == f"hil-bench: error: {message}\n"
+    assert cli(["run", *arguments.split()], 2).err == f"hil-bench: error: {message}\n"
 
 
 def test_a_hub_is_hosted_and_joined(cli):

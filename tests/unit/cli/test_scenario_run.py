@@ -5,6 +5,7 @@ import json
 import math
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import prepare
@@ -172,20 +173,9 @@ def test_a_tick_that_the_loop_leaves_out_is_unknown(tmp_path):
 FIRMWARE = '[controller]\nfirmware = ["/no/such"]\n[[step]]\nat_s = 0.01\nfirmware = "kill"\n'
 
 
-@pytest.mark.parametrize(
-    ("words", "wrong"),
-    [
-        (["bench.toml"], "bench.toml: not with --scenario; the scenario names its bench"),
-        (["--duration", "3"], "--duration: not with --scenario"),
-        (["--lockstep"], "--lockstep: not with --scenario"),
-        (["--fault", "freeze", "position"], "--fault: not with --scenario"),
-        (["--histograms", "h.json"], "--histograms: belongs to a bus"),
-        (["--set", "x=1"], '"x" is not in [parameters]'),
-        ([*ON_A_BUS], "nothing starts firmware on a bus; leave -i, -c and --hub out"),
-    ],
-)
+@from_text("words", "wrong")
 def test_what_does_not_go_with_a_scenario_is_refused(tmp_path, capsys, words, wrong):
-    assert run(scenario(tmp_path, PASSING, FIRMWARE), *words) == ExitCode.USAGE
+    assert run(scenario(tmp_path, PASSING, FIRMWARE), *words.split()) == ExitCode.USAGE
     assert wrong in capsys.readouterr().err
 
 

@@ -6,6 +6,7 @@ import json
 import re
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.common.work import WorkView
 from hil_bench.abilities.recording.frames import message_of, read_frames
@@ -55,19 +56,9 @@ def test_json_and_a_recording_of_both_sides(log, tmp_path, cli):
     assert {"axis1.position", "axis1.position_twin", "axis1.P_A_twin"} <= set(names)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--horizon", "0"], "--horizon 0: give more than 0"),
-        (["--record", "r.mf4"], "--record r.mf4: give a file name that ends in .csv"),
-        (["--horizon", "100"], "--horizon 100: give 0.02 to 60 s"),
-        (["--position-mm", "nan"], "--position-mm nan: give more than 0"),
-        (["--log", "x.log", "-i", "virtual"], "--log needs no bus; give either --log or -i and -c"),
-        (["--log", "absent.log"], "absent.log: cannot be read: No such file or directory"),
-    ],
-)
+@from_text("arguments", "message")
 def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, cli):
-    assert message in cli(["shadow", *arguments], 2).err
+    assert message in cli(["shadow", *arguments.split()], 2).err
 
 
 def test_when_it_joins_and_what_it_took_over_is_said(log, cli):

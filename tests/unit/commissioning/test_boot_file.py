@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import PRESSURE_404, VALVE_408
 from hil_bench.abilities.commissioning.boot_file import load_boot_plan
@@ -117,33 +118,7 @@ objects = {{ "0x1A00.01" = 0x63010110, "0x1A00.00" = 1, "0x1017" = 50 }}
 VALVE = f'[slaves.valve]\nnode_id = 1\neds = "{VALVE_408}"\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [
-        ("", "has no slaves; give tables such as [slaves.valve]"),
-        (VALVE + "[slave.b]\n", "slave: unknown table; the nearest known is [slaves]"),
-        ("[slaves.valve]\n", "slaves.valve.node_id: missing; give for example node_id = 1"),
-        ("[slaves.valve]\nnode_id = 128\n", "128 is out of range; give an integer from 1 to 127"),
-        ("[slaves.valve]\nnode_id = 127\n", "slaves.valve.node_id: 127 is the master's"),
-        (VALVE + "[slaves.b]\nnode_id = 1\n", "slaves.b.node_id: 1 is that of valve"),
-        (VALVE + 'dcf = "a"\nconcise_dcf = "b"\n', "dcf and concise_dcf are both given"),
-        (VALVE + 'dcf = "none.dcf"\n', "slaves.valve: cannot read EDS"),
-        (VALVE + 'concise_dcf = "none.cdcf"\n', "none.cdcf: cannot be read: No such file"),
-        (VALVE + "configured = 2026-11-22T13:45:00\n", "configured: there is no configuration"),
-        (VALVE + "configured = 2026-11-22T13:45:00Z\n", "give a date and time without zone"),
-        (VALVE + "configured = 1983-11-22T13:45:00\n", "from 1984 to 2099"),
-        (VALVE + "configured = 2026-11-22\n", "a date or time is no such time"),
-        ('[slaves.a]\nnode_id = 1\nobjects = { "0x1017" = 5 }\n', "objects need the types of an"),
-        (VALVE + 'objects = { "0x1018.01" = 5 }\n', "objects.0x1018.01: is read-only"),
-        (VALVE + 'objects = { "0x1017" = 70000 }\n', "objects.0x1017.00: "),
-        (VALVE + 'objects = { "0x1017" = { source = "x" } }\n', "is a table; give a value"),
-        (VALVE + 'objects = { "0x4444" = 5 }\n', "objects.0x4444.00: is not in"),
-        (VALVE + "heartbeat_time_ms = 65536\n", "heartbeat_time_ms: 65536 is out of range"),
-        (VALVE + "heartbeat_time_ms = 0.5\n", "heartbeat_time_ms: 0.5 is out of range"),
-        ("[master]\nheartbeat_ms = 65536\n" + VALVE, "heartbeat_ms: 65536 is out of range"),
-        ('[master]\nstart = "now"\n' + VALVE, '"now" is unknown; give one of "each", "all"'),
-    ],
-)
+@from_text("text", "what")
 def test_what_is_wrong_is_said_in_a_line(plan_of, text, what):
     with pytest.raises(ConfigError) as caught:
         plan_of(text)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.abilities.commissioning.plan import (
@@ -55,82 +56,14 @@ def test_a_bench_is_relative_to_the_plan(load, tmp_path):
         choose_axis(plan, load_config())
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (LIMITS, "plan.toml: has no steps; give tables such as [communication]"),
-        (
-            "[communication]",
-            "plan.toml:limits.position_mm: missing; give for example position_mm = [-100, 100]",
-        ),
-        (
-            LIMITS + "[sensors]",
-            "plan.toml:sensors: comes before [communication]; that step is right as the first",
-        ),
-        (
-            LIMITS + "[communication]\n[ramp]\n[direction]",
-            (
-                "plan.toml:ramp: moves the axis before [direction] knows which way; give "
-                "[direction] before it"
-            ),
-        ),
-        (
-            LIMITS + "[communication]\n[chrip]",
-            "plan.toml:chrip: unknown table; the nearest known is [chirp]",
-        ),
-        (
-            LIMITS + "[communication]\n[direction]\nopening_percent = 140",
-            (
-                "plan.toml:direction.opening_percent: 140 is out of range; give a number in % "
-                "from 1 to 100"
-            ),
-        ),
-        (
-            LIMITS + "[communication]\nlimit = 1",
-            "plan.toml:communication.limit: unknown key; the nearest known key is time_s",
-        ),
-    ],
-)
+@from_text("text", "message")
 def test_what_is_wrong_with_a_plan(load, text, message):
     with pytest.raises(ConfigError) as caught:
         load(text)
     assert message in [line.rpartition("/")[2] for line in str(caught.value).splitlines()]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            LIMITS.replace("100", "250") + "[communication]\n",
-            (
-                "communication: may go from -250 to 250 mm, the stroke is -200 to 200 mm; give "
-                "position_mm within it, or contact_speed_mm_s too if the piston may touch its stops"
-            ),
-        ),
-        (
-            LIMITS.replace("100", "204") + "contact_speed_mm_s = 50\n[communication]\n",
-            (
-                "communication: may go from -204 to 204 mm, the stroke is -200 to 200 mm; give "
-                "position_mm at most 3 mm beyond it"
-            ),
-        ),
-        (
-            LIMITS + "[communication]\n[direction]\nduration_s = 5\n",
-            (
-                "direction: would move 320 mm by the data sheet, its limits leave 200 mm; give a "
-                "smaller opening_percent or a shorter duration_s"
-            ),
-        ),
-        (
-            # 3 of 13 mm of the built-in axis' spool do not open its valve.
-            LIMITS + "[communication]\n[direction]\nopening_percent = 23\n",
-            (
-                "direction.opening_percent: 23 is within the dead band of 23.1 %: the axis would "
-                "not move by the data sheet; give more"
-            ),
-        ),
-    ],
-)
+@from_text("text", "message")
 def test_a_plan_that_would_leave_the_stroke(load, text, message):
     plan = load(text)
     with pytest.raises(ConfigError) as caught:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import IMITATIONS
 from hil_bench import ConfigError, load_config
@@ -149,15 +150,7 @@ def test_a_mistake_is_told_in_one_line(write, text, message):
     assert len(str(caught.value).splitlines()) == 1 + ("profile says" in message)
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ('"0x6401.09" = { source = "axis1.P_A" }', f'0x6401.09: is not in {EDS}; the nearest is 0x6401.04, "Analogue input 4"'),
-        ('"0x6400.01" = { source = "axis1.P_A" }', f'0x6400.01: is not in {EDS}; the nearest is 0x6401.00, "Highest sub-index supported"'),
-        ('"0x6401.00" = { source = "axis1.P_A" }', '0x6401.00: "Highest sub-index supported" is const; a source is an object that changes and that the bus may read'),
-        ('"0x6401.01" = { sink = "b.spool_setpoint" }', '0x6401.01: "Analogue input 1" is ro; a sink is an object that the bus may write'),
-    ],
-)  # fmt: skip
+@from_text("line", "message")
 def test_what_the_eds_does_not_allow_is_told_with_file_and_key(write, capsys, line, message):
     axes = '[plant.axis1]\n[plant.b]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
     spare = "" if "sink" in line else '"0x6411.01" = { sink = "b.spool_setpoint" }\n'

@@ -1,10 +1,10 @@
-# ruff: noqa: E501 - a mistake and its message on one line are easier to compare
 """The tables [nodes.NAME.chain]: units, presets, and what does not go together."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.devices.kinds.chains import (
@@ -141,25 +141,7 @@ def test_a_preset_has_no_key_that_is_not_there(unit):
         assert PRESETS[preset].keys() <= names
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (VALVE + "[nodes.valve.chain]\n", "nodes.valve.chain: valve_408 measures nothing; leave it out"),
-        (PRESSURE.replace("[nodes.p.chain]", "chain = 3"), "nodes.p.chain: 3 is not a table; write it as [nodes.p.chain]"),
-        (PRESSURE + "noise_bar = 1", "nodes.p.chain.noise_bar: unknown key; the nearest known key is noise_rms_bar"),
-        (PRESSURE + "noise_rms_um = 1", "nodes.p.chain.noise_rms_um: unknown key; the nearest known key is noise_rms_bar"),
-        (PRESSURE + "noise_rms_bar = -1", "nodes.p.chain.noise_rms_bar: -1 is out of range; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
-        (PRESSURE + "noise_rms_bar = 1e300", "nodes.p.chain.noise_rms_bar: 1e+300 is out of range; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
-        (PRESSURE + "noise_rms_bar = false", "nodes.p.chain.noise_rms_bar: false is not a number; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
-        (PRESSURE + "gain_error_percent = 1e7", "nodes.p.chain.gain_error_percent: 1e+07 is out of range; give a number in % from -1e+06 to 1e+06"),
-        (PRESSURE + 'preset = "good"', 'nodes.p.chain.preset: "good" is unknown; give one of "ideal", "class_0.25_250_bar"'),
-        (PRESSURE + "filter_order = 3", "nodes.p.chain.filter_order: 3 is out of range; give an integer from 1 to 2"),
-        (PRESSURE + "damping_ratio = 0", "nodes.p.chain.damping_ratio: 0 is out of range; give a number from 0.01 to 100"),
-        (PRESSURE + "range_bar = [5, 5]", "nodes.p.chain.range_bar: [5, 5] is empty; give [start, end] in bar, start below end"),
-        (PRESSURE + "sampling_period_us = -5", "nodes.p.chain.sampling_period_us: -5 is out of range; give an integer from 10 to 1000000, or 0 for none"),
-        (PRESSURE + "sampling_period_us = 5", "nodes.p.chain.sampling_period_us: 5 is out of range; give an integer from 10 to 1000000, or 0 for none"),
-    ],
-)  # fmt: skip
+@from_text("text", "message")
 def test_a_wrong_value_is_told(write, text, message):
     text = text if text.startswith(VALVE) else VALVE + text
     with pytest.raises(ConfigError) as caught:
@@ -167,16 +149,7 @@ def test_a_wrong_value_is_told(write, text, message):
     assert str(caught.value) == f"bench.toml:{message}"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("sampling_phase_us = 5", "sampling_phase_us: 5 is not below sampling_period_us = 0; give sampling_period_us too"),
-        ("sampling_phase_us = 50\nsampling_period_us = 50", "sampling_phase_us: 50 is not below sampling_period_us = 50; give 0 to 49"),
-        ("noise_density_bar_rthz = 1", "noise_density_bar_rthz: has no bandwidth to fill; give bandwidth_hz too"),
-        ("warming_s_k = [[1, 0], [0, 5]]", "warming_s_k: 0 s after 1 s; give times that do not decrease"),
-        ("warming_s_k = [[1, -1e300]]", "warming_s_k: -1e+300 K is out of range; give at most 1000 K"),
-    ],
-)  # fmt: skip
+@from_text("text", "message")
 def test_values_that_do_not_go_together_are_told(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(VALVE + PRESSURE + text))
@@ -212,15 +185,7 @@ def test_a_bound_object_may_have_the_chain_of_its_quantity(write):
     assert position.resolution == pytest.approx(1e-6)
 
 
-@pytest.mark.parametrize(
-    ("binding", "message"),
-    [
-        ('source = "axis1.Q_A", chain = {}', "is for pressures and positions; Q_A has none"),
-        ('source = "axis1.P_A", chain = 1', "1 is not a table; write it as [nodes.io.objects.0x6401.01.chain]"),
-        ('source = "axis1.P_A", chain = { noise_rms_um = 1 }', "unknown key; the nearest known key is noise_rms_bar"),
-        ('source = "axis1.P_A", chain = { sampling_phase_us = 1 }', "1 is not below sampling_period_us = 0; give sampling_period_us too"),
-    ],
-)  # fmt: skip
+@from_text("binding", "message")
 def test_a_wrong_chain_of_a_bound_object_is_told(write, binding, message):
     with pytest.raises(ConfigError) as caught:
         bound(write, binding)

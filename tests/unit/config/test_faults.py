@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import VALVE_408
 from hil_bench import ConfigError, Faults
@@ -149,30 +150,7 @@ def test_the_settings_name_each_fault(write):
     assert tables == ["faults[1]", "faults[2]"]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("faults = 3", "faults: 3 is no list; write each fault as [[faults]]"),
-        ("faults = [3]", "faults[1]: 3 is not a table; write it as [[faults]]"),
-        ("[[faults]]\ntarget = 'valve'", 'faults[1].kind: missing; give for example kind = "freeze"'),
-        ("[[faults]]\nkind = 'freeze'", 'faults[1].target: missing; give for example target = "pressure_a"'),
-        (fault("slow", "valve"), "faults[1].time_constant_ms: missing; give for example time_constant_ms = 100"),
-        (fault("freeze", "valve", "at_s = -1"), "faults[1].at_s: -1 is out of range; give a number in s from 0 to 1e+06"),
-        (fault("freeze", "valve", "length = 1"), "faults[1].length: unknown key; the nearest known key is kind"),
-        (fault("freeze", "valve"), 'faults[1].target: "valve" is no sensor; give one of pressure_a, pressure_b, position'),
-        (fault("stick", "pressure_a"), 'faults[1].target: "pressure_a" is no valve; give one of valve'),
-        (fault("slow", "axis1", "time_constant_ms = 1"), 'faults[1].target: "axis1" is no sensor or valve; give one of pressure_a, pressure_b, position, valve'),
-        (fault("drop_supply", "valve", "pressure_bar = 1"), 'faults[1].target: "valve" is no axis; give one of axis1'),
-        (fault("drop_supply", "axis1", "pressure_bar = -1"), "faults[1].pressure_bar: -1 is below tank_pressure_bar = 0; give that or more"),
-        (fault("reset", "axis1"), 'faults[1].target: "axis1" is no node; give one of valve, pressure_a, pressure_b, position'),
-        (fault("offset", "pressure_a"), "faults[1].offset_bar: missing; give offset_bar = 1, for example"),
-        (fault("offset", "pressure_a", "offset_mm = 1"), "faults[1].offset_mm: is not what this sensor measures; give offset_bar"),
-        (fault("drift", "position", "drift_bar_s = 1\ndrift_mm_s = 2"), "faults[1].drift_bar_s: is not what this sensor measures; give drift_mm_s"),
-        (IO + fault("disable", "io"), 'faults[1].target: "io" is no valve with an enable input; this bench has none'),
-        (TWO_SOURCES + fault("freeze", "io"), 'faults[1].target: "io" is no sensor; give one of io.0x6401.01, io.0x6401.02'),
-        (TWO_SOURCES.replace("position", "speed").replace('"mm"', '"m/s"') + fault("offset", "io.0x6401.02", "offset_mm = 1"), 'faults[1].kind: "offset" is for pressures, positions and angles'),
-    ],
-)  # fmt: skip
+@from_text("text", "message")
 def test_a_mistake_is_told(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write_io(write, text))
@@ -230,17 +208,7 @@ def test_words_that_are_no_fault_are_told(words):
     assert str(caught.value) == f"--fault {words}: is no fault; {right}"
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            "freeze pressure",
-            'faults[1].target: "pressure" is no sensor; give one of pressure_a, pressure_b, position',
-        ),
-        ("freeze pressure_a at=2", "at: unknown key; the nearest known key is at_s"),
-        ("thaw pressure_a", 'kind: "thaw" is unknown; give one of'),
-    ],
-)
+@from_text("words", "message")
 def test_a_mistake_in_the_option_is_told(words, message):
     with pytest.raises(ConfigError) as caught:
         load_config(faults=[parse_fault(words.split())])

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench, load_config
 
@@ -128,36 +129,7 @@ def test_check_says_the_drop(write, cli):
     assert drop == pytest.approx(RESISTANCE * 5e-4 / 1e5)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            "filter_rated_drop_bar = 2",
-            "",
-            "hpu.filter_rated_flow_l_min: a filter needs its data; give filter_rated_drop_bar",
-        ),
-        (
-            "filter_rated_drop_bar = 2",
-            "filter_rated_drop_bar = 0",
-            "hpu.filter_rated_drop_bar: 0 is out of range",
-        ),
-        (
-            "filter_bypass_bar = 6",
-            "filter_bypass_bar = -6",
-            "hpu.filter_bypass_bar: -6 is out of range",
-        ),
-        (
-            'supply = "hpu"',
-            'supply = "hpu"\nfilter_bypass_bar = 3',
-            "plant.lift.filter_bypass_bar: belongs to the supply; give it in [supply.hpu]",
-        ),
-        (
-            '[plant.clamp]\nsupply = "hpu"',
-            "[plant.clamp]\nfilter_rated_flow_l_min = 30\nfilter_rated_drop_bar = 1",
-            'filter_rated_flow_l_min: a constant supply has no filter; give supply = "unit" too',
-        ),
-    ],
-)
+@from_text("old", "new", "said")
 def test_what_cannot_be_is_said_in_one_line(write, old, new, said):
     with pytest.raises(ConfigError) as refused:
         load_config(write(old, new))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.config.values import describe
@@ -185,16 +186,7 @@ def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write):
     assert load_config(path).tick_ns == 2_000_000
 
 
-@pytest.mark.parametrize(
-    ("content", "sort"),
-    [
-        ('duration_s = 1\n[[expect]]\nid = "R"\n', "a scenario"),
-        ('scenarios = ["a.toml"]\n', "a campaign"),
-        ("[limits]\nspeed_mm_s = 4\n", "a commissioning plan"),
-        ("[slaves.valve]\n", "a network list"),
-        ("[coils.zero]\n", "a register map"),
-    ],
-)
+@from_text("content", "sort")
 def test_a_file_of_another_sort_is_one_line(write, content, sort):
     with pytest.raises(ConfigError) as caught:
         load_config(write(content))

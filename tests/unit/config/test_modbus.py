@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import REGISTERS
 from hil_bench.abilities.modbus.map_files import ModbusConfig
@@ -156,89 +157,7 @@ def test_the_settings_say_where_each_value_came_from(write):
     assert settings["modbus.units.position", "unit_id"] == (4, Origin.DEFAULT)
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("modbus = 1", "modbus: 1 is not a table; write it as [modbus]"),
-        (
-            "[modbus]\nunits = 1",
-            "modbus.units: 1 is not a table; write it as [modbus.units]",
-        ),
-        (
-            "[modbus.units]\nx = 1",
-            "modbus.units.x: 1 is not a table; write it as [modbus.units.NAME]",
-        ),
-        (
-            "[modbus]\nunits = {}",
-            "modbus.units: there is no unit; give it a node, as in [modbus.units.pressure_a]",
-        ),
-        ("[modbus]\nprt = 1", "modbus.prt: unknown key; the nearest known key is port"),
-        (
-            "[modbus]\nport = 70000",
-            "modbus.port: 70000 is out of range; give an integer from 0 to 65535",
-        ),
-        (
-            "[modbus]\ntcp = false",
-            "modbus.tcp: false leaves no way in; give tcp = true, or a serial_port",
-        ),
-        (
-            '[modbus]\ntls_key = "server.key"',
-            "modbus.tls_key: TLS needs three files; give tls_certificate and tls_client_ca, too",
-        ),
-        (
-            (
-                '[modbus]\ntcp = false\nserial_port = "pty"\n'
-                'tls_key = "k"\ntls_certificate = "c"\ntls_client_ca = "a"'
-            ),
-            "modbus.tls_key: TLS is for TCP; give tcp = true, or leave it out",
-        ),
-        (
-            "[modbus.units.presure_a]",
-            'modbus.units.presure_a: there is no node "presure_a"; the nearest is pressure_a',
-        ),
-        (
-            '[modbus.units.a]\nnode = "posn"',
-            'modbus.units.a.node: there is no node "posn"; the nearest is position',
-        ),
-        (
-            "[modbus.units.position]\nunit_id = 248",
-            "modbus.units.position.unit_id: 248 is out of range; give an integer from 1 to 247",
-        ),
-        (
-            "[modbus.units.position]\nunit_id = 2\n[modbus.units.pressure_a]",
-            "modbus.units.pressure_a.unit_id: 2 is taken by modbus.units.position; 1 is free",
-        ),
-        (
-            "[modbus.units.position]\ncommands = true",
-            (
-                "modbus.units.position.commands: is for valve_408 and drive_402 alone, and "
-                "position is encoder_406; leave it out"
-            ),
-        ),
-        (
-            "[modbus.units.position]\nwatchdog_ms = 500",
-            (
-                "modbus.units.position.watchdog_ms: is for valve_408 and drive_402 alone, and "
-                "position is encoder_406; leave it out"
-            ),
-        ),
-        (
-            "[modbus.units.valve]\nwatchdog_ms = -1",
-            (
-                "modbus.units.valve.watchdog_ms: -1 is out of range; "
-                "give a number in ms from 0 to 65535"
-            ),
-        ),
-        (
-            '[modbus.units.valve]\nholes = "none"',
-            'modbus.units.valve.holes: "none" is unknown; give one of "refuse", "zero"',
-        ),
-        (
-            '[modbus]\ndefault_unit = "valv"\n[modbus.units.valve]\n[modbus.units.position]',
-            'modbus.default_unit: there is no unit "valv"; the nearest is valve',
-        ),
-    ],
-)
+@from_text("text", "line")
 def test_what_is_wrong_is_said_in_a_line(write, text, line):
     path = write(text)
     assert problems(path) == [line]

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.bench.assembly import build_node
@@ -95,28 +96,7 @@ def test_a_mapping_can_be_another_one(write):
     build_node(config.nodes[1])
 
 
-@pytest.mark.parametrize(
-    ("objects", "message"),
-    [
-        (
-            '"1400.05" = 1',
-            f'"1400.05" {NO_OBJECT}',
-        ),
-        (
-            '"0x0005" = 1',
-            f'"0x0005" {NO_OBJECT}',
-        ),
-        (
-            '"0x1400.005" = 1',
-            f'"0x1400.005" {NO_OBJECT}',
-        ),
-        ('"0x6042" = 1\n"0x6042.00" = 1', "0x6042.00 is given twice; give it once"),
-        (
-            '"0x6042" = [1]',
-            f"0x6042.00: an array is no value of an object; {NO_VALUE}",
-        ),
-    ],
-)
+@from_text("objects", "message")
 def test_what_is_wrong_in_the_file_is_told_with_its_place(write, objects, message):
     path = write(f"{VALVE}[nodes.valve.objects]\n{objects}")
 

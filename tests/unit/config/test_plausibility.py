@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.bench.configuration.plausibility import MISTAKEN, find_doubts
@@ -30,73 +31,12 @@ def test_a_mistaken_unit_is_one_of_a_key():
     assert set(MISTAKEN) <= {key.unit.symbol for key in AXIS_KEYS}
 
 
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        # 21 000 000 bar of 1e5 Pa each are 2.1e12 Pa.
-        (
-            "supply_pressure_bar = 21000000",
-            (
-                "supply_pressure_bar: 21000000 is 2.1 TPa; 5 to 1000 is usual (up to 350 bar in "
-                "machines, 1000 in presses and tools); pascal in the bar key?"
-            ),
-        ),
-        # 1100 bar are 110 MPa, and 11 bar if kPa were meant.
-        (
-            "supply_pressure_bar = 1100",
-            (
-                "supply_pressure_bar: 1100 is 110 MPa; 5 to 1000 is usual (up to 350 bar in "
-                "machines, 1000 in presses and tools); kPa in the bar key?"
-            ),
-        ),
-        # 0.0001 kg are 100 mg.
-        (
-            "moving_mass_kg = 0.0001\n",
-            (
-                "moving_mass_kg: 0.0001 is 100 mg; 0.05 to 1000000 is usual (a piston of 10 mm "
-                "to a press of 1000 t)"
-            ),
-        ),
-        (
-            "bulk_modulus_mpa = 14000\n",
-            (
-                "bulk_modulus_mpa: 14000 is 14 GPa; 50 to 3000 is usual (oil 1400 to 2000, much "
-                "less with air and hoses); bar in the MPa key?"
-            ),
-        ),
-        (
-            "stroke_mm = 0.4",
-            (
-                "stroke_mm: 0.4 is 400 um; 1 to 30000 is usual (a clamp to a telescope); m in the "
-                "mm key?"
-            ),
-        ),
-    ],
-)
+@from_text("keys", "said")
 def test_a_value_that_no_machine_has_is_said_with_its_number(load, keys, said):
     assert f"b.toml:plant.axis1.{said}" in find_doubts(load(keys))
 
 
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        (
-            "bulk_modulus_mpa = 1.4e6",
-            (
-                "bulk_modulus_mpa: 1400000 is 1.4 TPa; up to 443000 is possible (that of "
-                "diamond); kPa in the MPa key?"
-            ),
-        ),
-        (
-            "tank_pressure_bar = -5",
-            (
-                "tank_pressure_bar: -5 is -500 kPa; -1.01325 or more is possible (gauge pressure; "
-                "a vacuum is -1.01325 bar)"
-            ),
-        ),
-        ("discharge_coefficient = 3", "discharge_coefficient: 3; up to 1 is possible (1 is an"),
-    ],
-)
+@from_text("keys", "said")
 def test_what_nature_does_not_allow_is_refused(load, keys, said):
     with pytest.raises(ConfigError) as error:
         load(keys)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from device_profiles import REGISTERS
 from hil_bench.abilities.modbus.map_files import load_register_map
@@ -96,60 +97,7 @@ def register(*lines, table="input_registers"):
     return "\n".join([*(line for line in head if line.split(" =")[0] not in names), *lines, ""])
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("[inputs]", "inputs: unknown table; the nearest known is [input_registers]"),
-        ("[coils]\nx = 1", "coils.x: 1 is not a table; write it as [coils.NAME]"),
-        (
-            register('type = "float"'),
-            (
-                'input_registers.p.type: "float" is unknown; give one of "int16", "uint16", '
-                '"int32", "uint32", "float32"'
-            ),
-        ),
-        (
-            register('unit = "furlong"'),
-            (
-                'input_registers.p.unit: "furlong" is unknown; give one of "-", "%", "Pa", "mbar", '
-                '"kPa", "bar", "MPa", "m", "mm", "um", "m/s", "mm/s", "s", "ms", "us", '
-                '"m³/s", "l/min", "rad", "deg", "rev", "rad/s", "deg/s", "rpm", "N m"'
-            ),
-        ),
-        (
-            register("address = 65535"),
-            "input_registers.p.address: 65535 leaves no room for the value; give at most 65534",
-        ),
-        (
-            register("address = 65536"),
-            "input_registers.p.address: 65536 is out of range; give an integer from 0 to 65535",
-        ),
-        (
-            register("scale = 0"),
-            "input_registers.p.scale: 0 is not positive; give the value of one count",
-        ),
-        (
-            register('access = "rw"'),
-            (
-                'input_registers.p.access: "rw" cannot be, for Modbus only reads input_registers; '
-                'give "r"'
-            ),
-        ),
-        (
-            register("low = 2", "high = 1", table="holding_registers"),
-            "holding_registers.p.low: 2 is above high; give less",
-        ),
-        (
-            register() + register("address = 1").replace(".p]", ".q]"),
-            "input_registers.q.address: 1 is taken by p; 2 is the next address behind it",
-        ),
-        (
-            '[coils.c]\naddress = 0\nsource = "x"\ntype = "int16"',
-            "coils.c.type: unknown key; the nearest known key is source",
-        ),
-        ("[coils.c]\naddress = 0", 'coils.c.source: missing; give for example source = "pressure"'),
-    ],
-)
+@from_text("text", "line")
 def test_what_is_wrong_is_said_in_a_line(write, text, line):
     path = write(DEVICE + text)
     with pytest.raises(ConfigError) as caught:

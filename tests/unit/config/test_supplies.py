@@ -5,6 +5,7 @@ import re
 from itertools import pairwise
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
@@ -179,76 +180,7 @@ node_id = 9
     )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            'supply = "hpu"',
-            'supply = "hpv"',
-            'plant.lift.supply: "hpv" is unknown; give "constant", "unit" or "hpu"',
-        ),
-        (
-            'supply = "hpu"',
-            "supply = 3",
-            'plant.lift.supply: 3 is no supply; give "constant", "unit" or the name of a [supply.',
-        ),
-        (
-            'supply = "hpu"',
-            'supply = "hpu"\nrelief_pressure_bar = 200',
-            "plant.lift.relief_pressure_bar: belongs to the supply; give it in [supply.hpu]",
-        ),
-        (
-            'supply = "hpu"',
-            'supply = "hpu"\nsolver = "runge-kutta"',
-            'plant.lift.solver: cannot share a supply; give solver = "linearly-implicit-midpoint"',
-        ),
-        (
-            "[plant.alone]",
-            "[supply.spare]\n[plant.alone]",
-            'supply.spare: no axis draws from it; give an axis supply = "spare"',
-        ),
-        (
-            "[plant.alone]",
-            "[supply.alone]\n[plant.alone]",
-            "supply.alone: is the name of an axis; give another name",
-        ),
-        (
-            "pump_flow_l_min = 30",
-            "pump_displacement_cm3 = 28",
-            "supply.hpu.pump_speed_rpm: missing; pump_displacement_cm3 is given and needs it; give",
-        ),
-        (
-            "accumulator_volume_l = 2",
-            "accumulator_volume_l = 2\nbore_mm = 3",
-            "supply.hpu.bore_mm: unknown key",
-        ),
-        (
-            "accumulator_volume_l = 2",
-            "accumulator_volume_l = 0\nsupply_line_volume_cm3 = 10",
-            "supply.hpu.supply_line_volume_cm3: line_volume = 10 cm³; valves that open change P_S",
-        ),
-        (
-            "accumulator_precharge_bar = 90",
-            "accumulator_precharge_bar = 160",
-            "supply.hpu.accumulator_precharge_bar: ",
-        ),
-        (
-            'supply = "hpu"',
-            'supply = "hpu"\nmodel = "reduced"',
-            "plant.lift.supply: ",
-        ),
-        (
-            "[plant.alone]",
-            '[[faults]]\nkind = "wear_pump"\ntarget = "lift"\nat_s = 1\n[plant.alone]',
-            'lift has no supply unit of its own; give it supply = "unit", or name the shared',
-        ),
-        (
-            "[plant.alone]",
-            '[[faults]]\nkind = "jam"\ntarget = "hpu"\nat_s = 1\nforce_n = 1\n[plant.alone]',
-            "hpu cannot have jam; it can have wear_pump, sag_relief",
-        ),
-    ],
-)  # fmt: skip
+@from_text("old", "new", "said")
 def test_what_cannot_be_is_said_in_one_line(write, old, new, said):
     assert said in refusal(write(BENCH, old, new))
 

@@ -22,6 +22,7 @@ from support.programs import (
     needs_compiler,
     surroundings_of,
 )
+from support.tables import from_text
 
 from hil_bench import ControllerEnd, TimedFrame, load_config
 from hil_bench.abilities.controllers.program import controller as controller_module
@@ -248,15 +249,7 @@ def test_no_time_passes_for_a_process_whose_child_lives(start):
     assert live(start("pipes"), 6).lines == ["3000 poll 1", "4000 time 4000"]
 
 
-@pytest.mark.parametrize(
-    ("part", "line"),
-    [
-        ("thread", r"^starts a thread; with time = \"bench\" a program has one$"),
-        ("together", r"^forks: two processes live at once; with time = \"bench\" one does"),
-        ("crash", r"can_program crash: has ended, exit code -6$"),
-        ("exits", r"can_program exits: has ended, exit code 7$"),
-    ],
-)
+@from_text("part", "line")
 def test_what_cannot_go_on_is_said_in_one_line(start, part, line):
     with pytest.raises(ControllerError, match=line) as caught:
         live(start(part), 100_000)  # until the machine has run both of two processes

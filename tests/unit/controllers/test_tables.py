@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -90,20 +91,11 @@ def test_controllers_of_the_bench_hear_each_other_and_are_switched_by_name(folde
     assert outcomes(load_scenario(folder / "a.scenario.toml")) == [PASSED] * 3
 
 
-@pytest.mark.parametrize(
-    ("steps", "words"),
-    [
-        (step(0.01, firmware="kill"), 'there are several controllers; give target = "lamp"'),
-        (
-            step(0.01, firmware="kill", target="lamb"),
-            '"lamb" is no controller; the nearest is lamp',
-        ),
-    ],
-)
+@from_text("steps", "words")
 def test_a_switch_of_nothing_is_refused(folder, steps, words):
     bench_file(folder, lamp=BLINKS, eye=ANSWERS)
     found = scenario(
-        folder, "always axis1.P_A > id * 1 bar", steps=steps, bench='bench = "bench.toml"'
+        folder, "always axis1.P_A > id * 1 bar", steps=f"{steps}\n", bench='bench = "bench.toml"'
     )
     with pytest.raises(ConfigError) as error:
         prepare(found)

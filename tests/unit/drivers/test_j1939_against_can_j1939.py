@@ -96,24 +96,6 @@ def valve(port):
     return AuxiliaryValve(port, THEIRS)
 
 
-def test_their_name_is_ours_too():
-    fields = {
-        "identity_number": 0x12345,
-        "manufacturer_code": 0x123,
-        "ecu_instance": 3,
-        "function_instance": 17,
-        "function": 129,
-        "vehicle_system": 25,
-        "vehicle_system_instance": 5,
-        "industry_group": 2,
-        "arbitrary_address_capable": 1,
-    }
-    ours = Name(0x12345, 0x123, 3, 17, 129, 25, 5, 2, arbitrary_address=1)
-
-    assert int.from_bytes(ours.pack(), "little") == j1939.Name(**fields).value
-    assert Name.parse(ours.pack()) == ours
-
-
 def test_their_name_is_read(valve):
     valve.setup()
 

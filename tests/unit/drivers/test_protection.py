@@ -4,6 +4,7 @@ CRC-8 SAE J1850 of the ASCII digits 1 to 9 is 0x4B (its published check value).
 """
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.bench.assembly import build_bench
@@ -147,19 +148,7 @@ def test_a_mapping_that_leaves_no_room_is_refused(load):
         node.write(0x1A00, 0, 2)
 
 
-@pytest.mark.parametrize(
-    ("numbers", "more", "told"),
-    [
-        ("[3]", "", "nodes.encoder.protected_tpdos: there is no TPDO 3"),
-        ("[1, 1]", "", "has a number twice"),
-        ("1", "", "is not a list"),
-        (
-            "[1]",
-            '[nodes.encoder.objects]\n"0x1A00.00" = 3\n"0x1A00.03" = 0x60400110\n',
-            "TPDO 1 maps more than 6 bytes",
-        ),
-    ],
-)
+@from_text("numbers", "more", "told")
 def test_what_cannot_be_protected_is_told_in_one_line(load, numbers, more, told):
     with pytest.raises(ConfigError, match=told):
         build_bench(load(numbers, more))

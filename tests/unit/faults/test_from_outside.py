@@ -8,6 +8,7 @@ import re
 import pytest
 from support.distribution import PLUGIN, declare
 from support.feed_loop import FeedLoop
+from support.tables import from_text
 
 from hil_bench import ConfigError, Faults, RecordingWish, VirtualBench, load_config, run_campaign
 from hil_bench.abilities.faults.registry import FAULT_KINDS
@@ -59,19 +60,7 @@ def test_a_file_has_it_and_its_recording_says_when(write, tmp_path):
     assert (span.begin, span.end) == pytest.approx((1e-3, 0.1))  # from the first tick on
 
 
-@pytest.mark.parametrize(
-    ("table", "wrong"),
-    [
-        (WEAK + "los_percent = 5", "faults[1].los_percent: unknown key; the nearest known key is"),
-        (WEAK + "loss_percent = 500", "faults[1].loss_percent: 500 is out of range; give a numb"),
-        (WEAK + "loss_percent = 0", "faults[1].loss_percent: 0 changes nothing; give another"),
-        (WEAK.replace("rig", "rug"), 'faults[1].target: "rug" is no axis; give one of rig'),
-        (
-            WEAK.replace("fatigue", "leak") + "leak_l_min_bar = 1",
-            "rig cannot have leak; it can have fatigue",
-        ),
-    ],
-)  # fmt: skip
+@from_text("table", "wrong")
 def test_what_is_wrong_is_said_as_of_ours(write, table, wrong):
     path = write(table)
     with pytest.raises(ConfigError, match=re.escape(wrong)):

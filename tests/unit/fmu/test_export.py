@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.abilities.common.together import build_together
@@ -175,18 +176,10 @@ def test_only_axes_of_our_own_are_exported(tmp_path):
         export_axis(config, config.axes[0], tmp_path / "other.fmu")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["axis.zip"], "axis.zip: is no name of an FMU; give one that ends in .fmu"),
-        (["a.fmu", str(DRUM), "--axis", "b"], "--axis b: is no axis of this bench; give axis1"),
-        (["no/axis.fmu"], "no/axis.fmu: cannot be written: No such file or directory"),
-        (["axis.fmu"], ""),
-    ],
-)  # fmt: skip
+@from_text("words", "message")
 def test_the_verb(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
-    code = main(["export-fmu", *words])
+    code = main(["export-fmu", *words.split()])
     out, err = capsys.readouterr()
     if message:
         assert (code, err.splitlines()[0]) == (ExitCode.USAGE, f"hil-bench: error: {message}")

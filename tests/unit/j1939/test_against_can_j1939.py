@@ -11,6 +11,7 @@ from support.j1939_bus import MILLISECOND, collect, make_ecu
 from hil_bench.abilities.j1939.protocol.diagnostics import Lamp
 from hil_bench.abilities.j1939.protocol.signals import Name
 from hil_bench.canopen_device.frame import Frame
+from hil_drivers.j1939 import Name as DriversName
 
 OURS, THEIRS = 100, 101
 PROPRIETARY_A, PROPRIETARY_B = 0xEF00, 0xFF20
@@ -64,22 +65,16 @@ def pair(clock):
     pair.theirs.stop()
 
 
-def test_a_name_is_theirs_too():
-    fields = {
-        "identity_number": 0x12345,
-        "manufacturer_code": 0x123,
-        "ecu_instance": 3,
-        "function_instance": 17,
-        "function": 129,
-        "vehicle_system": 25,
-        "vehicle_system_instance": 5,
-        "industry_group": 2,
-        "arbitrary_address_capable": 1,
-    }
-
-    ours = Name(0x12345, 0x123, 3, 17, 129, 25, 5, 2, arbitrary_address=True)
-
-    assert int(ours) == j1939.Name(**fields).value
+def test_the_names_of_device_and_drivers_are_theirs_too():
+    theirs = j1939.Name(
+        identity_number=0x12345, manufacturer_code=0x123, ecu_instance=3, function_instance=17,
+        function=129, vehicle_system=25, vehicle_system_instance=5, industry_group=2,
+        arbitrary_address_capable=1,
+    ).value  # fmt: skip
+    fields = (0x12345, 0x123, 3, 17, 129, 25, 5, 2, 1)
+    assert int(Name(*fields)) == theirs
+    assert DriversName(*fields).pack() == theirs.to_bytes(8, "little")
+    assert DriversName.parse(theirs.to_bytes(8, "little")) == DriversName(*fields)
 
 
 def test_both_claim_their_addresses(pair):
@@ -87,7 +82,7 @@ def test_both_claim_their_addresses(pair):
     assert pair.application.state == controller_application.ControllerApplication.State.NORMAL
 
 
-@pytest.mark.parametrize("size", [9, 113, 1785])
+@pytest.mark.parametrize("size", [9, 14, 112, 113, 1785])
 def test_a_message_goes_there_by_rts_and_cts(pair, size):
     assert pair.ours.send(PROPRIETARY_A, MESSAGE[:size], THEIRS)
     pair.run(100)
@@ -96,7 +91,7 @@ def test_a_message_goes_there_by_rts_and_cts(pair, size):
     assert pair.ours.transport.counters.sent == 1
 
 
-@pytest.mark.parametrize("size", [9, 113, 1785])
+@pytest.mark.parametrize("size", [9, 14, 112, 113, 1785])
 def test_a_message_comes_by_rts_and_cts(pair, size):
     taken = collect(pair.ours, [PROPRIETARY_A])
 

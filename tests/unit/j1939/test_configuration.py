@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.abilities.j1939.configuration.ecus import _COMMON_KEYS, ECU_KINDS
@@ -44,63 +45,7 @@ def test_the_page_has_each_key_with_its_unit_and_default(key):
         assert default == f"`{json.dumps(key.default)}`"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[j1939.a]\n", "j1939.a.address: missing; give for example address = 128"),
-        (
-            "[j1939.a]\naddress = 254\n",
-            "j1939.a.address: 254 is out of range; give an integer from 0 to 253",
-        ),
-        (
-            '[j1939.a]\nkind = "pump"\naddress = 1\n',
-            'j1939.a.kind: "pump" is unknown; give one of "table", "auxiliary_valve"',
-        ),
-        ("[j1939.a]\naddress = 1\n", "j1939.a.signals: missing; give one as name = {"),
-        (LEVER + "x = 3\n", "j1939.lever.signals.x: 3 is not a table"),
-        (
-            LEVER + "x = { pgn = 1, start_bit = 0, length = 1 }\n",
-            "j1939.lever.signals.x.length: 1 is out of range; give an integer from 2 to 32",
-        ),
-        (
-            LEVER + "x = { pgn = 1, start_bit = 14279, length = 8 }\n",
-            "start_bit: ends behind byte 1785",
-        ),
-        (
-            LEVER + "x = { pgn = 1, start_bit = 14280, length = 8 }\n",
-            "x.start_bit: 14280 is out of range; give an integer from 0 to 14279",
-        ),
-        (
-            LEVER + X + "y = { pgn = 0xFDD6, start_bit = 15, length = 2 }\n",
-            "start_bit: bit 15 of PGN 64982 is that of x too; give each its own",
-        ),
-        (
-            LEVER + X + 'y = { pgn = 0xFDD6, start_bit = 0, length = 2, follow = "z" }\n',
-            'y.follow: "z" is no signal with a value; give one of x',
-        ),
-        (
-            LEVER + 'x = { pgn = 1, start_bit = 0, length = 8, sine = 1, follow = "y" }\n',
-            "x: is follow and sine at once; give one of them",
-        ),
-        (
-            LEVER + "x = { pgn = 1, start_bit = 0, length = 8, rate_ms = 10 }\n"
-            "y = { pgn = 1, start_bit = 8, length = 8, rate_ms = 20 }\n",
-            "y.rate_ms: 20 is not that of x, 10, in the same PGN; give one",
-        ),
-        (LEVER + X + "[j1939.b]\naddress = 19\n[j1939.b.signals]\n" + X, "is that of j1939.lever"),
-        (
-            VALVE + VALVE.replace("valve]", "other]").replace("128", "1").split("\n", 1)[1],
-            "axis1 has the valve j1939.valve already; give each axis one valve or one sink",
-        ),
-        (
-            VALVE + '[nodes.valve]\nprofile = "encoder_406"\nnode_id = 1\n',
-            "j1939.valve: [nodes.valve] has that name; give each device its own",
-        ),
-        (VALVE + 'axis = "axis2"\n', 'there is no axis "axis2"; give one of axis1'),
-        (VALVE + 'bus = "bus2"\n', 'j1939.valve.bus: there is no bus "bus2"; give one of bus'),
-        (VALVE + "[j1939.valve.signals]\n", 'kind = "auxiliary_valve" has its own signals'),
-    ],
-)
+@from_text("text", "message")
 def test_what_is_wrong_is_one_line(write, text, message):
     with pytest.raises(ConfigError) as caught:
         load_config(write(text))

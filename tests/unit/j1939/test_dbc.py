@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.j1939.protocol.signals import Signal
@@ -62,31 +63,7 @@ def test_the_bus_shows_what_the_table_without_a_dbc_shows():
     assert by_table[:2] == bytes((by_file[0] | 3, by_file[1]))  # which has no signal for neutral
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ('x = { message = "BJM2" }', 'the DBC has no message "BJM2"; the nearest is BJM1'),
-        ('x = { message = "BJM1" }', '"BJM1" has no signal "x"; the nearest is'),
-        ('x = { signal = "PressureA" }', "message is missing; give the name of a message"),
-        ("x = { message = 3 }", "the DBC has no message 3"),
-        (
-            'x = { message = "BJM1", signal = "JoystickXPosition", start_bit = 6 }',
-            "start_bit comes from the DBC by message; give one of the two",
-        ),
-        (
-            'Hours = { message = "Service" }',
-            '"Hours" of "Service" is multiplexed, which is not supported; give another signal',
-        ),
-        ('Page = { message = "Service" }', '"Page" of "Service" is multiplexed'),
-        ('Value = { message = "Plain" }', '"Plain" has an 11-bit identifier'),
-        ('x = { message = "Other", signal = "Motorola" }', "is big-endian (Motorola)"),
-        (
-            'x = { message = "Other", signal = "Signed" }',
-            "is signed; numbers of J1939 are unsigned",
-        ),
-        ('x = { message = "Other", signal = "Flag" }', "has 1 bits; 2 to 32 can be sent"),
-    ],
-)
+@from_text("line", "message")
 def test_what_the_file_cannot_give_is_one_line(read, tmp_path, line, message):
     with (tmp_path / "joystick.dbc").open("a") as file:
         file.write('BO_ 2566853260 Other: 8 Joystick\n SG_ Motorola : 7|8@0+ (1,0) [0|250] "" C\n')

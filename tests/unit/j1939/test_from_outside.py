@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from support.feed_loop import FeedLoop
+from support.tables import from_text
 
 import hil_bench
 from hil_bench import ConfigError, VirtualBench, load_config
@@ -48,16 +49,7 @@ def test_ctl_moves_the_lever_breaks_it_and_shows_it(loop, capsys):
 
 
 @pytest.mark.usefixtures("loop")
-@pytest.mark.parametrize(
-    ("word", "message"),
-    [
-        ("joystick.x=400", "x cannot be 400; give -100.3 to 100.3 %"),
-        ("joystick.x=far", "x cannot be 'far'; give -100.3 to 100.3 %"),
-        ("joystick.y=4", 'j1939.joystick: there is no signal "y"; give one of x, x_left, x_right'),
-        ("valve.flow=0", "flow is what the device itself shows"),
-        ("lever.x=0", 'there is no axis or node "lever"; give one of axis1, valve, joystick'),
-    ],
-)
+@from_text("word", "message")
 def test_what_cannot_be_set_is_one_line(word, message, capsys):
     assert run("set", word) == 2
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
@@ -101,20 +102,7 @@ def test_an_offset_of_the_lever_is_given_in_percent(tmp_path):
     assert found == [PASSED] * 2
 
 
-@pytest.mark.parametrize(
-    ("what", "message"),
-    [
-        (
-            'set = { "joystick.x" = 40 }',
-            "j1939.joystick: x cannot be 4000.0; give -100.3 to 100.3 %",
-        ),
-        ('set = { "joystick.x_left" = 1 }', "x_left is what the device itself shows"),
-        ('set = { "joystick.y" = 1 }', '"joystick.y" is nothing to set here; the nearest is'),
-        ('set = { "valve.spool_setpoint" = 2 }', "2 is out of range; give -1 to 1 of full opening"),
-        ('set = { "valve.flow" = 0 }', "flow is what the device itself shows"),
-        ('nmt = "start"\ntarget = "valve"', '"valve" is a J1939 device, which has no NMT'),
-    ],
-)
+@from_text("what", "message")
 def test_a_step_that_cannot_act_is_one_line(tmp_path, what, message):
     with pytest.raises(ConfigError) as caught:
         prepared(tmp_path, step(0.1, what))
@@ -143,16 +131,7 @@ def test_a_signal_takes_values_of_its_own_quantity(tmp_path):
         played("1 kN")
 
 
-@pytest.mark.parametrize(
-    ("that", "message"),
-    [
-        ("always dm1(lever)", '"lever" is no J1939 device; the nearest is'),
-        ("always dm1(joystick, 600000)", "is no number from 0 to 0x7FFFF"),
-        ("always dm1(joystick, 1, 2, 3)", "dm1 takes the name of a J1939 device"),
-        ('always joystick.state == "OPERATIONAL"', 'the nearest is "cannot claim"'),
-        ("always joystick.y > 0", '"joystick.y" is no signal here'),
-    ],
-)
+@from_text("that", "message")
 def test_an_expectation_that_cannot_be_judged_is_one_line(tmp_path, that, message):
     with pytest.raises(ConfigError) as caught:
         prepared(tmp_path, "", that)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from support.j1939_bus import MILLISECOND, J1939Bus, collect, make_ecu
 
 from hil_bench.abilities.j1939.protocol.reception import MOST_SESSIONS
-from hil_bench.abilities.j1939.protocol.signals import split
 from hil_bench.abilities.j1939.protocol.transmission import MOST_WAITING, AbortReason
 
 COMPONENT = 0xFEEB
@@ -292,29 +291,6 @@ def test_messages_to_one_device_wait_for_each_other_up_to_a_bound(bus, ecu):
 def test_what_cannot_be_transported_is_refused(ecu, bus, size):
     with pytest.raises(ValueError, match=str(size)):
         ecu.transport.send(COMPONENT, bytes(size), 0x10, bus.now)
-
-
-@pytest.mark.parametrize("size", [9, 14, 112, 113, 1785])
-@pytest.mark.parametrize("lost", [None, 0])
-def test_two_ecus_transport_a_message_although_a_packet_is_lost(size, lost):
-    sender, receiver = make_ecu(100, 1), make_ecu(101, 2)
-    taken = collect(receiver, [0xEF00])
-    message = bytes(number % 251 for number in range(size))
-    packets = []
-
-    def lossy(frame, now):
-        if split(frame.can_id).group == 0xEB00:
-            packets.append(frame)
-            if len(packets) - 1 == lost:
-                return
-        receive(frame, now)
-
-    receive, receiver.receive = receiver.receive, lossy
-    bus = J1939Bus(sender, receiver)
-    sender.send(0xEF00, message, 101)
-    bus.run(900)
-
-    assert taken == [(0xEF00, 100, message)]
 
 
 @settings(deadline=None, max_examples=50)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from support.feed_loop import FeedLoop
+from support.tables import from_text
 
 from hil_bench import BusError, Faults
 from hil_bench.abilities.live import ctl
@@ -90,20 +91,7 @@ def test_a_fault_has_the_keys_of_the_configuration(ask, loop):
     assert active(loop) == []
 
 
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        ("melt pressure_a", 'there is no kind "melt"; give one of freeze, offset'),
-        ("freeze", "give KIND TARGET [KEY=VALUE ...]"),
-        ("offset pressure_a", "give offset_bar=1, for example"),
-        ("offset pressure_a offset_mm=1", "offset_mm is not what it measures; give offset_bar"),
-        ("offset position offset_bar=1", "offset_bar is not what it measures; give offset_mm"),
-        ("freeze pressure_a fr_s=1", "unknown key; the nearest known key is for_s"),
-        ("freeze pressure_a for_s=x", "freeze for_s"),
-        ("freeze nobody", 'there is no sensor "nobody"; give one of pressure_a'),
-        ("drop_supply axis1", "pressure_bar"),
-    ],
-)
+@from_text("words", "text")
 def test_a_wrong_fault_is_one_line(loop, cli, words, text):
     (line,) = cli(["ctl", "fault", *words.split()], 2).err.splitlines()
     assert text in line
@@ -145,25 +133,7 @@ def test_objects_are_set_and_read(ask, loop):
     }
 
 
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        ("set axis1", "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"),
-        ("set axis1.=5", "give AXIS.QUANTITY_UNIT=NUMBER"),
-        ("set axis1.load=5", "axis1.load: cannot be set; give load_n, supply_pressure_bar,"),
-        ("set axis1.load_n=much", 'set axis1.load_n=much: "much" is not a number; give AXIS.'),
-        ("set axis1.load_n=", "set axis1.load_n=: the value is missing; give AXIS."),
-        ("set axis1.load_n=inf", "set axis1.load_n=inf: inf is not finite; give a number"),
-        ("set axis1.load_n=nan", "set axis1.load_n=nan: nan is not finite; give a number"),
-        ("set valve.0x6300.01=nan", "set valve.0x6300.01=nan: nan is not finite; give a number"),
-        ("set axis9.load_n=1", 'no axis or node "axis9"; give one of axis1, valve,'),
-        ("set valve.0x1017=70000", "cannot hold 70000; give 0 to 65535"),
-        ("set valve.0x1008=hex:0", "hex:0: give an even number of hexadecimal digits"),
-        ("get valve.0x9999", "nodes.valve"),
-        ("get nobody.0x1000", 'there is no node "nobody"'),
-        ("get valve", "nodes.valve"),
-    ],
-)
+@from_text("words", "text")
 @pytest.mark.usefixtures("loop")
 def test_a_wrong_word_is_one_line(cli, words, text):
     (line,) = cli(["ctl", *words.split()], 2).err.splitlines()

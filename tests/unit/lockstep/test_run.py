@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.live.messages import COMMAND, encode
 from hil_bench.abilities.lockstep.lockstep import LockStep
@@ -152,25 +153,9 @@ def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
     assert lines[-1][0] == "(0.002000)"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["--lockstep", "--strict-timing"],
-            "--strict-timing: in lock-step there is no real time to miss; leave it out",
-        ),
-        (
-            ["--lockstep", "--speed", "max"],
-            "--speed: in lock-step the controller's SYNC is the pace; leave it out",
-        ),
-        (
-            ["--lockstep", "--sync-period-us", "1500"],
-            "--sync-period-us: 1500 is not a multiple of tick_us = 1000; give 1000 or 2000",
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_arguments_that_cannot_be_meant(arguments, message, capsys):
-    assert main(["run", "-i", "virtual", "-c", "x", *arguments]) == 2
+    assert main(["run", "-i", "virtual", "-c", "x", *arguments.split()]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
 
 

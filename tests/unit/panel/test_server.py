@@ -11,6 +11,7 @@ from http.client import HTTPConnection
 import pytest
 from support.live_bench import SECRET, LiveBench, live_bench, panel, runtime_folder
 from support.patience import GUARD
+from support.tables import from_text
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -368,17 +369,9 @@ def test_a_password_is_for_its_owner_only(tmp_path, make_file):
         read_password(tmp_path / "absent")
 
 
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (["--listen", "192.0.2.7"], "others could come; give --password-file FILE too"),
-        (["--listen", "example"], "--listen example: give an IP address"),
-        (["--port", "70000"], "--port 70000: give 1 to 65535"),
-        (["--tests", "absent"], "--tests absent: there is no such folder"),
-    ],
-)
+@from_text("words", "error")
 def test_wrong_arguments_are_one_line(words, error, cli):
-    assert error in cli(["panel", *words], 2).err
+    assert error in cli(["panel", *words.split()], 2).err
 
 
 FORM = {

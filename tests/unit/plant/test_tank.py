@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.cli import main
@@ -233,32 +234,7 @@ def test_check_says_what_the_heat_does(write, capsys):
     assert found["and comes to"] == pytest.approx((heat + 1000.0 + 10_000.0) / 250.0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('oil = "HLP 46"', "", "supply.hpu.oil: missing; tank_volume_l is given and needs it"),
-        ('oil = "HLP 46"', 'oil = "water"', 'supply.hpu.oil: "water" is unknown; give one of'),
-        ("tank_volume_l = 5", "tank_volume_l = 0", "supply.hpu.tank_volume_l: 0"),
-        (
-            "load_n = 5000",
-            'load_n = 5000\noil = "HLP 46"\noil_temperature_c = 60',
-            "plant.lift.oil_temperature_c: belongs to the supply's tank; leave it out",
-        ),
-        (
-            "pump_efficiency_percent = 80",
-            "pump_efficiency_percent = 120",
-            "_percent: 120 is out of",
-        ),
-        (
-            "pump_flow_l_min = 30",
-            (
-                "pump_displacement_cm3 = 20\npump_speed_rpm = 1500\n"
-                "pump_volumetric_efficiency_percent = 70"
-            ),
-            "pump_efficiency_percent: 80 is above pump_volumetric_efficiency_percent = 70",
-        ),
-    ],
-)
+@from_text("old", "new", "said")
 def test_what_cannot_be_is_said_in_one_line(write, old, new, said):
     with pytest.raises(ConfigError) as refused:
         load_config(write(old, new))

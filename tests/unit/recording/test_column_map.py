@@ -4,6 +4,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.recording.column_map import (
     check_units,
@@ -95,24 +96,7 @@ def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path):
     assert found["lift.spool_setpoint"] == pytest.approx([-2.0, 1.0])
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        ('column = "s"', "", 'position: column is missing; give for example column = "s [mm]"'),
-        ('unit = "mm"', "", "the unit is missing; position has one of m, mm, um"),
-        (
-            'unit = "mm"',
-            'unit = "furlong"',
-            "unit furlong is unknown; position has one of m, mm, um",
-        ),
-        ("polarity = -1", "polarity = 2", '2 is no polarity; give 1, -1 or "unknown"'),
-        ("polarity = -1", "polarity = []", 'an array is no polarity; give 1, -1 or "unknown"'),
-        ("polarity = -1", "full_scale = 2", "full_scale is for spool_setpoint"),
-        ("[P_A]", "[P_C]", "unknown quantity; the nearest known one is P_"),
-        ("gain = 2.0", "gian = 2.0", "unknown key; the nearest known key is gain"),
-        ("[time]", "[", "is not valid TOML"),
-    ],
-)
+@from_text("old", "new", "complaint")
 def test_a_map_with_a_mistake_is_refused(tmp_path, old, new, complaint):
     assert old in RIG
     with pytest.raises(ConfigError) as error:

@@ -10,6 +10,7 @@ import math
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from support.tables import from_text
 
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import given_units, read_recording
@@ -112,19 +113,7 @@ def test_300_bar_are_more_than_250_bar(tmp_path, capsys):
     assert found["judgement"]["margin"] == pytest.approx(-0.2)  # 50 bar of 250
 
 
-@pytest.mark.parametrize(
-    ("unit", "name", "that", "wrong"),
-    [
-        ("furlong", "axis1.P_A", "axis1.P_A < 250 bar", "a value in furlong and one in bar"),
-        ("barg", "axis1.P_A", "axis1.P_A < 250 bar", "a value in barg and one in bar"),
-        ("-", "axis1.P_A", "axis1.P_A < 250 bar", "give the number its unit"),
-        ("mm", "axis1.P_A", "axis1.P_A > 0", 'axis1.P_A is in "mm", which is no unit of it'),
-        ("%", "axis1.position", "axis1.position < 50 %", "give it in mm or rev"),
-        ("deg", "arm.tilt", "arm.tilt < 90", "give the number its unit"),
-        ("%", "stick.x", "stick.x - 3 < 50", 'stick.x is in "%" there'),
-        ("K", "oil.T", "oil.T < 333", "give the number its unit"),
-    ],
-)
+@from_text("unit", "name", "that", "wrong")
 def test_what_has_no_certain_unit_is_not_judged(tmp_path, capsys, unit, name, that, wrong):
     assert judged(tmp_path, unit, [1.0, 2.0], f"always {that}", name) == 2
     said = capsys.readouterr()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.tables import from_text
 
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.errors import ConfigError
@@ -153,7 +154,7 @@ def test_a_file_that_is_no_recording_says_why(make_file, text, reason):
     ],
 )
 def test_a_table_of_another_tool_is_a_recording(make_file, text):
-    path = make_file("run.csv", text)
+    path = make_file("run.csv", f"{text}\n")
     found = read_recording(path)
 
     assert recording_channels(found) == (Channel("time", "s"), Channel("axis1.P_A", "Pa"))
@@ -161,19 +162,9 @@ def test_a_table_of_another_tool_is_a_recording(make_file, text):
     np.testing.assert_array_equal(found["axis1.P_A"], [1e5, math.nan])
 
 
-@pytest.mark.parametrize(
-    ("text", "wrong"),
-    [
-        ("t,x [mm]\n0,1\n", "its time has no unit; give it in s, ms, us or min, as in time [s]"),
-        (
-            "x [mm]\n0\n",
-            "it has no column time, and the first, x [mm], is in no unit of time; name",
-        ),
-        ("t [s],x [m],x [mm]\n0,1,2\n", "recording channel x: is there twice"),
-    ],
-)
+@from_text("text", "wrong")
 def test_a_table_of_another_tool_that_is_none_says_why(make_file, text, wrong):
-    path = make_file("run.csv", text)
+    path = make_file("run.csv", f"{text}\n")
     with pytest.raises(ConfigError) as caught:
         read_recording(path)
 

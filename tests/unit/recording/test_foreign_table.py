@@ -6,6 +6,7 @@ import zlib
 import numpy as np
 import pytest
 from scipy.io import savemat
+from support.tables import from_text
 
 from hil_bench.abilities.recording import reading
 from hil_bench.abilities.recording.reading import read_columns
@@ -76,36 +77,10 @@ def test_what_is_no_number_counts_as_none(tmp_path):
     assert np.isnan(columns["s"][1:]).all()
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("", "no row of numbers"),
-        ("a,b\nc,d\n", "no row of numbers"),
-        (
-            "a,b\n2026-01-01,1\n",
-            "its last line is '2026-01-01,1'; decimal numbers, also of the time",
-        ),
-        ("1,2\n3,4\n", "2 columns have no names"),
-        (" ,\n1,2\n", "2 columns have no names"),
-        ("a,a\n1,2\n", "the column a twice"),
-        ("a,b\n1,2\n3\n5,6\n", "row 3 has 1 values, the first has 2"),
-        # A point between thousands, read as that of a decimal, is wrong by a thousand.
-        (
-            "t;p\n0;999\n1;1.234.567\n",
-            r'row 3, column p: "1.234.567" has marks between thousands; write .* as 1234567',
-        ),
-        ("t;p\n0;999\n1;1.234,5\n", 'row 3, column p: "1.234,5" has .* as 1234,5$'),
-        ("t,p\n0,999\n1,-1 234.5\n", 'row 3, column p: "-1 234.5" has .* as -1234.5$'),
-        (
-            "t;p\n0,5;999\n1,5;1.234\n",
-            r'row 3, column p: "1.234" may be 1234 or 1.234 beside "0,5"; write all',
-        ),
-        ('t,p\n0.5,999\n1.5,"1,234"\n', 'row 3, column p: "1,234" may be 1234 or 1.234 beside'),
-    ],
-)
+@from_text("text", "complaint")
 def test_what_is_no_table_is_refused_in_a_line(tmp_path, text, complaint):
     with pytest.raises(ConfigError, match=complaint) as error:
-        read_columns(write(tmp_path, text))
+        read_columns(write(tmp_path, f"{text}\n" if text else ""))
 
     assert "\n" not in str(error.value)
 

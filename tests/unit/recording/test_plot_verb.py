@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import RecordingWish, VirtualBench
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
@@ -80,22 +81,10 @@ def test_a_name_that_is_no_text_is_drawn_too(folder):
     assert (folder / "odd.png").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["run.csv", "--signals", "axis9.*"], "no signal fits axis9.*; the recording has axis1.po"),
-        (["run.csv", "--from", "9"], "run.csv: no rows to draw; it has 0.001 to 0.05 s"),
-        (["run.log", "--from", "9"], "run.log: no frames to draw, at least not in this time"),
-        (["run.log", "--signals", "x"], "run.log is drawn as frames; give one or the other"),
-        (["run.mf4", "-o", "x.xyz"], "x.xyz: cannot be written: "),
-        (["run.mf4", "-o", "."], ".: is a directory; give the name of a picture"),
-        (["."], ".: cannot be read: Is a directory; give a recording"),
-        (["/"], "/: cannot be read: Is a directory; give a recording"),
-    ],
-)
+@from_text("arguments", "message")
 def test_what_cannot_be_drawn(folder, arguments, message, cli, monkeypatch):
     monkeypatch.chdir(folder)
-    error = cli(["plot", *arguments], 2).err
+    error = cli(["plot", *arguments.split()], 2).err
     assert error.startswith("hil-bench: error: ")
     assert message in error
     assert error.count("\n") == 1

@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
@@ -276,21 +277,7 @@ def test_a_trigger_that_never_comes_leaves_an_empty_file(tmp_path):
     assert found(tmp_path / "run.csv") == ([], [])
 
 
-@pytest.mark.parametrize(
-    ("trigger", "message"),
-    [
-        ("P_A over 3", 'trigger "P_A over 3": write it as in "axis1.P_A > 80 bar"'),
-        (
-            "axis2.P_A > 3 bar",
-            'trigger "axis2.P_A > 3 bar": no signal axis2.P_A; there are time, axis1.P_A',
-        ),
-        (
-            "axis1.P_A > 3 mm",
-            '"axis1.P_A > 3 mm": mm is no unit of it; give one of Pa, mbar, kPa, bar, MPa',
-        ),
-        ("axis1.P_A > 1-2", '"axis1.P_A > 1-2": 1-2 is no number'),
-    ],
-)
+@from_text("trigger", "message")
 def test_a_trigger_that_makes_no_sense(tmp_path, trigger, message):
     with pytest.raises(ConfigError) as caught:
         plan(tmp_path, ".csv", trigger=trigger).check()

@@ -1,8 +1,10 @@
 """`--record` of run and demo."""
 
 import errno
+import shlex
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
@@ -126,33 +128,6 @@ class FilteredBus(SyncOnly):
         self.is_filtered = 0x7FF not in can_ids
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--trigger", "time > 1"], "--trigger: begins a recording; give --record FILE too"),
-        (["--whole-bus"], "--whole-bus: belongs to a recording; give --record FILE too"),
-        (["--pre-trigger", "-1"], "--pre-trigger -1: give 0 to 3600 s"),
-        (
-            ["--record", "x.csv", "--record", "x.csv"],
-            "--record x.csv: is there twice; give each file once",
-        ),
-        (
-            ["--record", "x.h5"],
-            (
-                'x.h5: no recording has the suffix ".h5"; give a file name that ends in .mf4 '
-                "(signals and frames), .csv (signals), .blf, .asc or .log (frames)"
-            ),
-        ),
-        (
-            ["--record", "x.csv", "--trigger", "axis9.P_A > 3"],
-            (
-                'trigger "axis9.P_A > 3": no signal axis9.P_A; there are time, axis1.position, '
-                "axis1.speed, axis1.P_A, axis1.P_B, axis1.spool_setpoint, axis1.spool_position, "
-                "pressure_a.measured, pressure_b.measured, position.measured, "
-                "position.measured_speed"
-            ),
-        ),
-    ],
-)
+@from_text("arguments", "message")
 def test_what_cannot_be_meant_ends_before_the_bus_is_opened(arguments, message, cli):
-    assert cli([*RUN, *arguments], 2).err == f"hil-bench: error: {message}\n"
+    assert cli([*RUN, *shlex.split(arguments)], 2).err == f"hil-bench: error: {message}\n"

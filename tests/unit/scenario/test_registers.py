@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench
 from hil_bench.abilities.modbus.binding import ModbusBinding
@@ -148,52 +149,7 @@ def test_who_has_no_control_is_refused(load):
     )
 
 
-@pytest.mark.parametrize(
-    ("assigned", "bench", "wrong"),
-    [
-        (
-            '"modbus.pressure_a.pressure" = 1',
-            COMMANDS,
-            "modbus.pressure_a.pressure is read-only; hil-bench registers says which are not",
-        ),
-        (
-            '"modbus.valve.enable" = 1',
-            NO_COMMANDS,
-            (
-                "modbus.valve.enable is a command, which Modbus may not give; "
-                "give commands = true in [modbus.units.valve]"
-            ),
-        ),
-        (
-            '"modbus.valve.spool_setpoint_scaled" = "101 %"',
-            COMMANDS,
-            "modbus.valve.spool_setpoint_scaled: 101 % is out of range; give -100 to 100 %",
-        ),
-        (
-            '"modbus.pressure_a.filter_type" = 65536',
-            COMMANDS,
-            "modbus.pressure_a.filter_type: 65536 is out of range; give 0 to 65535",
-        ),
-        (
-            '"modbus.valve.spool_setpont" = 0.4',
-            COMMANDS,
-            (
-                '"modbus.valve.spool_setpont" is nothing to set here; the nearest is '
-                "modbus.valve.spool_setpoint, and objects are NODE.0x6300.01"
-            ),
-        ),
-        (
-            '"modbus.valve.control" = 1',
-            COMMANDS,
-            f'"modbus.valve.control" {SHARED}',
-        ),
-        (
-            '"modbus.valve.enable" = 1',
-            "",
-            '"modbus.valve.enable": the bench has no Modbus; give [modbus] in its file',
-        ),
-    ],
-)
+@from_text("assigned", "bench", "wrong")
 def test_a_step_that_no_client_could_do_is_refused(load, assigned, bench, wrong):
     text = step(0.05, f"set = {{ {assigned} }}")
     assert problem(load(text + ANY, bench)) == f"6:7: step[1].set: {wrong}"

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from support.tables import from_text
 
 from hil_bench.abilities.scenario import stage
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -197,17 +198,7 @@ def test_steps_are_checked_against_the_bench(tmp_path):
     assert "70000 is out of range" in found[4]
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ('"axis1.load" = "5 bar"', "axis1.load takes no value in bar; give one in kN"),
-        ('"axis1.load" = "5 %"', "axis1.load takes no value in %; give one in kN"),
-        ('"axis1.load" = "rise_mm"', "axis1.load takes no value in mm; give one in kN"),
-        ('"axis1.supply_pressure" = "5 kN"', "takes no value in kN; give one in bar"),
-        ('"valve.spool_setpoint" = "0.4 mm"', "takes no value in mm; give a number, or one in %"),
-        ('"valve.0x1017" = "500 ms"', "takes no value in ms; give the number that the object"),
-    ],
-)
+@from_text("given", "said")
 def test_a_unit_of_another_quantity_is_refused(tmp_path, given, said):
     text = HEAD + "[parameters]\nrise_mm = 5\n" + step(0.1, f"set = {{ {given} }}")
     (line,) = problems(tmp_path, text + expect("always axis1.position < rise_mm"))

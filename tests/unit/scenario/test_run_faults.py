@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 from support.built_in_nodes import NODES
+from support.tables import from_text
 
 from hil_bench import ConfigError, VirtualBench
 from hil_bench.abilities.faults.registry import FAULT_KINDS
@@ -160,19 +161,7 @@ def test_a_parameter_that_leaves_the_machine_as_it_is_is_the_variant_without_the
     assert finding.judgement.reason == said
 
 
-@pytest.mark.parametrize(
-    ("kind", "keys", "wrong"),
-    [
-        ("noise", 'target = "position"', "noise_mm: missing; give noise_mm = 1, for example"),
-        ("offset", 'target = "pressure_a"', "offset_bar: missing; give offset_bar = 1"),
-        ("drift", 'target = "position"', "drift_mm_s: missing; give drift_mm_s = 1"),
-        (
-            "offset",
-            'target = "pressure_a"\noffset_mm = 5',
-            "offset_mm: is not what this sensor measures; give offset_bar",
-        ),
-    ],
-)
+@from_text("kind", "keys", "wrong")
 def test_a_fault_without_its_amount_is_refused_as_in_a_bench(
     tmp_path, make_file, kind, keys, wrong
 ):

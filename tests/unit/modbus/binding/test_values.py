@@ -5,6 +5,7 @@ import math
 import pytest
 from support.bus_side import VALVE, BusSide
 from support.modbus_side import POSITION, PRESSURE_A, ModbusSide
+from support.tables import from_text
 
 from hil_bench import ConfigError, Faults, load_config
 from hil_bench.abilities.modbus.binding import ModbusBinding
@@ -150,30 +151,7 @@ revision = "1"
 """
 
 
-@pytest.mark.parametrize(
-    ("register", "message"),
-    [
-        (
-            'type = "float32"\nsource = "position"',
-            '.source: "position" is unknown; give an object or one of "pressure", "valid"',
-        ),
-        (
-            'type = "float32"\nsource = "pressure"\nunit = "mm"',
-            '.unit: "mm" does not fit; give one of "Pa", "mbar", "kPa", "bar", "MPa"',
-        ),
-        ('type = "uint16"\nsource = "0x7999"', ".source: object 0x7999.00 is not in "),
-        ('type = "uint16"\nsource = "0x1008"', "; a number of at most 32 bits is right"),
-        ('type = "uint16"\nsource = "0x61ZZ"', '"0x61ZZ" is no object'),
-        (
-            'type = "float32"\nsource = "pressure"\nunit = "bar"\naccess = "rw"',
-            '.access: "pressure" cannot be written; give "r"',
-        ),
-        (
-            'type = "float32"\nsource = "0x6130.01"\naccess = "rw"',
-            '.access: "0x6130.01" cannot be written; give "r"',
-        ),
-    ],
-)
+@from_text("register", "message")
 def test_a_map_that_does_not_fit_its_device_is_refused(tmp_path, load_bench, register, message):
     (tmp_path / "map.toml").write_text(f"{HEAD}[holding_registers.x]\naddress = 0\n{register}\n")
     config = load_bench('[modbus.units.pressure_a]\nregisters = "map.toml"\n')

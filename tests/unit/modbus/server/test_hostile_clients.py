@@ -1,16 +1,13 @@
-"""Random, truncated, oversized and pipelined frames, and a thousand connections left open.
+"""Random, truncated, oversized and pipelined frames: a session lives, and what it keeps is bounded.
 
-Whatever comes, the server lives, its memory is bounded, and a good client is served.
+Good clients beside bad ones are in test_simulation.
 """
 
-import asyncio
 import random
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.abilities.modbus.server.connections import ConnectionPool
 from hil_bench.abilities.modbus.server.session import BACKLOG, crc16, serial_session, tcp_session
 
 READ = bytes.fromhex("04 0000 0002")
@@ -103,82 +100,3 @@ def test_a_line_that_drops_bytes_answers_who_asks_again(make_rig, frames, lost, 
     written.clear()
     session.receive(rtu(READ))
     assert written == [rtu(ANSWER)]
-
-
-def bad_streams():
-    """A few hundred things that no client should send, the same in every run."""
-    dice = random.Random(4711)  # noqa: S311 - not for secrets
-    good = tcp(READ)
-    for size in (1, 7, 8, 12, 260, 1000, 5000):
-        yield from (dice.randbytes(size) for _ in range(12))
-    for cut in range(1, len(good)):
-        yield good[:cut]
-    for _ in range(100):
-        damaged = bytearray(good * 3)
-        for _ in range(dice.randrange(1, 6)):
-            damaged[dice.randrange(len(damaged))] = dice.randrange(256)
-        yield bytes(damaged)
-    yield b"\0\1\0\0\xff\xff\1" + bytes(65000)  # says that it is long, and is
-    yield b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    yield good * 2000
-
-
-def serve(make_rig, scenario, limit):
-    async def run():
-        pool = ConnectionPool(make_rig().server, limit)
-        loop = asyncio.get_running_loop()
-        listener = await loop.create_server(pool.make_connection, "127.0.0.1", 0, backlog=128)
-        try:
-            await scenario(pool, listener.sockets[0].getsockname()[1])
-        finally:
-            pool.close()
-            listener.close()
-            await listener.wait_closed()
-
-    asyncio.run(run())
-
-
-async def ask(reader, writer):
-    writer.write(tcp(READ))
-    assert await reader.readexactly(len(tcp(ANSWER))) == tcp(ANSWER)
-
-
-@pytest.mark.long
-def test_a_good_client_is_served_beside_bad_ones(make_rig):
-    async def scenario(pool, port):
-        good = await asyncio.open_connection("127.0.0.1", port)
-        await ask(*good)
-        writers = [good[1]]
-        for number, stream in enumerate(bad_streams()):
-            writers.append((await asyncio.open_connection("127.0.0.1", port))[1])
-            writers[-1].write(stream)
-            await asyncio.sleep(0)
-            if number % 3 == 0:
-                writers[-1].transport.abort()  # the others stay, and read nothing
-            await ask(*good)
-            assert len(pool) <= 8
-        for writer in writers:
-            writer.transport.abort()
-
-    serve(make_rig, scenario, limit=8)
-
-
-@pytest.mark.long
-def test_a_thousand_connections_left_open_keep_nobody_out(make_rig):
-    async def scenario(pool, port):
-        good = await asyncio.open_connection("127.0.0.1", port)
-        await ask(*good)
-        left = []
-        for _ in range(20):
-            left += await asyncio.gather(
-                *(asyncio.open_connection("127.0.0.1", port) for _ in range(50))
-            )
-            await ask(*good)
-            assert len(pool) <= 64
-        late = await asyncio.open_connection("127.0.0.1", port)
-        await ask(*late)
-        await ask(*good)
-        for _, writer in (*left, good, late):
-            writer.transport.abort()
-
-    serve(make_rig, scenario, limit=64)

@@ -18,7 +18,6 @@ from hil_bench.abilities.common import progress
 from hil_bench.abilities.common.progress import WorkLines
 from hil_bench.cli import main
 
-ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
 
 
@@ -43,7 +42,7 @@ def test_results_that_are_not_there_are_not_merged(tmp_path, capsys):
 
 @from_text("campaign", "scenario", "wrong")
 def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, make_file, cli):
-    write_rest(tmp_path, scenario)
+    write_rest(tmp_path, scenario or REST)
     path = make_file("campaign.toml", campaign + "\n")
     errors = cli(["campaign", str(path), "--jobs=0"], 2).err.splitlines()
     assert len(errors) == 1

@@ -103,11 +103,6 @@ def test_parameter_value_of_a_dcf_wins(load_changed):
     assert dictionary.variable(0x2020).default == "xyz"
 
 
-E, W = Severity.ERROR, Severity.WARNING
-
-RPDO1_TARGET = "DefaultValue=0x20010010"
-
-
 @from_text("old", "new", "severity", "message")
 def test_found_and_loaded_all_the_same(load_changed, old, new, severity, message):
     dictionary = load_changed((old, new))
@@ -146,7 +141,7 @@ def test_mapping_of_more_than_64_bit(load_changed):
             ),
         ),
     )
-    (finding,) = [f for f in dictionary.findings if f.severity is E]
+    (finding,) = [f for f in dictionary.findings if f.severity is Severity.ERROR]
     assert finding.text == "DefaultValue: maps 72 bit; a PDO carries at most 64; TPDO1 is off"
     assert dictionary.variable(0x1800, 1).default == 0xC0000185  # bit 31: it does not exist
     assert dictionary.variable(0x1A00, 0).default == 0

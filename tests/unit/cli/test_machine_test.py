@@ -139,13 +139,6 @@ def test_a_fault_of_the_valve_ends_the_motion(machine, capsys):
     assert machine.spool[-1] == 0.0
 
 
-FAULT = '[[step]]\nat_s = 0.1\nfault = "drop_supply"\ntarget = "axis1"\npressure_bar = 20.0\n'
-LOAD = '[[step]]\nat_s = 0.1\nset = { "axis1.load" = "5 kN" }\n'
-NMT = '[[step]]\nat_s = 0.1\nnmt = "stop"\ntarget = "valve"\n'
-SYNC = "[[step]]\nat_s = 0.1\nsync = true\n"
-KILL = '[[step]]\nat_s = 0.1\nfirmware = "kill"\n'
-FIRMWARE = '[controller]\nfirmware = ["x"]\n'
-EXAMPLE = '[controller]\nexample = "position_control"\n'
 HOLDS = expect("always axis1.P_A < 250 bar")
 
 

@@ -2,7 +2,6 @@
 """Bindings in `[nodes.NAME.objects]`, and devices made from an EDS file alone."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,8 +13,6 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.power_on import load_objects
 from hil_bench.cli import main
 from hil_bench.devices.kinds.kind import GenericConfig
-
-Write = Callable[[str], Path]
 
 EDS = IMITATIONS / "analogue_io_401.eds"
 IO = f'[nodes.io]\nnode_id = 10\neds = "{EDS}"\n'

@@ -1,6 +1,5 @@
 """The tables [nodes.NAME.chain]: units, presets, and what does not go together."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,8 +15,6 @@ from hil_bench.devices.kinds.chains import (
 )
 from hil_bench.devices.measurement.low_pass import ChainParameters, OverRange
 from hil_bench.errors import ConfigError
-
-Write = Callable[[str], Path]
 
 ROOT = Path(__file__).parents[3]
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'

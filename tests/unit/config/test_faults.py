@@ -1,7 +1,6 @@
 # ruff: noqa: E501 - a mistake and its message on one line are easier to compare
 """The tables [[faults]] and the option --fault."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,8 +18,6 @@ from hil_bench.abilities.j1939.protocol.signal_table import Indication
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import Origin, load_config
 
-Write = Callable[[str], Path]
-
 IO = """
 [plant.axis1]
 [nodes.io]
@@ -30,7 +27,6 @@ node_id = 5
 "0x6401.01" = { source = "axis1.P_A", unit = "bar", scale = 100 }
 "0x6411.01" = { sink = "axis1.spool_setpoint" }
 """
-TWO_SOURCES = IO + '"0x6401.02" = { source = "axis1.position", unit = "mm", scale = 100 }\n'
 
 EXAMPLES = {
     "freeze": ("pressure_a", "", {}),

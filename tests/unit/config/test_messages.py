@@ -1,7 +1,6 @@
 # ruff: noqa: E501 - a mistake and its message on one line are easier to compare
 """Each mistake ends in one line that says where, what is wrong and what would be right."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,8 +8,6 @@ from support.tables import from_text
 
 from hil_bench import ConfigError, load_config
 from hil_bench.config.values import describe
-
-Write = Callable[[str], Path]
 
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 

@@ -1,6 +1,5 @@
 """The tables [modbus] and [modbus.units.NAME]."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,8 +19,6 @@ from hil_bench.abilities.modbus.protocol.register_map import (
 )
 from hil_bench.bench.configuration import Origin, load_config
 from hil_bench.errors import ConfigError
-
-Write = Callable[[str], Path]
 
 
 def load(path):

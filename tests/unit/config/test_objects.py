@@ -1,8 +1,6 @@
 """`[nodes.NAME.objects]`: other power-on values than those of the EDS file."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from support.tables import from_text
@@ -12,10 +10,7 @@ from hil_bench.bench.assembly import build_node
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 
-Write = Callable[[str], Path]
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 5\n'
-NO_OBJECT = 'is no object; write index and sub-index in hexadecimal, as in "0x1400.05" or "0x6042"'
-NO_VALUE = "give a number, text, a truth value or a binding"
 SENSOR = '[nodes.p]\nprofile = "pressure_404"\nnode_id = 6\nsource = "P_A"\n'
 
 

@@ -1,8 +1,5 @@
 """Register map files."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 from support.tables import from_text
 
@@ -18,8 +15,6 @@ from hil_bench.abilities.modbus.protocol.register_map import (
 )
 from hil_bench.errors import ConfigError
 from hil_bench.units import BAR, ONE
-
-Write = Callable[[str], Path]
 
 DEVICE = """
 [device]

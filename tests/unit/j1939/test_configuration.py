@@ -21,7 +21,6 @@ KEYS = {key.name: key for keys in TABLES for key in keys if key.name != "sink"}
 
 LEVER = "[j1939.lever]\naddress = 19\n[j1939.lever.signals]\n"
 X = "x = { pgn = 0xFDD6, start_bit = 6, length = 10 }\n"
-VALVE = '[plant.axis1]\n[j1939.valve]\nkind = "auxiliary_valve"\naddress = 128\n'
 
 
 @pytest.fixture

@@ -19,7 +19,6 @@ from hil_bench.units import BAR
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
 COMMANDS = "[modbus.units.valve]\ncommands = true\n[modbus.units.pressure_a]\n"
-NO_COMMANDS = "[modbus.units.valve]\n[modbus.units.pressure_a]\n"
 HEAD = 'title = "T"\nbench = "bench.toml"\nduration_s = 0.2\n'
 ANY = "[[expect]]\nid = \"R0\"\nthat = 'always axis1.P_A < 250 bar'\n"
 TAKE_CONTROL = '"modbus.valve.coils.control" = 1, "modbus.valve.enable" = 1'

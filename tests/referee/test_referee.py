@@ -19,7 +19,7 @@ def disagreements(found):
     return [each for each in found if not each.startswith(ROUNDED)]
 
 
-@pytest.mark.parametrize("first", range(0, 120, 20))
+@pytest.mark.parametrize("first", range(0, 200, 20))
 def test_judge_and_the_monitor_agree_with_the_referee(first):
     for number in range(first, first + 20):
         assert not disagreements(differences_in_memory(draw(SEED, number))), number

@@ -1,24 +1,20 @@
-"""Random expectations, and two evaluators to hold ours against.
+"""Random expectations, and RTAMT to hold our evaluator against; `referee` is another one.
 
-`margin` follows the definitions of docs/expectations.md word by word, tick by tick, in quadratic
-time. RTAMT is another tool's evaluator; it knows no unknown values, and cuts windows at the end of
-the trace, where ours leave the margin open: its margin then lies between our bounds.
+RTAMT knows no unknown values, and cuts windows at the end of the trace, where ours leave the margin
+open: its margin then lies between our bounds.
 """
 
 import math
-import operator
 import warnings
 from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.nodes import Vocabulary
 
 TICK = 1_000_000
 NAMES = ("a", "b", "c")
 VOCABULARY = Vocabulary(dict.fromkeys(NAMES, "-"), {"s": {"OFF": 0, "ON": 1}}, ("n",), True)
-_END = (-math.inf, math.inf)  # what is known behind the end of a run
 
 
 class Case(NamedTuple):
@@ -171,141 +167,3 @@ def _window(rng) -> tuple[str, str, int]:
         early = late = 0
     ours = f"from {start * 1000 - early} us to {end * 1000 + late} us"
     return ours, f"[{start}:{end}]", int(end)
-
-
-# The oracle, by the definitions.
-
-
-def margin(node, tick: int, columns, ticks: int, memo: dict) -> tuple[float, float]:
-    """Return the bounds of a condition's margin at a tick."""
-    if tick >= ticks:
-        return _END
-    key = (id(node), tick)
-    if key not in memo:
-        memo[key] = _margin(node, tick, columns, ticks, memo)
-    return memo[key]
-
-
-def _margin(node, tick, columns, ticks, memo):
-    def at(operand, when):
-        return margin(operand, when, columns, ticks, memo)
-
-    def ahead(window):
-        last = ticks - 1 if window.end is None else tick + window.end // TICK
-        return [k for k in range(tick, last + 1) if (k - tick) * TICK >= window.start]
-
-    def back(window):
-        first = 0 if window.end is None else tick - window.end // TICK
-        return [k for k in range(max(0, first), tick + 1) if (tick - k) * TICK >= window.start]
-
-    def until():
-        return _most(
-            _least([at(node.goal, k), *(at(node.operand, j) for j in range(tick, k))])
-            for k in ahead(node.window)
-        )
-
-    def since():
-        return _most(
-            _least([at(node.goal, k), *(at(node.operand, j) for j in range(k + 1, tick + 1))])
-            for k in back(node.window)
-        )
-
-    def turn():
-        return _turn(node.turn, at(node.operand, tick), at(node.operand, max(0, tick - 1)))
-
-    forms = {
-        nodes.Not: lambda: _contrary_of(at(node.operand, tick)),
-        nodes.All: lambda: _least(at(each, tick) for each in node.operands),
-        nodes.Any: lambda: _most(at(each, tick) for each in node.operands),
-        nodes.Implies: lambda: _most(
-            [_contrary_of(at(node.trigger, tick)), at(node.response, tick)]
-        ),
-        nodes.PreviousCondition: lambda: at(node.operand, max(0, tick - 1)),
-        nodes.ConditionEdge: turn,
-        nodes.Always: lambda: _least([at(node.operand, k) for k in ahead(node.window)] or [_END]),
-        nodes.Eventually: lambda: _most(
-            [at(node.operand, k) for k in ahead(node.window)] or [_END]
-        ),
-        nodes.Historically: lambda: _least(at(node.operand, k) for k in back(node.window)),
-        nodes.Once: lambda: _most(at(node.operand, k) for k in back(node.window)),
-        nodes.Until: until,
-        nodes.Since: since,
-    }
-    return forms.get(type(node), lambda: _atom_margin(node, tick, columns))()
-
-
-def _contrary_of(pair):
-    return -pair[1], -pair[0]
-
-
-def _least(pairs):
-    lows, highs = zip((math.inf, math.inf), *pairs, strict=True)
-    return min(lows), min(highs)
-
-
-def _most(pairs):
-    lows, highs = zip((-math.inf, -math.inf), *pairs, strict=True)
-    return max(lows), max(highs)
-
-
-def _turn(turn, now, before):
-    if any(low < 0 < high for low, high in (now, before)):
-        return _END
-    one, other = now[0] > 0, before[0] > 0
-    is_true = {"rises": one and not other, "falls": other and not one, "changes": one != other}
-    return (math.inf, math.inf) if is_true[turn] else (-math.inf, -math.inf)
-
-
-def _atom_margin(node, tick, columns):
-    match node:
-        case nodes.Comparison():
-            left, right = (_value(side, tick, columns) for side in (node.left, node.right))
-            if math.isnan(left) or math.isnan(right):
-                return _END
-            is_true = {
-                "<": left < right,
-                "<=": left <= right,
-                ">": left > right,
-                ">=": left >= right,
-                "==": left == right,
-                "!=": left != right,
-            }[node.relation]
-            size = abs(left - right) / node.scale or 5e-324
-        case nodes.Edge():
-            now, before = (_value(node.operand, k, columns) for k in (tick, max(0, tick - 1)))
-            if math.isnan(now) or math.isnan(before):
-                return _END
-            pairs = {"rises": now > before, "falls": now < before, "changes": now != before}
-            is_true, size = pairs[node.turn], math.inf
-        case _:
-            value = columns[node.name][tick]
-            if math.isnan(value):
-                return _END
-            is_true = value == node.code if isinstance(node, nodes.StateIs) else value > 0
-            size = math.inf
-    return (size, size) if is_true else (-size, -size)
-
-
-def _value(node, tick, columns):
-    def at(operand, when):
-        return _value(operand, max(0, when), columns)
-
-    forms = {
-        nodes.Number: lambda: node.value,
-        nodes.Reading: lambda: float(columns[node.name][tick]),
-        nodes.Magnitude: lambda: abs(at(node.operand, tick)),
-        nodes.PreviousValue: lambda: at(node.operand, tick - 1),
-        nodes.Rate: lambda: (at(node.operand, tick) - at(node.operand, tick - 1)) * 1000.0,
-        nodes.Arithmetic: lambda: _OPERATIONS[node.operation](
-            at(node.left, tick), at(node.right, tick)
-        ),
-    }
-    return forms[type(node)]()
-
-
-_OPERATIONS = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": lambda left, right: left / right if right else math.nan,
-}

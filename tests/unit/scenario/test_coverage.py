@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.expectations import TICK, VOCABULARY, margin, random_case, random_trace
+from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
 from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.judgement import judge
@@ -162,20 +162,6 @@ def test_the_share_that_was_seen():
 def test_ticks_behind_the_plan_do_not_count():
     assert verdict("always p < 4", [1, 1, 5, 5], planned=2).outcome == "passed"
     assert covered(verdict("always p < 4", [1, 1, 5, 5], planned=3)) == [0, 2, 2, 0]
-
-
-@given(SEEDS)
-@settings(max_examples=100, deadline=None)
-def test_a_run_that_was_cut_short_follows_the_definitions(seed):
-    """The definitions, in quadratic time, over the run with NaN where it was not seen."""
-    rng = np.random.default_rng(seed)
-    node = parse_expectation(random_case(rng, int(rng.integers(0, 5))).ours, VOCABULARY)
-    ticks, unseen = int(rng.integers(0, 15)), int(rng.integers(1, 12))
-    columns = random_trace(rng, ticks, holes=0.05)
-    whole = {name: np.append(each, np.full(unseen, NAN)) for name, each in columns.items()}
-    expected = margin(node, 0, whole, ticks + unseen, {})
-    found = Examination(node, columns, ticks, TICK, ticks + unseen)
-    assert found.monitor.margin == expected
 
 
 @given(SEEDS)

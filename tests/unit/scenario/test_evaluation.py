@@ -1,6 +1,5 @@
-"""Our evaluator against the definitions, against RTAMT, and against itself in blocks."""
+"""Our evaluator against RTAMT, and against itself in blocks; `referee` has the definitions."""
 
-import math
 import re
 import sys
 
@@ -11,15 +10,12 @@ from hypothesis import strategies as st
 from support.expectations import (
     TICK,
     VOCABULARY,
-    margin,
     random_case,
     random_trace,
     rtamt_margins,
 )
 
-from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
-from hil_bench.abilities.scenario.examination import Examination
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.values import Block
@@ -44,18 +40,6 @@ def margins(node, columns, blocks=None):
 
 @given(SEEDS)
 @settings(max_examples=120, deadline=None)
-def test_it_follows_the_definitions(seed):
-    rng = np.random.default_rng(seed)
-    case = random_case(rng, int(rng.integers(0, 5)))
-    columns = random_trace(rng, int(rng.integers(1, 21)), holes=rng.choice([0.0, 0.1]))
-    node = parse_expectation(case.ours, VOCABULARY)
-    ticks, memo = len(columns["a"]), {}
-    expected = [margin(node, tick, columns, ticks, memo) for tick in range(ticks)]
-    assert margins(node, columns) == expected, case.ours
-
-
-@given(SEEDS)
-@settings(max_examples=80, deadline=None)
 def test_blocks_of_any_length_give_the_same(seed):
     rng = np.random.default_rng(seed)
     case = random_case(rng, int(rng.integers(0, 5)))
@@ -63,31 +47,17 @@ def test_blocks_of_any_length_give_the_same(seed):
     columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
     node = parse_expectation(case.ours, VOCABULARY)
     blocks = _blocks(rng, ticks)
-    assert margins(node, columns, blocks) == margins(node, columns), case.ours
-
-
-@given(SEEDS)
-@settings(max_examples=120, deadline=None)
-def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
-    rng = np.random.default_rng(seed)
-    case = random_case(rng, int(rng.integers(0, 5)))
-    ticks = int(rng.integers(1, 31))
-    columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
-    node = parse_expectation(case.ours, VOCABULARY)
     whole, parts = Monitor(node, TICK), Monitor(node, TICK)
     whole.push(columns, ticks)
+    whole.finish()
     start = 0
-    for size in _blocks(rng, ticks):
+    for size in blocks:
         parts.push({name: c[start : start + size] for name, c in columns.items()}, size)
         start += size
-        low, high = parts.margin
-        expected = margin(node, 0, columns, ticks, {})
-        assert low <= expected[0], "a bound that was too narrow"
-        assert high >= expected[1]
-    whole.finish()
     parts.finish()
-    assert whole.margin == parts.margin == expected
-    assert whole.exercises == parts.exercises
+    assert (whole.margin, whole.exercises) == (parts.margin, parts.exercises), case.ours
+    assert margins(node, columns, blocks) == margins(node, columns), case.ours
+    assert margins(node, columns)[0] == whole.margin
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 13), reason="RTAMT 0.4 ends with Python 3.12")
@@ -112,27 +82,3 @@ def _blocks(rng, ticks):
     while sum(blocks) < ticks:
         blocks.append(min(int(rng.integers(1, 10)), ticks - sum(blocks)))
     return blocks
-
-
-@given(SEEDS)
-@settings(max_examples=300, deadline=None)
-def test_what_decides_has_the_margin_of_the_whole(seed):
-    """The named comparison, by the definitions, is as far from changing as the requirement is."""
-    rng = np.random.default_rng(seed)
-    case = random_case(rng, int(rng.integers(0, 5)))
-    ticks = int(rng.integers(1, 21))
-    columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
-    node = parse_expectation(case.ours, VOCABULARY)
-    found = Examination(node, columns, ticks, TICK)
-    low, high = found.monitor.margin
-    if low < 0.0 < high:
-        return
-    cause = found.find_cause()
-    assert 0 <= cause.tick < ticks
-    size = abs(high if high < 0.0 else low)
-    if not isinstance(cause.node, nodes.Comparison):
-        assert size == math.inf
-        return
-    low, high = margin(cause.node, cause.tick, columns, ticks, {})
-    if size < math.inf:  # else an empty window decides, and nothing is near
-        assert low == high == (size if cause.is_true else -size), case.ours

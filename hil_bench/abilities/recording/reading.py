@@ -113,10 +113,6 @@ def _read_lines(path: Path) -> tuple[list[str], str]:
         lines.pop()  # its writer may have been killed within a number
     if lines and _SEPARATOR.fullmatch(lines[0]):
         del lines[0]
-    ends = [number for number, line in enumerate(lines[:_HEAD]) if line.startswith(_END_OF_HEAD)]
-    if ends:
-        del lines[: ends[-1] + 1]
-        lines[:1] = [line.removesuffix("\tComment") for line in lines[:1]]  # a column of no numbers
     return lines, max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
 
 
@@ -143,8 +139,14 @@ def _read_head(lines: list[str], delimiter: str) -> tuple[list[list[str]], int, 
 
 
 def _named_rows(above: list[list[str]], width: int) -> list[list[str]]:
-    """Return the rows above the numbers that are as wide as these, and not empty."""
-    rows = [[field.strip() for field in row] for row in above if len(row) == width]
+    """Return the rows above the numbers that are as wide as these, and not empty.
+
+    Of LVM they are below its head, and may have one more name, of a column that has no numbers.
+    """
+    ends = [number for number, row in enumerate(above) if row[0] == _END_OF_HEAD]
+    below = above[ends[-1] + 1 :] if ends else above
+    named = [row[:width] if ends and row[width:] == ["Comment"] else row for row in below]
+    rows = [[field.strip() for field in row] for row in named if len(row) == width]
     return [row for row in rows if any(row)]
 
 

@@ -4,8 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plants.hydraulic_cylinder.model.bristles import bend, resist, settle, slip_rate
-from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force, linearise_friction
+from hil_bench.plants.hydraulic_cylinder.model.friction import (
+    bend,
+    friction_force,
+    linearise_friction,
+    resist,
+    settle,
+    slip_rate,
+)
 
 # (F_c, F_s - F_c, sigma, log chi, delta, gain), Table I and section IV-B
 PAPER = (600.0, 300.0, 2000.0, math.log(0.02), 0.8, 400.0)

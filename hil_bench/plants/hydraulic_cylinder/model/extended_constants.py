@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.chamber import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import CounterbalanceConstants
@@ -17,6 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     MeteringLands,
     SupplyUnit,
 )
+from hil_bench.plants.hydraulic_cylinder.model.friction import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
 from hil_bench.plants.hydraulic_cylinder.model.loads import (

@@ -6,14 +6,6 @@ velocity, the supply pressure as a fourth unknown that is eliminated before the 
 every extension off, a step gives the same bits as the plain one.
 """
 
-from hil_bench.plants.hydraulic_cylinder.model.bristles import (
-    Bending,
-    BristleConstants,
-    bend,
-    resist,
-    settle,
-    slip_rate,
-)
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil, Response
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.coupling import eliminate_pressures, velocity_change
@@ -30,6 +22,14 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
     move_inner,
 )
 from hil_bench.plants.hydraulic_cylinder.model.following import NO_DRAG, linearise_drag
+from hil_bench.plants.hydraulic_cylinder.model.friction import (
+    Bending,
+    BristleConstants,
+    bend,
+    resist,
+    settle,
+    slip_rate,
+)
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool, finish_step
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force

@@ -4,7 +4,6 @@ The bristles alone move by their exact solution for the old velocity: a step may
 time in which they slip.
 """
 
-from hil_bench.plants.hydraulic_cylinder.model.bristles import bend, resist, settle, slip_rate
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import compress
 from hil_bench.plants.hydraulic_cylinder.model.chamber import (
     bulk_modulus,
@@ -17,7 +16,13 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     ExtendedConstants,
     unpack_extended,
 )
-from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
+from hil_bench.plants.hydraulic_cylinder.model.friction import (
+    bend,
+    friction_force,
+    resist,
+    settle,
+    slip_rate,
+)
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool

@@ -6,7 +6,6 @@ a pressure drop that turns round, contact with an end stop, the cavitation floor
 cavity opens or closes is made again in parts, so that the oil stays the same there, too.
 """
 
-from hil_bench.plants.hydraulic_cylinder.model.bristles import slip_rate
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import fill
 from hil_bench.plants.hydraulic_cylinder.model.chamber import (
     bulk_modulus,
@@ -19,7 +18,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     ExtendedConstants,
     unpack_extended,
 )
-from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
+from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force, slip_rate
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import step_loads, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool

@@ -8,14 +8,14 @@ from scipy.optimize import brentq
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.cushion import (
+from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion
+from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
     TAPER,
     cushion_resistance,
     cushion_resistances,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion
-from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
-from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.counterbalance import lag, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
@@ -19,6 +18,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.orifice import lag, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.keys import VALVE_SHEET
-from hil_bench.plants.hydraulic_cylinder.model.edges import edge_opening
+from hil_bench.plants.hydraulic_cylinder.model.orifice import edge_opening
 
 RESPONSE = 0.9
 """Share of a step that the spool has made after `step_response_ms`."""

@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.model.chamber import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
-from hil_bench.plants.hydraulic_cylinder.model.counterbalance import CounterbalanceConstants
-from hil_bench.plants.hydraulic_cylinder.model.cushion import CushionConstants
-from hil_bench.plants.hydraulic_cylinder.model.edges import EdgeConstants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
     CounterbalanceValve,
@@ -26,6 +23,11 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
     SpringLoad,
 )
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
+    CounterbalanceConstants,
+    CushionConstants,
+    EdgeConstants,
+)
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.spool import LandConstants
 from hil_bench.plants.hydraulic_cylinder.model.supply import (

@@ -15,14 +15,17 @@ from hil_bench.plants.hydraulic_cylinder.model.chamber import (
     net_flows,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
-from hil_bench.plants.hydraulic_cylinder.model.counterbalance import behind, move_valves
-from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
-from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtendedConstants
 from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
-from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
+    behind,
+    cushion_resistances,
+    flow_through_edges,
+    linearise_flow,
+    move_valves,
+)
 from hil_bench.plants.hydraulic_cylinder.model.parts import Ports
 from hil_bench.plants.hydraulic_cylinder.model.spool import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.supply import (

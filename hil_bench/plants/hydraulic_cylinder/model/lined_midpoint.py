@@ -8,13 +8,6 @@ pressure joins both. Ports without a line are as in `extended_oil.compress_throu
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil
 from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.counterbalance import behind
-from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
-from hil_bench.plants.hydraulic_cylinder.model.edges import (
-    edge_openings,
-    flow_from_supply,
-    flow_to_tank,
-)
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     SERIES,
     ExtendedConstants,
@@ -33,7 +26,14 @@ from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force
-from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
+    OrificeConstants,
+    behind,
+    cushion_resistances,
+    edge_openings,
+    flow_from_supply,
+    flow_to_tank,
+)
 from hil_bench.plants.hydraulic_cylinder.model.parts import (
     PARTS,
     RATIO,

@@ -1,16 +1,20 @@
 """The row of states that a stepping kernel moves on: how it is read, written back and shown."""
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.counterbalance import Shares, behind
-from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
-from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     SERIES,
     ExtendedConstants,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
+    OrificeConstants,
+    Shares,
+    behind,
+    cushion_resistances,
+    flow_through_edges,
+    port_flow,
+)
 from hil_bench.plants.hydraulic_cylinder.model.spool import (
     OpeningConstants,
     meter_openings,

@@ -5,13 +5,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.edges import edge_openings
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     edge_constants,
     land_constants,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, MeteringLands, SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.orifice import edge_openings
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, balanced_state, held_state
 from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop

@@ -7,9 +7,9 @@ with the compliance C_S = V_line / E + V_gas / (n p) of line and accumulator.
 
 import math
 
-from hil_bench.plants.hydraulic_cylinder.model.edges import EdgeConstants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
+from hil_bench.plants.hydraulic_cylinder.model.orifice import EdgeConstants
 
 SupplyConstants = tuple[float, float, float, float, float, float, float]
 """(line compliance [m³/Pa], Q_P, P_R, G, gas volume, precharge, exponent); compliance 0: none.

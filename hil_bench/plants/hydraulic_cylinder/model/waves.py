@@ -20,10 +20,14 @@ import math
 from collections.abc import Sequence
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.edges import Edge, flow_from_supply, flow_to_tank
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.line import Line
-from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants
+from hil_bench.plants.hydraulic_cylinder.model.orifice import (
+    Edge,
+    OrificeConstants,
+    flow_from_supply,
+    flow_to_tank,
+)
 
 LineConstants = tuple[float, float, float, float]
 """(n, Z [Pa s/m³], half of the laminar resistance [Pa s/m³], Reynolds number per flow [s/m³]).

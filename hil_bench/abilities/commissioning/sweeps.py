@@ -12,7 +12,7 @@ from hil_bench.abilities.commissioning.plan import Step, expected_speed, expecte
 from hil_bench.abilities.commissioning.procedure import REST, Procedure, moving_mass
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
+from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
 from hil_bench.shown_units import display_unit
 

@@ -24,7 +24,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
     VariablePump,
 )
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
     LoadSeries,

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model import loads
+from hil_bench.plants.hydraulic_cylinder.model import load as loads
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S, POSITION, SPOOL_POSITION
 from hil_bench.plants.plant import Circuit, Page
 

@@ -39,7 +39,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
 from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_lines
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
     LoadSeries,

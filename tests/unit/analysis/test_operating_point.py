@@ -17,7 +17,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.line import Line
-from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
+from hil_bench.plants.hydraulic_cylinder.model.load import ConstantLoad
 
 BENCH = PlantOptions.bench()
 

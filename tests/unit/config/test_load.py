@@ -19,7 +19,7 @@ from hil_bench.devices.kinds.pressure_404 import PressureConfig
 from hil_bench.devices.kinds.valve_408 import ValveConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model, ReducedOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir, LuGreFriction
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     LoadSeries,
     MassOnSlope,

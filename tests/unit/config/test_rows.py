@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.bench.configuration import Origin, load_config
-from hil_bench.plants.hydraulic_cylinder.model import extensions, loads, options, parameters
+from hil_bench.plants.hydraulic_cylinder.model import extensions, load, options, parameters
 from hil_bench.plants.hydraulic_cylinder.model.validation import ROWS
 
 ROOT = Path(__file__).parents[3]
@@ -101,9 +101,9 @@ RECORDS = {
     extensions.VariablePump: ("pump",),
     extensions.SupplyUnit: ("supply unit",),
     extensions.CounterbalanceValve: ("counterbalance",),
-    loads.ConstantLoad: ("constant load",),
-    loads.SpringLoad: ("spring",),
-    loads.MassOnSlope: ("slope",),
+    load.ConstantLoad: ("constant load",),
+    load.SpringLoad: ("spring",),
+    load.MassOnSlope: ("slope",),
     options.PlantOptions: ("options", "compensator", "cavitation"),
 }
 """The groups whose rows are the numbers of a record."""

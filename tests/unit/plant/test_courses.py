@@ -27,7 +27,7 @@ from hil_bench.plants.hydraulic_cylinder.model.courses import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
-from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
+from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
 
 STEP, STEPS, EVERY = 1e-4, 400, 10
 PARAMETERS = paper_parameters()

@@ -12,7 +12,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
     VariablePump,
 )
-from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
+from hil_bench.plants.hydraulic_cylinder.model.load import ConstantLoad
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (

@@ -12,7 +12,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.line import Line
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
     LoadSeries,

@@ -19,7 +19,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import Others, try_extended
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel, make_row
-from hil_bench.plants.hydraulic_cylinder.model.loads import LoadSeries
+from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parts import (
     PARTS,

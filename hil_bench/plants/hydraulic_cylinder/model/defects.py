@@ -17,7 +17,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     MeteringLands,
     SupplyUnit,
 )
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
     LoadSeries,

@@ -15,9 +15,9 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
-from hil_bench.plants.hydraulic_cylinder.model.loads import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
+    LoadConstants,
     LoadSeries,
     MassOnSlope,
     SpringLoad,

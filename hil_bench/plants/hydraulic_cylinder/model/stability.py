@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
-from hil_bench.plants.hydraulic_cylinder.model.loads import SpringLoad
+from hil_bench.plants.hydraulic_cylinder.model.load import SpringLoad
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.supply import supply_compliance

@@ -32,9 +32,9 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import try_extended
-from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
+from hil_bench.plants.hydraulic_cylinder.model.stepping import implicit_share
 from tests.support.plant_parts import made_parts
 
 DT = 1e-4

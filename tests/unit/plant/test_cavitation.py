@@ -30,13 +30,13 @@ from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     velocity_change,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import unpack_extended
-from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
     load_flow,
     pack_reduced,
     try_reduced,
 )
+from hil_bench.plants.hydraulic_cylinder.model.stepping import implicit_share
 from tests.support.plant_parts import made_parts
 
 BENCH = PlantOptions.bench()

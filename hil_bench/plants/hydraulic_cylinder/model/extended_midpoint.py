@@ -21,7 +21,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
     compress_through_edges,
     move_inner,
 )
-from hil_bench.plants.hydraulic_cylinder.model.following import NO_DRAG, linearise_drag
 from hil_bench.plants.hydraulic_cylinder.model.friction import (
     Bending,
     BristleConstants,
@@ -52,6 +51,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     keep_extended,
     read_states,
 )
+from hil_bench.plants.hydraulic_cylinder.model.stepping import NO_DRAG, linearise_drag
 
 Others = tuple[float, float, Inner]
 """Bristle deflection [m], supply pressure [Pa], states of the components."""

@@ -16,7 +16,6 @@ from hil_bench.plants.hydraulic_cylinder.model.chamber import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtendedConstants
-from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 from hil_bench.plants.hydraulic_cylinder.model.orifice import (
@@ -28,6 +27,7 @@ from hil_bench.plants.hydraulic_cylinder.model.orifice import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.parts import Ports
 from hil_bench.plants.hydraulic_cylinder.model.spool import meter_openings
+from hil_bench.plants.hydraulic_cylinder.model.stepping import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
     behind_filter,

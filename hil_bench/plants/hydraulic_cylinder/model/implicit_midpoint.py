@@ -23,12 +23,6 @@ from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     swing_lag,
     velocity_change,
 )
-from hil_bench.plants.hydraulic_cylinder.model.following import (
-    Drag,
-    follow_friction,
-    implicit_share,
-    linearise_drag,
-)
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import stop_velocity_change
 from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
@@ -44,6 +38,12 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state_row import PLAIN_EXTRA, Seen, keep
+from hil_bench.plants.hydraulic_cylinder.model.stepping import (
+    Drag,
+    follow_friction,
+    implicit_share,
+    linearise_drag,
+)
 
 Cylinder = tuple[float, float, float, float, float, float]
 """(x, v, P_A, P_B, V_CA, V_CB)."""

@@ -22,7 +22,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
     middle_compliance,
     move_inner,
 )
-from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force
@@ -58,6 +57,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     read_states,
     write_states,
 )
+from hil_bench.plants.hydraulic_cylinder.model.stepping import implicit_share
 from hil_bench.plants.hydraulic_cylinder.model.supply import behind_filter
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     CAVITY,

@@ -27,11 +27,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     pack_extended,
     unpack_extended,
 )
-from hil_bench.plants.hydraulic_cylinder.model.following import (
-    follow_friction,
-    implicit_share,
-    linearise_drag,
-)
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import (
@@ -55,6 +50,11 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state_row import Seen
+from hil_bench.plants.hydraulic_cylinder.model.stepping import (
+    follow_friction,
+    implicit_share,
+    linearise_drag,
+)
 
 EXTRA = 6
 """Place in the row of states of the evaluations beyond one a step."""

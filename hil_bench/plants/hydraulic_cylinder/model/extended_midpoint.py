@@ -42,7 +42,7 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
     shorten,
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
-from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+from hil_bench.plants.hydraulic_cylinder.model.state import (
     EXTRA,
     INNER,
     POINT,

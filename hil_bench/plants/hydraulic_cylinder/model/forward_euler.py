@@ -26,7 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model.friction import (
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool
-from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+from hil_bench.plants.hydraulic_cylinder.model.state import (
     NO_VALVES,
     POINT,
     STEPS,

@@ -37,19 +37,17 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
 from hil_bench.plants.hydraulic_cylinder.model.state import (
-    PlantInput,
-    PlantOutput,
-    PlantState,
-    balanced_state,
-)
-from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     EXTRA,
     INNER,
     LINES,
     PLAIN_EXTRA,
     STEPS,
     SUPPLY,
+    PlantInput,
+    PlantOutput,
+    PlantState,
     Seen,
+    balanced_state,
     see_supply,
 )
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (

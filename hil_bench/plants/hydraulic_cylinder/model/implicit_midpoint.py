@@ -37,7 +37,7 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
     shorten,
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
-from hil_bench.plants.hydraulic_cylinder.model.state_row import PLAIN_EXTRA, Seen, keep
+from hil_bench.plants.hydraulic_cylinder.model.state import PLAIN_EXTRA, Seen, keep
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     Drag,
     follow_friction,

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, Floats, make_row, ready
 from hil_bench.plants.hydraulic_cylinder.model.machine_code import find_machine_code
-from hil_bench.plants.hydraulic_cylinder.model.state_row import Seen
+from hil_bench.plants.hydraulic_cylinder.model.state import Seen
 
 Advance = Callable[[Floats, Floats, float, float, int], Seen]
 """A stepping kernel: it takes states, constants, u [m], F_L [N] and steps."""

@@ -49,7 +49,7 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
     shorten,
 )
 from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
-from hil_bench.plants.hydraulic_cylinder.model.state_row import Seen
+from hil_bench.plants.hydraulic_cylinder.model.state import Seen
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     follow_friction,
     implicit_share,

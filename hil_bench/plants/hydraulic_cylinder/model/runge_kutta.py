@@ -22,7 +22,7 @@ from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force, s
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import step_loads, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.spool import drive_spool
-from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+from hil_bench.plants.hydraulic_cylinder.model.state import (
     NO_VALVES,
     POINT,
     STEPS,

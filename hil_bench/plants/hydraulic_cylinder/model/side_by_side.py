@@ -17,8 +17,12 @@ from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import (
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.parts import TOLERANCE
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool
-from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput, PlantState
-from hil_bench.plants.hydraulic_cylinder.model.state_row import PLAIN_EXTRA, show
+from hil_bench.plants.hydraulic_cylinder.model.state import (
+    PLAIN_EXTRA,
+    PlantOutput,
+    PlantState,
+    show,
+)
 from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, SPOOL_SETPOINT_LIMIT
 
 WIDTH: Final = 8

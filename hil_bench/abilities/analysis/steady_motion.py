@@ -24,9 +24,11 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     SpringLoad,
     runge_kutta,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, pack, unpack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
+    Constants,
+    pack,
     pack_extended,
+    unpack,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force

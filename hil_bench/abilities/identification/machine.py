@@ -17,7 +17,7 @@ from hil_bench.config.settings import Settings
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, build_axis
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack_extended
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, make_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters

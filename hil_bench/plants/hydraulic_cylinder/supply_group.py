@@ -12,8 +12,8 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
 )
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C
+from hil_bench.plants.hydraulic_cylinder.model.constants import supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
     SharedSupply,

@@ -26,9 +26,9 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Solver,
     paper_parameters,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import unpack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     pack_extended,
+    unpack,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import try_extended

@@ -22,14 +22,13 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     paper_parameters,
 )
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import compress, fill, hold, share_out
-from hil_bench.plants.hydraulic_cylinder.model.constants import pack, unpack
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack, unpack, unpack_extended
 from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     couple,
     eliminate_pressures,
     pressure_rises,
     velocity_change,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import unpack_extended
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
     load_flow,

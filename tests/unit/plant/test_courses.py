@@ -20,12 +20,12 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     balanced_state,
     paper_parameters,
 )
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack_extended
 from hil_bench.plants.hydraulic_cylinder.model.courses import (
     open_cuts,
     run_course,
     states_without_start,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
 

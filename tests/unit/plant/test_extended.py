@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import pack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack, pack_extended
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     Cushion,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     MeteringLands,

@@ -1,6 +1,6 @@
 """The valve-controlled hydraulic cylinder of Ruderman, IECON 2017."""
 
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
     Cushion,

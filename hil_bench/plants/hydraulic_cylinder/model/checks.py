@@ -3,7 +3,7 @@
 import math
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.line import check_line
 from hil_bench.plants.hydraulic_cylinder.model.options import VACUUM_PRESSURE, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters

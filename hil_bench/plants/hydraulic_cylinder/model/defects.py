@@ -7,9 +7,9 @@ the model; a defect changes the constants in them.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from hil_bench.plants.hydraulic_cylinder.model.constants import pack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     RELIEF_PRESSURE,
+    pack,
     pack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (

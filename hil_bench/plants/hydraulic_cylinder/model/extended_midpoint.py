@@ -7,13 +7,14 @@ every extension off, a step gives the same bits as the plain one.
 """
 
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil, Response
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.coupling import eliminate_pressures, velocity_change
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     SERIES,
+    Constants,
     ExtendedConstants,
+    unpack,
     unpack_extended,
 )
+from hil_bench.plants.hydraulic_cylinder.model.coupling import eliminate_pressures, velocity_change
 from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
     Inner,
     charged_pressure,

@@ -14,8 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.model.chamber import (
     chamber_volumes,
     net_flows,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtendedConstants
+from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, ExtendedConstants
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 from hil_bench.plants.hydraulic_cylinder.model.orifice import (

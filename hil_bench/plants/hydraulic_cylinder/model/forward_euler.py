@@ -10,10 +10,11 @@ from hil_bench.plants.hydraulic_cylinder.model.chamber import (
     chamber_volumes,
     net_flows,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     SERIES,
+    Constants,
     ExtendedConstants,
+    unpack,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import (

@@ -13,17 +13,18 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_lines,
     check_state,
 )
-from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
-from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     LINE_COMPLIANCE,
+    ORIFICE_P_S,
     PUMP_FLOW,
     RELIEF_GRADIENT,
     RELIEF_PRESSURE,
     ExtensionState,
     edge_constants,
+    pack,
     pack_extended,
 )
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint

@@ -7,10 +7,11 @@ pressure joins both. Ports without a line are as in `extended_oil.compress_throu
 
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil
 from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     SERIES,
+    Constants,
     ExtendedConstants,
+    unpack,
     unpack_extended,
     unpack_lines,
 )

@@ -11,8 +11,11 @@ from typing import cast
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import (
     ORIFICE_P_S,
+    SERIES,
     Constants,
+    pack_extended,
     unpack,
+    unpack_extended,
     unpack_lane,
 )
 from hil_bench.plants.hydraulic_cylinder.model.coupling import (
@@ -21,11 +24,6 @@ from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     mean_velocity,
     swing_lag,
     velocity_change,
-)
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
-    SERIES,
-    pack_extended,
-    unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel

@@ -25,12 +25,12 @@ from inspect import unwrap
 from typing import Protocol
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, wear_supply
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     filter_constants,
     pump_constants,
     supply_constants,
 )
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, wear_supply
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
     MeteringLands,

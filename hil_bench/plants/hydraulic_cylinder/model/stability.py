@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
+from hil_bench.plants.hydraulic_cylinder.model.constants import supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.load import SpringLoad
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions

@@ -2,10 +2,11 @@
 
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     SERIES,
+    Constants,
     ExtendedConstants,
+    unpack,
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel

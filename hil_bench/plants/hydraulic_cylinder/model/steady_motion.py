@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
     edge_constants,
     land_constants,
 )

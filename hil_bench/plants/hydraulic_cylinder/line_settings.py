@@ -3,7 +3,7 @@
 from hil_bench.config.settings import Settings, convert
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.keys import VISCOSITY_KEY, WALL_KEYS, LineModel
-from hil_bench.plants.hydraulic_cylinder.model.line import Line, korteweg
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line, korteweg
 
 _STEEL = 206e9
 """Young's modulus of a steel pipe [Pa]."""

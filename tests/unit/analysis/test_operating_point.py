@@ -16,8 +16,8 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     LuGreFriction,
     SupplyUnit,
 )
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.load import ConstantLoad
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 BENCH = PlantOptions.bench()
 

@@ -5,11 +5,10 @@ import math
 import pytest
 
 from hil_bench import ConfigError, load_config
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
-from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line, line_drop
 
 LINE_A = {
     "line_model": "waves",

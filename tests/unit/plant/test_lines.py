@@ -19,13 +19,12 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
-from hil_bench.plants.hydraulic_cylinder.model.waves import CAVITY, QUEUE
+from hil_bench.plants.hydraulic_cylinder.model.waves import CAVITY, QUEUE, Line
 from hil_bench.plants.hydraulic_cylinder.resolution import swing_frequency
 
 P = replace(paper_parameters(), P_S=200e5, E=1e9)

@@ -19,7 +19,6 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     SpringLoad,
     paper_parameters,
 )
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.load import (
     find_point,
     series_force,
@@ -27,6 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model.load import (
     stop_force,
     stop_velocity_change,
 )
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 
 @pytest.mark.parametrize(

@@ -17,11 +17,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 P = replace(
     paper_parameters(), P_S=200e5, E=1e9, h=0.2, A_A=5e-3, A_B=3e-3, V_A0=1.5e-3, V_B0=1.1e-3

@@ -6,15 +6,16 @@ from itertools import pairwise
 import pytest
 
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
-from hil_bench.plants.hydraulic_cylinder.model.line import Line, korteweg
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     LAMINAR,
     QUEUE,
     TURBULENT,
+    Line,
     arrive,
     cylinder_end,
     depart,
     friction_ratio,
+    korteweg,
     line_constants,
     valve_end,
 )

@@ -11,7 +11,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
@@ -30,6 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state import (
     balanced_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.stepping import PlantModel, Solver
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 __all__ = [
     "ConstantLoad",

@@ -4,12 +4,12 @@ import math
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.constants import ExtensionState
-from hil_bench.plants.hydraulic_cylinder.model.line import check_line
 from hil_bench.plants.hydraulic_cylinder.model.options import VACUUM_PRESSURE, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, require_finite_state
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_finite, require_kind
+from hil_bench.plants.hydraulic_cylinder.model.waves import check_line
 
 _HARDEST = 10.0
 """Largest force that an impact takes into an end stop, in multiples of P_S A."""

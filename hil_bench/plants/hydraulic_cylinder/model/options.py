@@ -15,7 +15,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     MeteringLands,
     SupplyUnit,
 )
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.load import (
     ConstantLoad,
     Load,
@@ -30,6 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_kind,
     require_positive,
 )
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 _NUMBERS = (
     *(key for key in ROWS.groups["options"] if key.accepts),

@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 
 class OilNow(NamedTuple):

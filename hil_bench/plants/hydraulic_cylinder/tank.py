@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C, Oil
-from hil_bench.plants.hydraulic_cylinder.model.warm_oil import OilNow
+from hil_bench.plants.hydraulic_cylinder.model.supply import OilNow
 
 HEAT_CAPACITY: Final = 1900.0
 """A typical specific heat of mineral oil [J/(kg K)]."""

@@ -31,7 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model.machine_code import (
     fingerprint,
 )
 from hil_bench.plants.hydraulic_cylinder.model.moving import describe_kernels
-from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow
+from hil_bench.plants.hydraulic_cylinder.model.supply import AS_GIVEN, OilNow
 
 ROOT = Path(__file__).parents[3]
 CARRIED = find_machine_code().bind is not None

@@ -22,7 +22,7 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
     share_unit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
-from hil_bench.plants.hydraulic_cylinder.model.warm_oil import OilNow
+from hil_bench.plants.hydraulic_cylinder.model.supply import OilNow
 
 P = replace(paper_parameters(), E=1.4e9, m=200.0)
 DT = 5e-5

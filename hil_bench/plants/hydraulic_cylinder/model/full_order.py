@@ -59,10 +59,14 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     check_step,
     divergence,
 )
-from hil_bench.plants.hydraulic_cylinder.model.supply import sensed_pressure
+from hil_bench.plants.hydraulic_cylinder.model.supply import (
+    AS_GIVEN,
+    OilNow,
+    sensed_pressure,
+    warmed,
+)
 from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
-from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow, warmed
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     CAVITY,
     QUEUE,

@@ -40,14 +40,15 @@ from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
+    AS_GIVEN,
     FilterConstants,
+    OilNow,
     SupplyConstants,
     behind_filter,
     relief_flow,
     supply_compliance,
     swivel,
 )
-from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow
 
 FINE = 0.1
 """Change of a share's pressure between two exchanges that is fine, as a share of the relief

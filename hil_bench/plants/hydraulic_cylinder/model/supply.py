@@ -1,4 +1,4 @@
-"""The supply unit: P_S as a state, fed by a pump, limited by a relief valve, held by gas.
+"""The supply unit: P_S as a state, fed by a pump, limited by a relief valve; and warm oil.
 
     C_S dP_S/dt = Q_P - G max(P_S - P_R, 0) - Q_S
 
@@ -6,10 +6,15 @@ with the compliance C_S = V_line / E + V_gas / (n p) of line and accumulator.
 """
 
 import math
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.orifice import EdgeConstants
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.waves import Line
 
 SupplyConstants = tuple[float, float, float, float, float, float, float]
 """(line compliance [m³/Pa], Q_P, P_R, G, gas volume, precharge, exponent); compliance 0: none.
@@ -132,3 +137,74 @@ def swivel(
     if flow < 0.0:
         return 0.0
     return supply[1] if flow > supply[1] else flow
+
+
+# The influence of the oil's temperature on the constants of a plant's equations.
+
+
+class OilNow(NamedTuple):
+    """An oil at its temperature.
+
+    Attributes:
+        viscosity: kinematic, over that of the parameters.
+        density: over that of the parameters; lines with waves keep theirs, with their wave time.
+        stiffness: bulk modulus of the pure oil, over that of the parameters.
+        pure: that bulk modulus at the temperature of the parameters [Pa].
+    """
+
+    viscosity: float = 1.0
+    density: float = 1.0
+    stiffness: float = 1.0
+    pure: float = 1.4e9
+
+    @property
+    def dynamic(self) -> float:
+        """Dynamic viscosity over that of the parameters."""
+        return self.viscosity * self.density
+
+    def modulus(self, E: float) -> float:
+        """Return the bulk modulus [Pa] that was E [Pa]: of its compliance the oil's part changes.
+
+        What hoses and air add to 1 / E stays as it is.
+        """
+        own = min(1.0 / E, 1.0 / self.pure)
+        return 1.0 / (1.0 / E + own * (1.0 / self.stiffness - 1.0))
+
+
+AS_GIVEN: Final = OilNow()
+"""The oil of the parameters."""
+
+
+def warmed(
+    parameters: PlantParameters, options: PlantOptions, oil: OilNow
+) -> tuple[PlantParameters, PlantOptions]:
+    """Return a plant with warmer or colder oil: what leaks, shears, is throttled or compressed.
+
+    Args:
+        parameters: of the plant.
+        options: of the plant.
+        oil: as it is now.
+    """
+    if oil == AS_GIVEN:
+        return parameters, options
+    density = 1.0 if options.has_lines else oil.density
+    dynamic = oil.viscosity * density
+    parameters = replace(
+        parameters,
+        C_L=parameters.C_L / dynamic,
+        sigma=parameters.sigma * dynamic,
+        rho=parameters.rho * density,
+        E=oil.modulus(parameters.E),
+    )
+    options = replace(
+        options,
+        C_LA=options.C_LA / dynamic,
+        C_LB=options.C_LB / dynamic,
+        line_a=_thin(options.line_a, oil.viscosity),
+        line_b=_thin(options.line_b, oil.viscosity),
+    )
+    return parameters, options
+
+
+def _thin(line: Line | None, viscosity: float) -> Line | None:
+    return None if line is None else replace(line, viscosity=line.viscosity * viscosity)

@@ -35,7 +35,10 @@ from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.moving import Advance, bind_advance, make_plant_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
-from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.parameters import (
+    PlantParameters,
+    largest_midpoint_step,
+)
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     EXTRA,
@@ -65,7 +68,6 @@ from hil_bench.plants.hydraulic_cylinder.model.supply import (
     sensed_pressure,
     warmed,
 )
-from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     CAVITY,

@@ -9,7 +9,10 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import check_cavity, check
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S
 from hil_bench.plants.hydraulic_cylinder.model.moving import bind_advance, make_plant_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
-from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.parameters import (
+    PlantParameters,
+    largest_reduced_midpoint_step,
+)
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
     EXTRA,
     Motion,
@@ -33,7 +36,6 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     check_step,
     divergence,
 )
-from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_reduced_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
     require_kind,

@@ -21,9 +21,9 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     balanced_state,
     paper_parameters,
 )
+from hil_bench.plants.hydraulic_cylinder.model.batch import WHOLE, part_at
 from hil_bench.plants.hydraulic_cylinder.model.constants import pack, pack_extended, unpack
 from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course
-from hil_bench.plants.hydraulic_cylinder.model.cuts import WHOLE, part_at
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.parts import PARTS, TOLERANCE
 from tests.support.plant_parts import made_parts

@@ -9,14 +9,13 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plants.hydraulic_cylinder.model.batch import SEEN
+from hil_bench.plants.hydraulic_cylinder.model.batch import OPEN, SEEN, WHOLE, part_at
 from hil_bench.plants.hydraulic_cylinder.model.constants import (
     Constants,
     ExtendedConstants,
     unpack,
     unpack_extended,
 )
-from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN, WHOLE, part_at
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import Others, try_extended
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel, make_row

@@ -7,7 +7,7 @@ from typing import Any
 from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder import keys as cylinder_keys
-from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
+from hil_bench.plants.hydraulic_cylinder.keys import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_components,
     check_full_model,

@@ -36,7 +36,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
 )
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
-from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
+from hil_bench.plants.hydraulic_cylinder.keys import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_lines
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.load import (

@@ -20,11 +20,12 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
     EFFICIENCY,
     TEMPERATURE_C,
+    Derived,
+    Sheet,
     derive_pump,
     find_oil,
     known_oil,
 )
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, find_exchange

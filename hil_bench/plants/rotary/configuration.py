@@ -29,12 +29,13 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
 from hil_bench.plants.hydraulic_cylinder.data_sheet.cylinder import ring_area
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
+    Derived,
+    Sheet,
     derive_oil,
     derive_pump,
     find_assumed_supply,
     find_oil,
 )
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
 from hil_bench.plants.hydraulic_cylinder.keys import build_lines
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_lines

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.keys import CYLINDER_SHEET, LineModel
 
 STEEL = 7850.0

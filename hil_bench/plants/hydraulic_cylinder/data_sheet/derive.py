@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from hil_bench.config.settings import Origin, Problems, Setting, Settings
 from hil_bench.plants.hydraulic_cylinder.data_sheet.cylinder import derive_cylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
+    Derived,
+    Sheet,
     derive_oil,
     derive_pump,
     find_assumed_supply,
     find_oil,
 )
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
 from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
 

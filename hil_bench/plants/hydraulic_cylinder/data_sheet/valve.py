@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.keys import VALVE_SHEET
 from hil_bench.plants.hydraulic_cylinder.model.orifice import edge_opening
 

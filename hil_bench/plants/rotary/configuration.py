@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
     explain_refusal,
     hydraulic_options,
 )
-from hil_bench.plants.hydraulic_cylinder.data_sheet.cylinder import ring_area
-from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
+from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill, ring_area
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import (
     Derived,
     Sheet,

@@ -7,6 +7,7 @@ from typing import Final
 
 from hil_bench.config.settings import Range
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder, seen_besides
+from hil_bench.plants.hydraulic_cylinder.kind import VALVE_NODES, ValveControlled
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import SteadyMotion, steady_motion
 from hil_bench.plants.hydraulic_cylinder.picture import WIDTH, circuit_of
@@ -25,7 +26,6 @@ from hil_bench.plants.hydraulic_cylinder.summary import (
     line_facts,
     verdict,
 )
-from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.plant import Page, Quantity
 from hil_bench.plants.rotary import configuration

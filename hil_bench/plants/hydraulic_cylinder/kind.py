@@ -109,7 +109,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
 
     def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
         """Return the group that moves the models without extensions in one call."""
-        from hil_bench.plants.hydraulic_cylinder.group import (  # noqa: PLC0415 - wants NumPy
+        from hil_bench.plants.hydraulic_cylinder.cylinder import (  # noqa: PLC0415 - wants NumPy
             group_cylinders,
         )
 

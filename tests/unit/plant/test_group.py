@@ -9,9 +9,13 @@ import pytest
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder import group
-from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
-from hil_bench.plants.hydraulic_cylinder.group import FEWEST, CylinderGroup, group_cylinders
+from hil_bench.plants.hydraulic_cylinder import cylinder
+from hil_bench.plants.hydraulic_cylinder.cylinder import (
+    FEWEST,
+    CylinderGroup,
+    FullOrderCylinder,
+    group_cylinders,
+)
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.moving import is_machine_code
 from hil_bench.plants.plant import SUPPLY
@@ -134,7 +138,7 @@ def test_only_enough_plants_without_extensions_make_a_group(count, extended, is_
 
 
 def test_without_numba_plants_move_one_by_one(monkeypatch):
-    monkeypatch.setattr(group, "is_machine_code", lambda: False)
+    monkeypatch.setattr(cylinder, "is_machine_code", lambda: False)
     assert group_cylinders(cylinders(FEWEST)) is None
 
 

@@ -9,8 +9,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
-from hil_bench.plants.hydraulic_cylinder.group import CylinderGroup
+from hil_bench.plants.hydraulic_cylinder.cylinder import CylinderGroup, FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,

@@ -15,7 +15,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES as QUANTIT
 from hil_bench.plants.hydraulic_cylinder.quantities import SPOOL_POSITION, SPOOL_SETPOINT
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.plants.plant import Influence, Quantity
-from hil_bench.plants.rotary.quantities import QUANTITIES as QUANTITIES_OF_MOTORS
+from hil_bench.plants.rotary.configuration import QUANTITIES as QUANTITIES_OF_MOTORS
 from hil_bench.units import KILOGRAM, NEWTON, UNITS_OF, Unit
 
 # The keys of a table ``[plant.NAME]`` with ``kind = "fmu"``; `docs/fmu.md` tells their meaning.

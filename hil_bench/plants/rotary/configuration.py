@@ -20,7 +20,7 @@ from typing import Any, Final
 from hil_bench.config.rows import read_rows
 from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder import keys
+from hil_bench.plants.hydraulic_cylinder import keys, quantities
 from hil_bench.plants.hydraulic_cylinder.configuration import (
     CylinderConfig,
     explain_refusal,
@@ -51,8 +51,40 @@ from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.model.validation import SMALLEST
 from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.plant import SUPPLY, Influence
-from hil_bench.plants.rotary.quantities import LOAD
+from hil_bench.plants.plant import SUPPLY, Influence, Quantity, Shown
+
+# The quantities of a hydraulic motor, named as those of the cylinder where they are the same.
+
+
+ANGLE: Final = Quantity(
+    "angle",
+    "rad",
+    0,
+    tolerance=0.02,
+    residual=0.2,
+    is_anchor=True,
+    shown=Shown("phi {:+z9.3f} rev", 0.15915494309189535),
+)
+"""Of the shaft, over all turns; a command that is late by 2 ms turns it by 0.2 rad at 950 rpm."""
+SPEED: Final = Quantity("speed", "rad/s", 1, shown=Shown("n {:+z7.1f} rpm", 9.549296585513721))
+TORQUE: Final = Quantity("torque", "N m", 5)
+"""What the oil gives to the shaft, before friction: (P_A - P_B) D."""
+
+QUANTITIES: Final = (
+    ANGLE,
+    SPEED,
+    quantities.PRESSURE_A._replace(output=2),
+    quantities.PRESSURE_B._replace(output=3),
+    quantities.SPOOL_SETPOINT,
+    quantities.SPOOL_POSITION._replace(output=4),
+    TORQUE,
+    quantities.FLOW_A._replace(output=6),
+    quantities.FLOW_B._replace(output=7),
+)
+
+LOAD: Final = "load"
+"""What acts on the shaft from outside [N m], positive against positive rotation."""
+
 
 # The keys of a motor's table ``[plant.NAME]``; valve, oil and supply have those of the cylinder.
 #

@@ -29,8 +29,14 @@ from hil_bench.plants.hydraulic_cylinder.summary import (
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.plant import Page, Quantity
 from hil_bench.plants.rotary import configuration
-from hil_bench.plants.rotary.configuration import ROTARY_KEYS, RotaryConfig
-from hil_bench.plants.rotary.quantities import ANGLE, LOAD, QUANTITIES, SPEED
+from hil_bench.plants.rotary.configuration import (
+    ANGLE,
+    LOAD,
+    QUANTITIES,
+    ROTARY_KEYS,
+    SPEED,
+    RotaryConfig,
+)
 from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
 
 # The key figures of a motor: speeds, torques, pressures, frequencies, times.

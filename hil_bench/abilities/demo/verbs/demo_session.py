@@ -40,8 +40,7 @@ from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motio
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_position
 from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.rotary.configuration import RotaryConfig
-from hil_bench.plants.rotary.quantities import ANGLE
+from hil_bench.plants.rotary.configuration import ANGLE, RotaryConfig
 from hil_drivers import (
     ControllerParameters,
     CycleRecord,

@@ -15,7 +15,7 @@ from hil_bench.cli.parser import add_options, take_over
 from hil_bench.cli.results import add_json_argument, json_text, warn_of
 from hil_bench.config.settings import Origin
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, summarise_supply
-from hil_bench.plants.kind import Fact
+from hil_bench.plants.plant import Fact
 
 # The key figures of an axis, as lines.
 

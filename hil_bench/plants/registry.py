@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from hil_bench.plants.fmu.kind import FMU
 from hil_bench.plants.hydraulic_cylinder.kind import HYDRAULIC_CYLINDER
-from hil_bench.plants.kind import PlantKind
+from hil_bench.plants.plant import PlantKind
 from hil_bench.plants.rotary.kind import ROTARY
 from hil_bench.registry import Registry, find_twice
 

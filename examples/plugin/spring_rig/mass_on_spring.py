@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from hil_bench.config.settings import Key, Problems, Settings, convert
 from hil_bench.config.values import number
-from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.plant import Influence, Page, Quantity, Shown
+from hil_bench.plants.plant import AxisConfig, Influence, Page, PlantKind, Quantity, Shown
 from hil_bench.units import (
     KILOGRAM,
     MILLIMETRE,

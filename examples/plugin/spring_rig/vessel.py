@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from hil_bench.config.settings import Key, Problems, Settings, convert
 from hil_bench.config.values import number
-from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.plant import Influence, Quantity
+from hil_bench.plants.plant import AxisConfig, Influence, PlantKind, Quantity
 from hil_bench.units import BAR, CUBIC_CENTIMETRE, LITRE_PER_MINUTE, Unit
 
 CUBIC_CENTIMETRE_PER_BAR = Unit("cm³/bar", "_cm3_bar", CUBIC_CENTIMETRE.to_si(1.0) / BAR.to_si(1.0))

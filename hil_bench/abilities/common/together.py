@@ -5,8 +5,7 @@ from typing import cast
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, SupplyGroup
-from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.plant import Plant
+from hil_bench.plants.plant import AxisConfig, Plant
 
 
 class Alone:

@@ -12,7 +12,7 @@ from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.kinds.kind import require_quantities
 from hil_bench.devices.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
 from hil_bench.devices.kinds.surroundings import Surroundings
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 from hil_bench.units import REVOLUTION_PER_MINUTE
 
 _ANGLE, _SPEED = "angle", "speed"

@@ -14,8 +14,7 @@ from pythonfmu.default_experiment import DefaultExperiment
 from hil_bench.abilities.common.together import axes_with, build_together
 from hil_bench.abilities.fmu.export import find_inputs, prefixes
 from hil_bench.bench.configuration import load_config
-from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.plant import Plant
+from hil_bench.plants.plant import AxisConfig, Plant
 
 BENCH_FILE = "bench.toml"
 """Name of the bench's file among the resources."""

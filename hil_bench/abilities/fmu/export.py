@@ -16,8 +16,7 @@ from hil_bench.errors import (
     about_file,
 )
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed
-from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.plant import SUPPLY
+from hil_bench.plants.plant import SUPPLY, AxisConfig
 
 # The inputs of an FMU's axes from outside, with their neutral values.
 

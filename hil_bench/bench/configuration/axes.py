@@ -30,7 +30,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, find_exchange
 from hil_bench.plants.hydraulic_cylinder.tank import TankConfig
-from hil_bench.plants.kind import AxisConfig, AxisSettings, PlantKind
+from hil_bench.plants.plant import AxisConfig, AxisSettings, PlantKind
 from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
 
 # The tables ``[supply.NAME]``: supplies that several axes share.

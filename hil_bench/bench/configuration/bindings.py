@@ -38,8 +38,7 @@ from hil_bench.devices.kinds.registry import GENERIC
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.scripted_objects import Course, Points, Sine
 from hil_bench.errors import ConfigError
-from hil_bench.plants.kind import AxisSettings
-from hil_bench.plants.plant import Quantity
+from hil_bench.plants.plant import AxisSettings, Quantity
 from hil_bench.units import DEGREE, MILLISECOND, ONE, SECOND, UNITS_OF, Unit
 
 _FIRST_BINDABLE = 0x2000

@@ -17,7 +17,7 @@ from hil_bench.devices.kinds.chains import CHAIN_TABLE, build_chain, read_chain
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.kinds.registry import GENERIC, KINDS, VALVE, kind_of
 from hil_bench.errors import ConfigError
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 
 # Tables of devices beside the CANopen nodes, which abilities read before the nodes.
 

@@ -9,7 +9,7 @@ from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.settings import Origin, Problems, Range, Setting, Settings, quote_name
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import find_assumed_supply
-from hil_bench.plants.kind import PlantKind
+from hil_bench.plants.plant import PlantKind
 from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
 
 Kind = PlantKind[Any]

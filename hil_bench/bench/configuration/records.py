@@ -12,7 +12,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
-from hil_bench.plants.kind import AxisConfig
+from hil_bench.plants.plant import AxisConfig
 
 FIRST_BUS = "bus"
 """Name of the bus of the table ``[bus]``."""

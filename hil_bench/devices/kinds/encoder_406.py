@@ -18,7 +18,7 @@ from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
 from hil_bench.devices.redundant_encoder import RedundantEncoder
 from hil_bench.devices.rotary_encoder_406 import RotaryEncoderDevice
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 
 # Common parts of the kinds of devices that measure a motion of their axis, and its speed.
 

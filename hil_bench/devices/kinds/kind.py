@@ -13,8 +13,7 @@ from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
 from hil_bench.devices.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig, build_sinks
 from hil_bench.devices.kinds.surroundings import Surroundings
-from hil_bench.plants.kind import AxisSettings
-from hil_bench.plants.plant import Page
+from hil_bench.plants.plant import AxisSettings, Page
 
 
 @dataclass(frozen=True, slots=True)

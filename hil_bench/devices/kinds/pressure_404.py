@@ -16,7 +16,7 @@ from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, PressureDevice, Span, TransducerDevice
 from hil_bench.devices.quantities import pressure_quantities, transducer_quantities
 from hil_bench.plants.hydraulic_cylinder.quantities import T_OIL
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.units import BAR, CELSIUS
 

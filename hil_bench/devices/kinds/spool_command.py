@@ -7,7 +7,7 @@ from typing import Final, TypeVar
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 from hil_bench.units import MILLIMETRE, UNITS_OF
 
 FULL_OPENING: Final = Key(

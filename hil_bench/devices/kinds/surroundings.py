@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from hil_bench.devices.measurement.chain import MeasuringChain
 from hil_bench.devices.measurement.low_pass import ChainParameters, random_stream
-from hil_bench.plants.kind import AxisConfig
+from hil_bench.plants.plant import AxisConfig
 
 
 class Surroundings(NamedTuple):

@@ -20,7 +20,7 @@ from hil_bench.devices.kinds.spool_command import (
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.plant import AxisSettings
 from hil_bench.units import BAR
 
 _PASCAL, _PRESSURE = "Pa", "pressure_source"

@@ -13,8 +13,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.plants.fmu.description import FmuDescription, FmuVariable
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES as QUANTITIES_OF_CYLINDERS
 from hil_bench.plants.hydraulic_cylinder.quantities import SPOOL_POSITION, SPOOL_SETPOINT
-from hil_bench.plants.kind import AxisConfig
-from hil_bench.plants.plant import Influence, Quantity
+from hil_bench.plants.plant import AxisConfig, Influence, Quantity
 from hil_bench.plants.rotary.configuration import QUANTITIES as QUANTITIES_OF_MOTORS
 from hil_bench.units import KILOGRAM, NEWTON, UNITS_OF, Unit
 

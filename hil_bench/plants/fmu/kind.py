@@ -24,8 +24,7 @@ from hil_bench.plants.fmu.configuration import (
 from hil_bench.plants.fmu.description import FmuDescription, read_fmu, unpack
 from hil_bench.plants.fmu.slave import Instance, Setup, SlaveError
 from hil_bench.plants.hydraulic_cylinder.quantities import SPOOL_POSITION, SPOOL_SETPOINT
-from hil_bench.plants.kind import PlantKind
-from hil_bench.plants.plant import Quantity
+from hil_bench.plants.plant import PlantKind, Quantity
 from hil_bench.scratch import ScratchFolder
 from hil_bench.units import MILLIMETRE
 

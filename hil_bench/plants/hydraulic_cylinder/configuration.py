@@ -42,8 +42,7 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
 from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, Solver, shortcoming
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
-from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.plant import SUPPLY, Influence
+from hil_bench.plants.plant import SUPPLY, AxisConfig, Influence, PlantKind
 
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
 

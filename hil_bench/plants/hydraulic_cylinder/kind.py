@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
     with_supply,
 )
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
-from hil_bench.plants.kind import AxisT, PlantKind
-from hil_bench.plants.plant import Plant, PlantGroup, Quantity
+from hil_bench.plants.plant import AxisT, Plant, PlantGroup, PlantKind, Quantity
 from hil_bench.units import MILLIMETRE
 
 # Common parts of the kinds of plants that a spool valve controls: cylinder and motor.

@@ -21,7 +21,7 @@ from hil_bench.plants.hydraulic_cylinder.model.steady_motion import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency, line_frequency
-from hil_bench.plants.kind import Fact
+from hil_bench.plants.plant import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
 
 _SPEED = "our choice: polyurethane seals take 0.5 m/s, servo-cylinders 5"

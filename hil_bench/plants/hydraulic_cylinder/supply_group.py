@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motio
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S, Q_S, T_OIL
 from hil_bench.plants.hydraulic_cylinder.summary import filter_facts
 from hil_bench.plants.hydraulic_cylinder.tank import Tank, TankConfig
-from hil_bench.plants.kind import AxisConfig, Fact, PlantKind
-from hil_bench.plants.plant import SUPPLY, Influence
+from hil_bench.plants.plant import SUPPLY, AxisConfig, Fact, Influence, PlantKind
 from hil_bench.units import BAR, LITRE, LITRE_PER_MINUTE
 
 _ANY_FLOW = 1e3  # [m³/s]

@@ -50,8 +50,7 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.model.validation import SMALLEST
-from hil_bench.plants.kind import AxisConfig, PlantKind
-from hil_bench.plants.plant import SUPPLY, Influence, Quantity, Shown
+from hil_bench.plants.plant import SUPPLY, AxisConfig, Influence, PlantKind, Quantity, Shown
 
 # The quantities of a hydraulic motor, named as those of the cylinder where they are the same.
 

@@ -26,8 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.summary import (
     line_facts,
     verdict,
 )
-from hil_bench.plants.kind import Fact
-from hil_bench.plants.plant import Page, Quantity
+from hil_bench.plants.plant import Fact, Page, Quantity
 from hil_bench.plants.rotary import configuration
 from hil_bench.plants.rotary.configuration import (
     ANGLE,

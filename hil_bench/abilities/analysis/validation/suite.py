@@ -12,7 +12,7 @@ from hil_bench.abilities.analysis.validation.closed_forms import (
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantInput, Solver, paper_parameters
-from hil_bench.plants.kind import AxisConfig
+from hil_bench.plants.plant import AxisConfig
 
 # The model with the parameters of the paper against what the paper and other tools print.
 

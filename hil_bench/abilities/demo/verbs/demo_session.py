@@ -39,7 +39,7 @@ from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, re
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_position
-from hil_bench.plants.kind import AxisConfig
+from hil_bench.plants.plant import AxisConfig
 from hil_bench.plants.rotary.configuration import ANGLE, RotaryConfig
 from hil_drivers import (
     ControllerParameters,

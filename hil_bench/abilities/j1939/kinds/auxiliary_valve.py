@@ -24,8 +24,7 @@ from hil_bench.devices.kinds.spool_command import (
     scale_of,
 )
 from hil_bench.devices.kinds.surroundings import Surroundings
-from hil_bench.plants.kind import AxisSettings
-from hil_bench.plants.plant import Quantity
+from hil_bench.plants.plant import AxisSettings, Quantity
 from hil_bench.units import ONE
 
 FLOW: Final = Quantity("flow", ONE.symbol, 0)

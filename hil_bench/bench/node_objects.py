@@ -23,7 +23,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
 from hil_bench.config.values import quote
-from hil_bench.devices.profile_objects import TpdoTrigger
+from hil_bench.devices.bound_objects import TpdoTrigger
 from hil_bench.errors import ConfigError, SdoAbort
 
 _SCRIPTED = "follows a script in each tick; give it none, or bend the script"

@@ -16,7 +16,7 @@ from hil_bench.canopen_device.datatypes import (
     DataType,
 )
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.profile_objects import TpdoTrigger, nearest, optional, required
+from hil_bench.devices.bound_objects import TpdoTrigger, nearest, optional, required
 from hil_bench.errors import SdoAbort
 
 # From what a CiA 404 sensor measures, the field value, to what it tells, the process value.

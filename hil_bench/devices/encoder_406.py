@@ -37,7 +37,7 @@ from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.profile_objects import locate, nearest, optional, required, saturate
+from hil_bench.devices.bound_objects import locate, nearest, optional, required, saturate
 from hil_bench.errors import EdsError, SdoAbort
 
 # Switches of a CiA 406 encoder: cam switches 0x6300 to 0x6337, area state 0x6400.

@@ -27,7 +27,7 @@ from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, INTEGER32, UNSIGNED8, UNSIGNED16
 from hil_bench.canopen_device.emcy import DEVICE_PROFILE, EmcyProducer
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.profile_objects import optional, saturate
+from hil_bench.devices.bound_objects import optional, saturate
 from hil_bench.errors import SdoAbort
 
 # The control deviation monitoring of a CiA 408 valve: 0x6351 to 0x6355; of its axis: 0x6651 ff.

@@ -41,7 +41,7 @@ from hil_bench.devices.analogue_input import (
     check_real32,
     mapped_values,
 )
-from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
+from hil_bench.devices.bound_objects import TpdoTrigger, locate, optional, required
 from hil_bench.errors import EdsError, ParameterError, SdoAbort
 
 UNITS: Final[Mapping[int, float]] = MappingProxyType(

@@ -22,7 +22,7 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER16, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.profile_objects import locate, optional, saturate
+from hil_bench.devices.bound_objects import locate, optional, saturate
 from hil_bench.errors import EdsError, SdoAbort
 
 PRESSURE: Final = 4

@@ -16,8 +16,8 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.bound_objects import optional, required, saturate
 from hil_bench.devices.encoder_406 import EncoderDevice
-from hil_bench.devices.profile_objects import optional, required, saturate
 from hil_bench.errors import SdoAbort
 
 _LOWEST: Final = -(1 << 31)

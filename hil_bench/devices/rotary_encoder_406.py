@@ -20,8 +20,8 @@ from typing import ClassVar, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER32, UNSIGNED16, UNSIGNED32
+from hil_bench.devices.bound_objects import optional, required, saturate
 from hil_bench.devices.encoder_406 import CHANNEL, EncoderDevice
-from hil_bench.devices.profile_objects import optional, required, saturate
 from hil_bench.errors import SdoAbort
 
 CODE_SEQUENCE_BIT: Final = 1 << 0

@@ -30,6 +30,7 @@ from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, RPDO_TIMEOUT
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.bound_objects import TpdoTrigger, locate, optional, required, saturate
 from hil_bench.devices.demand_generator import DemandGenerator, Dither
 from hil_bench.devices.position_control import (
     AXIS_DEVIATION_EMCY,
@@ -39,7 +40,6 @@ from hil_bench.devices.position_control import (
     PositionControl,
 )
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW, PressureControl
-from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required, saturate
 from hil_bench.devices.valve_state_machine import (
     FAULT_STATES,
     STATUS_BITS,

@@ -47,8 +47,8 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.devices.bound_objects import TpdoTrigger, optional, required, saturate
 from hil_bench.devices.motion_profiles import Motion
-from hil_bench.devices.profile_objects import TpdoTrigger, optional, required, saturate
 from hil_bench.errors import SdoAbort
 
 PROFILE_POSITION: Final = 1

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from support.encoders import move
 
 from device_profiles import ENCODER_406
+from hil_bench.devices.bound_objects import nearest
 from hil_bench.devices.encoder_406 import EncoderDevice
-from hil_bench.devices.profile_objects import nearest
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))

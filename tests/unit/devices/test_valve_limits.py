@@ -13,7 +13,7 @@ from support.valves import (
 )
 
 from device_profiles import VALVE_408
-from hil_bench.devices.profile_objects import saturate
+from hil_bench.devices.bound_objects import saturate
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import LocalCommand, ValveState, ValveStateMachine
 from hil_bench.errors import ParameterError, SdoAbort

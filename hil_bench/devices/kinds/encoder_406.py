@@ -16,8 +16,7 @@ from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig, require_quantit
 from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
-from hil_bench.devices.redundant_encoder import RedundantEncoder
-from hil_bench.devices.rotary_encoder_406 import RotaryEncoderDevice
+from hil_bench.devices.rotary_encoder_406 import RedundantEncoder, RotaryEncoderDevice
 from hil_bench.plants.plant import AxisSettings
 
 # Common parts of the kinds of devices that measure a motion of their axis, and its speed.

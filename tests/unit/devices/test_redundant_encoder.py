@@ -5,7 +5,7 @@ import math
 import pytest
 
 from device_profiles import ENCODER_REDUNDANT_406
-from hil_bench.devices.redundant_encoder import RedundantEncoder
+from hil_bench.devices.rotary_encoder_406 import RedundantEncoder
 
 POSITION_ERROR_EMCY = 0x1000
 VALUE = 0x06090030

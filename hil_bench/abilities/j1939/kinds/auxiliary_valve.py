@@ -17,13 +17,13 @@ from hil_bench.abilities.j1939.protocol.signals import EcuValue
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
 from hil_bench.config.values import integer, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement
-from hil_bench.devices.kinds.spool_command import (
+from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.valve_408 import (
     FULL_OPENING,
     check_command,
     resolve_opening,
     scale_of,
 )
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.plants.plant import AxisSettings, Quantity
 from hil_bench.units import ONE
 

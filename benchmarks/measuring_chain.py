@@ -21,7 +21,7 @@ from scipy import signal
 
 import occasion
 from hil_bench.abilities.common.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
-from hil_bench.devices.kinds.chains import PositionPreset, PressurePreset, preset_chain
+from hil_bench.devices.kinds.bindings import PositionPreset, PressurePreset, preset_chain
 from hil_bench.devices.measurement.chain import MeasuringChain
 from hil_bench.devices.measurement.low_pass import ChainParameters, random_stream
 

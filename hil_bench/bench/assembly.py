@@ -22,10 +22,9 @@ from hil_bench.canopen_device.storage import FileStorage
 from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.kinds.bindings import build_script, build_source
+from hil_bench.devices.kinds.bindings import Surroundings, build_script, build_source
 from hil_bench.devices.kinds.programs import build_programs
 from hil_bench.devices.kinds.registry import KINDS
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyGroup

@@ -9,8 +9,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import require_quantities
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.kinds.valve_408 import FULL_OPENING, SpoolConfig, SpoolKind
 from hil_bench.plants.plant import AxisSettings
 from hil_bench.units import REVOLUTION_PER_MINUTE

@@ -17,7 +17,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.peers import Peers
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE
 

@@ -26,10 +26,13 @@ from hil_bench.config.values import (
     points,
     text,
 )
-from hil_bench.devices.kinds.bindings import Follow, ScriptConfig, SinkConfig, SourceConfig
-from hil_bench.devices.kinds.chains import (
+from hil_bench.devices.kinds.bindings import (
     CHAIN_KEYS,
     CHAIN_TABLE,
+    Follow,
+    ScriptConfig,
+    SinkConfig,
+    SourceConfig,
     build_chain,
     check_chain,
     read_chain,

@@ -12,8 +12,14 @@ from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number, parse_object
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, give, read_table
 from hil_bench.config.values import describe
-from hil_bench.devices.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig
-from hil_bench.devices.kinds.chains import CHAIN_TABLE, build_chain, read_chain
+from hil_bench.devices.kinds.bindings import (
+    CHAIN_TABLE,
+    ScriptConfig,
+    SinkConfig,
+    SourceConfig,
+    build_chain,
+    read_chain,
+)
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.kinds.registry import GENERIC, KINDS, VALVE, kind_of
 from hil_bench.errors import ConfigError

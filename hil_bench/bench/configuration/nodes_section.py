@@ -23,7 +23,7 @@ from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document
 from hil_bench.config.settings import Problems, Settings
-from hil_bench.devices.kinds.chains import check_chains
+from hil_bench.devices.kinds.bindings import check_chains
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import EdsError
 

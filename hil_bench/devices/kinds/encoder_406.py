@@ -12,8 +12,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Problems, Settings
 from hil_bench.devices.axis import Fitting, Measurement, Rate
 from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig, require_quantities
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
 from hil_bench.devices.rotary_encoder_406 import RedundantEncoder, RotaryEncoderDevice

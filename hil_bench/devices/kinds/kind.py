@@ -11,8 +11,13 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import ObjectValue
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.kinds.bindings import ScriptConfig, SinkConfig, SourceConfig, build_sinks
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import (
+    ScriptConfig,
+    SinkConfig,
+    SourceConfig,
+    Surroundings,
+    build_sinks,
+)
 from hil_bench.plants.plant import AxisSettings, Page
 
 

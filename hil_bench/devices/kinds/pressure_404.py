@@ -10,8 +10,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import describe, interval, number, text
 from hil_bench.devices.axis import Fitting, Measurement
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, PressureDevice, Span, TransducerDevice
 from hil_bench.devices.quantities import pressure_quantities, transducer_quantities

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from hil_bench.ability import given_to
 from hil_bench.config.values import describe
-from hil_bench.devices.kinds.chains import CHAIN_TABLE
+from hil_bench.devices.kinds.bindings import CHAIN_TABLE
 from hil_bench.devices.kinds.encoder_406 import ENCODER, REDUNDANT_ENCODER, ROTARY_ENCODER
 from hil_bench.devices.kinds.kind import GENERIC, DeviceKind
 from hil_bench.devices.kinds.pressure_404 import PRESSURE, TRANSDUCER

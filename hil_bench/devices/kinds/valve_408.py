@@ -10,9 +10,9 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.kinds.pressure_404 import check_pressure
-from hil_bench.devices.kinds.surroundings import Surroundings
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.plants.plant import AxisSettings

@@ -6,7 +6,7 @@ import pytest
 from support.tables import from_text
 
 from hil_bench.bench.configuration import Origin, load_config
-from hil_bench.devices.kinds.chains import (
+from hil_bench.devices.kinds.bindings import (
     CHAIN_KEYS,
     PRESETS,
     PositionPreset,

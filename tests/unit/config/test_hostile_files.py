@@ -17,7 +17,7 @@ from hil_bench.bench.configuration.loop import (
     SOURCE_KEYS,
     node_keys,
 )
-from hil_bench.devices.kinds.chains import CHAIN_KEYS
+from hil_bench.devices.kinds.bindings import CHAIN_KEYS
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS

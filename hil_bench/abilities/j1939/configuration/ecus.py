@@ -24,7 +24,7 @@ from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
 from hil_bench.config.values import boolean, choice, describe, integer, text
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.units import ONE, si_unit
 
 # The J1939 devices of a bench as a part of it.

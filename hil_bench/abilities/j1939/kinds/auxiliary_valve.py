@@ -17,7 +17,7 @@ from hil_bench.abilities.j1939.protocol.signals import EcuValue
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
 from hil_bench.config.values import integer, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.valve_408 import (
     FULL_OPENING,
     check_command,

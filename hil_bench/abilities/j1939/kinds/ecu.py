@@ -11,7 +11,7 @@ from hil_bench.abilities.j1939.protocol.signal_table import SentSignal
 from hil_bench.abilities.j1939.protocol.signals import EcuValue, Name
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.plants.plant import AxisSettings
 
 

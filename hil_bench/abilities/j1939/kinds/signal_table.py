@@ -21,7 +21,7 @@ from hil_bench.abilities.j1939.protocol.transmission import MOST_BYTES
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key
 from hil_bench.config.values import choice, integer, non_negative, nonzero, number, text, zero_or
 from hil_bench.devices.axis import Drive, Fitting, Measurement
-from hil_bench.devices.kinds.surroundings import Surroundings
+from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.plants.plant import Quantity
 from hil_bench.units import si_unit

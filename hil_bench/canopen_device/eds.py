@@ -5,7 +5,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import BOOLEAN, UNSIGNED8, IntegerType
 from hil_bench.canopen_device.eds_checks import find_mapping_faults, required_type
 from hil_bench.canopen_device.eds_document import (
@@ -18,6 +17,7 @@ from hil_bench.canopen_device.eds_document import (
 )
 from hil_bench.canopen_device.eds_entries import EntryReader, given_default
 from hil_bench.canopen_device.errors import EdsError
+from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_mapping import (

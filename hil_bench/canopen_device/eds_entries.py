@@ -7,7 +7,6 @@ the entry has in its place.
 import math
 from typing import Final, NamedTuple
 
-from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id
 from hil_bench.canopen_device.datatypes import (
     DATA_TYPES,
     DOMAIN,
@@ -26,6 +25,7 @@ from hil_bench.canopen_device.eds_document import (
     parse_value,
     shown,
 )
+from hil_bench.canopen_device.frame import BIT_30, DISABLED, can_id
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 
 # The pre-defined connection set (CiA 301): COB-IDs of a device whose EDS gives no others.

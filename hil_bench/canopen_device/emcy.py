@@ -13,9 +13,8 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import INHIBIT_UNIT, NEVER, Agenda
-from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.errors import SdoAbort
-from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.frame import DISABLED, Emit, Frame, can_id, check_change
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.service import NodeCounters, Service

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import INHIBIT_UNIT, MILLISECOND
-from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_change
 from hil_bench.canopen_device.errors import SdoAbort
+from hil_bench.canopen_device.frame import BIT_30, DISABLED, can_id, check_change
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping, find_refusal
 

@@ -8,9 +8,16 @@ from typing import Any, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
-from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.errors import SdoAbort
-from hil_bench.canopen_device.frame import Emit, Frame, Handler, make_frame
+from hil_bench.canopen_device.frame import (
+    DISABLED,
+    Emit,
+    Frame,
+    Handler,
+    can_id,
+    check_change,
+    make_frame,
+)
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo_block import BLOCK_SIZE, BlockDownload, BlockUpload

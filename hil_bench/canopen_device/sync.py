@@ -6,10 +6,16 @@ from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
-from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_identifier
 from hil_bench.canopen_device.emcy import COMMUNICATION, SYNC_LENGTH, EmcyProducer
 from hil_bench.canopen_device.errors import SdoAbort
-from hil_bench.canopen_device.frame import Frame, Handler
+from hil_bench.canopen_device.frame import (
+    BIT_30,
+    DISABLED,
+    Frame,
+    Handler,
+    can_id,
+    check_identifier,
+)
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.service import NodeCounters, Service

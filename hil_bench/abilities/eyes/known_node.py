@@ -11,7 +11,6 @@ from hil_bench.abilities.eyes.values import UNIT_OBJECTS, Reader, Scale, number_
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_commissioning, warn_of_findings
 from hil_bench.bench.power_on import load_objects
-from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import (
     UNSIGNED8,
     UNSIGNED16,
@@ -22,6 +21,7 @@ from hil_bench.canopen_device.datatypes import (
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.eds_document import Severity
 from hil_bench.canopen_device.errors import SdoAbort
+from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from hil_bench.abilities.eyes.values import Reader, Reading, Scale, number_in
-from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
+from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import BITS_OF_A_BYTE, Direction, MappingEntry
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SEAL_BYTES, checksum

@@ -26,9 +26,9 @@ from hil_bench.abilities.panel.record import (
     write_test,
 )
 from hil_bench.abilities.scenario.writing import to_toml
-from hil_bench.canopen_device.cob_id import can_id
 from hil_bench.canopen_device.datatypes import BooleanType, IntegerType, RealType
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.frame import can_id
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES

@@ -23,8 +23,7 @@ from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
 from hil_bench.bench.session import Session
-from hil_bench.canopen_device.cob_id import DISABLED, can_id
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import DISABLED, Frame, can_id
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable

@@ -9,8 +9,7 @@ from typing import Final
 import can
 
 from hil_bench.canopen_device import nmt
-from hil_bench.canopen_device.cob_id import DISABLED, can_id
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import DISABLED, Frame, can_id
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SYNCHRONOUS

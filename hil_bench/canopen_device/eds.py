@@ -20,7 +20,7 @@ from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.canopen_device.pdo_mapping import (
+from hil_bench.canopen_device.pdo_parameters import (
     BITS_OF_A_BYTE,
     PDO_BITS,
     Direction,

@@ -7,7 +7,7 @@ from typing import Final
 from hil_bench.canopen_device.datatypes import UNSIGNED8, UNSIGNED16, UNSIGNED32, DataType
 from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import PDO_BITS, Direction, MappingEntry, find_refusal
+from hil_bench.canopen_device.pdo_parameters import PDO_BITS, Direction, MappingEntry, find_refusal
 
 
 @dataclass(frozen=True, slots=True)

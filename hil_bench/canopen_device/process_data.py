@@ -14,10 +14,11 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import Direction, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import (
     COMMUNICATION_INDICES,
     SYNCHRONOUS,
+    Direction,
+    PdoMapping,
     PdoParameters,
 )
 from hil_bench.canopen_device.service import NodeCounters, Service

@@ -36,7 +36,7 @@ from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Handler, make_frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
+from hil_bench.canopen_device.pdo_parameters import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.service import Service
 
 PARAMETERS: Final = range(0x1301, 0x1341)

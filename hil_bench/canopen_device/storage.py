@@ -18,7 +18,7 @@ from hil_bench.canopen_device.emcy import GENERIC, EmcyProducer
 from hil_bench.canopen_device.errors import SdoAbort, StorageError
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.canopen_device.pdo_mapping import MappingEntry
+from hil_bench.canopen_device.pdo_parameters import MappingEntry
 from hil_bench.canopen_device.service import Service
 
 # Storage of parameters: in files, whole or not at all, and the bytes that are stored.

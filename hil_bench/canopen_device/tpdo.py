@@ -6,7 +6,6 @@ from typing import Any
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import Direction, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import (
     COMMUNICATION_INDICES,
     EVENT_DRIVEN,
@@ -14,6 +13,8 @@ from hil_bench.canopen_device.pdo_parameters import (
     SYNCHRONOUS,
     SYNCHRONOUS_ACYCLIC,
     SYNCHRONOUS_REMOTE,
+    Direction,
+    PdoMapping,
     PdoParameters,
     Seal,
 )

@@ -10,11 +10,11 @@ from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import (
     COMMUNICATION_INDICES,
     EVENT_DRIVEN,
     SYNCHRONOUS_ACYCLIC,
+    Direction,
     PdoParameters,
 )
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config

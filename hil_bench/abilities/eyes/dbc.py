@@ -12,7 +12,7 @@ from hil_bench.abilities.eyes.pdos import PdoField
 from hil_bench.abilities.j1939.protocol.ecu import USUAL_PRIORITY
 from hil_bench.abilities.j1939.protocol.signals import join
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
-from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import Direction
 from hil_bench.errors import (
     ConfigError,
     about_file,

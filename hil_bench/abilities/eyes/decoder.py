@@ -17,7 +17,7 @@ from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import SdoChannel, Transfer, Way
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import ENTERED, RESTORED, NmtRequest, NmtState
-from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import Direction
 from hil_bench.frame import BUS_SHIFT, ERROR_FLAG, address_of
 from hil_bench.outside.recording.channels import LoggedFrame
 

@@ -8,8 +8,14 @@ from hil_bench.abilities.eyes.values import Reader, Reading, Scale, number_in
 from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
 from hil_bench.canopen_device.frame import DISABLED, can_id
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import BITS_OF_A_BYTE, Direction, MappingEntry
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SEAL_BYTES, checksum
+from hil_bench.canopen_device.pdo_parameters import (
+    BITS_OF_A_BYTE,
+    COMMUNICATION_INDICES,
+    SEAL_BYTES,
+    Direction,
+    MappingEntry,
+    checksum,
+)
 
 _TO_MAPPING = 0x200
 _LARGEST_DUMMY = 7

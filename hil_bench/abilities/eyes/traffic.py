@@ -8,7 +8,7 @@ from hil_bench import frame as frames
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.pdos import Pdo
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
-from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import Direction
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
 

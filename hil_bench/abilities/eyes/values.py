@@ -13,7 +13,7 @@ from hil_bench.abilities.eyes.manager_objects import (
 from hil_bench.canopen_device.datatypes import UNSIGNED32, DataType, Value
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import MappingEntry
+from hil_bench.canopen_device.pdo_parameters import MappingEntry
 from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
 from hil_bench.devices.valve_state_machine import STATUS_BITS
 from hil_bench.errors import printable

@@ -30,8 +30,7 @@ from hil_bench.canopen_device.datatypes import BooleanType, IntegerType, RealTyp
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import can_id
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import MappingEntry
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, MappingEntry
 from hil_bench.config.objects import name_object
 from hil_bench.errors import ConfigError, HilBenchError
 

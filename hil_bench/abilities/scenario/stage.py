@@ -45,8 +45,12 @@ from hil_bench.bench.session import Session
 from hil_bench.canopen_device.frame import DISABLED, Frame, can_id
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.canopen_device.pdo_parameters import (
+    COMMUNICATION_INDICES,
+    Direction,
+    MappingEntry,
+    PdoMapping,
+)
 from hil_bench.canopen_device.sync import SYNC_COB_ID
 from hil_bench.errors import ConfigError
 from hil_bench.plants.plant import SUPPLY

@@ -11,8 +11,7 @@ import can
 from hil_bench.canopen_device import nmt
 from hil_bench.canopen_device.frame import DISABLED, Frame, can_id
 from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SYNCHRONOUS
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, SYNCHRONOUS, Direction
 from hil_bench.devices.position_control import POSITION
 from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW
 from hil_bench.devices.valve_408 import LOCAL_BIT, SPOOL, ValveDevice

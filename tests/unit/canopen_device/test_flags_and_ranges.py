@@ -9,8 +9,7 @@ from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, Direction
 
 UPLOAD = bytes.fromhex("4000100000000000")  # of 0x1000
 REAL32 = 0x0008

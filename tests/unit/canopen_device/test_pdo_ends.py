@@ -7,8 +7,13 @@ from hil_bench.canopen_device.datatypes import UNSIGNED32
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, find_refusal
-from hil_bench.canopen_device.pdo_parameters import Seal, crc8
+from hil_bench.canopen_device.pdo_parameters import (
+    Direction,
+    MappingEntry,
+    Seal,
+    crc8,
+    find_refusal,
+)
 
 NO_OBJECT, NOT_MAPPABLE = 0x06020000, 0x06040041
 START = b"\x01\x05"

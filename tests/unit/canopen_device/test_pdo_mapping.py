@@ -5,7 +5,12 @@ from hypothesis import strategies as st
 from hil_bench.canopen_device import datatypes
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping, find_refusal
+from hil_bench.canopen_device.pdo_parameters import (
+    Direction,
+    MappingEntry,
+    PdoMapping,
+    find_refusal,
+)
 
 TYPES = (
     datatypes.UNSIGNED16,

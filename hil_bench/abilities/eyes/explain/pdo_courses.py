@@ -16,8 +16,7 @@ from hil_bench.abilities.eyes.explain.finding import (
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Sight
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN, SEAL_BYTES
+from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN, SEAL_BYTES, Direction
 
 # The course of one PDO: when it came, when it ought to have come, and when it did not.
 

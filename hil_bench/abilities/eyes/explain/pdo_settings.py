@@ -20,8 +20,7 @@ from hil_bench.abilities.eyes.pdos import Pdo, PdoField
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.transfers import Transfer, Way
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN
+from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN, Direction
 from hil_bench.frame import address_of
 
 # Settings of PDOs that cannot work: timers, a SYNC that nobody sends, a mapping out of order.

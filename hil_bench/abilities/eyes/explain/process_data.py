@@ -26,7 +26,7 @@ from hil_bench.abilities.eyes.explain.pdo_courses import (
 from hil_bench.abilities.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import Direction
 from hil_bench.frame import address_of
 
 _KEPT = 16

@@ -26,9 +26,8 @@ from hil_bench.errors import ConfigError, HilBenchError, about_file, check_repla
 from hil_bench.outside.bits import USUAL_BITRATE, load_of
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics, TickSummary
 from hil_bench.outside.recording.block_file import naming
-from hil_bench.outside.transports.can_interfaces import bitrate_of
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport
-from hil_bench.outside.transports.socketcan import SocketCanTransport
+from hil_bench.outside.transports.socketcan import SocketCanTransport, bitrate_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 
 # The bench's own end of its buses: those that are there, or a hub that it hosts.

@@ -36,12 +36,12 @@ from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.realtime.clock import MonotonicClock
-from hil_bench.outside.transports.can_interfaces import (
+from hil_bench.outside.transports.socketcan import (
+    RECEIVE_BUFFER,
     CanInterface,
     can_interfaces,
     has_socketcan,
 )
-from hil_bench.outside.transports.socketcan import RECEIVE_BUFFER
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, ready
 from hil_bench.plants.hydraulic_cylinder.model.machine_code import WANTS_PYTHON, find_machine_code

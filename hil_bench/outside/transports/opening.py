@@ -19,8 +19,7 @@ from hil_bench.errors import BusError, first_line
 from hil_bench.frame import BUS_SHIFT, bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.messages import frame_of, message_of
-from hil_bench.outside.transports.can_interfaces import has_fd
-from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport
+from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport, has_fd
 from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 

@@ -2,7 +2,7 @@ import pytest
 
 from hil_bench.abilities.doctor.machine import Verdict
 from hil_bench.abilities.doctor.verbs import examine_buses
-from hil_bench.outside.transports.can_interfaces import CanInterface
+from hil_bench.outside.transports.socketcan import CanInterface
 
 
 @pytest.fixture

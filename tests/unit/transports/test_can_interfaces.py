@@ -3,7 +3,7 @@
 import json
 import subprocess
 
-from hil_bench.outside.transports.can_interfaces import (
+from hil_bench.outside.transports.socketcan import (
     CanInterface,
     bitrate_of,
     can_interfaces,
@@ -26,7 +26,7 @@ HARDWARE = [
 
 def make_interfaces(monkeypatch, **interfaces):
     """Have the kernel tell of these: its type and its flags a name."""
-    place = "hil_bench.outside.transports.can_interfaces."
+    place = "hil_bench.outside.transports.socketcan."
     monkeypatch.setattr(place + "socket.if_nameindex", lambda: list(enumerate(interfaces, 1)))
     answers = {
         (name, request): number
@@ -43,16 +43,12 @@ def answer_with(monkeypatch, stdout, returncode=0):
             result.check_returncode()
         return result
 
-    monkeypatch.setattr(
-        "hil_bench.outside.transports.can_interfaces.shutil.which", lambda name: name
-    )
-    monkeypatch.setattr("hil_bench.outside.transports.can_interfaces.subprocess.run", run)
+    monkeypatch.setattr("hil_bench.outside.transports.socketcan.shutil.which", lambda name: name)
+    monkeypatch.setattr("hil_bench.outside.transports.socketcan.subprocess.run", run)
 
 
 def test_the_can_interfaces_are_those_of_the_kernels_type(monkeypatch):
-    monkeypatch.setattr(
-        "hil_bench.outside.transports.can_interfaces.shutil.which", lambda _name: None
-    )
+    monkeypatch.setattr("hil_bench.outside.transports.socketcan.shutil.which", lambda _name: None)
     # 280 is ARPHRD_CAN, 1 Ethernet (linux/if_arp.h); bit 0 of the flags is IFF_UP (linux/if.h).
     make_interfaces(monkeypatch, vcan1=(280, 0x0080), eth0=(1, 0x1003), vcan0=(280, 0x00C1))
     assert can_interfaces() == [

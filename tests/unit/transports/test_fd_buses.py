@@ -20,7 +20,7 @@ from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import FD_LENGTHS, bits_of
-from hil_bench.outside.transports import can_interfaces, opening
+from hil_bench.outside.transports import opening, socketcan
 from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.socketcand_protocol import (
@@ -197,7 +197,7 @@ def test_an_interface_of_classical_can_is_refused_as_a_bus_of_can_fd(monkeypatch
         return struct.pack("16si20x", name, mtu.get(name, 0))
 
     monkeypatch.setattr("fcntl.ioctl", ioctl)
-    assert [can_interfaces.has_fd(name) for name in ("can0", "can1", "can2")] == [False, True, None]
+    assert [socketcan.has_fd(name) for name in ("can0", "can1", "can2")] == [False, True, None]
     assert set(asked) == {0x8921}
     with pytest.raises(
         BusError, match=r"can0: the interface is set to classical CAN.*'ip link set"

@@ -12,8 +12,8 @@ from hil_bench.bench.configuration.records import BusConfig
 from hil_bench.cli.exit_codes import interruption
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.transports.can_interfaces import has_fd
 from hil_bench.outside.transports.opening import open_can_bus
+from hil_bench.outside.transports.socketcan import has_fd
 
 _POLL = 0.1
 _HEAR_FD = frozenset({"socketcan", "socketcand"})

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.document import Document, Sort, Tables
-from hil_bench.config.rows import read_rows
-from hil_bench.config.settings import Problems, convert
+from hil_bench.config.settings import Problems, convert, read_rows
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters

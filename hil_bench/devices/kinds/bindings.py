@@ -14,7 +14,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.config import settings
 from hil_bench.config.objects import find_object, name_object
-from hil_bench.config.rows import read_rows, with_words
+from hil_bench.config.settings import read_rows, with_words
 from hil_bench.config.values import Value, choice, quote
 from hil_bench.devices.axis import Drive, Measurement
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from hil_bench.config.rows import group, with_words
-from hil_bench.config.settings import Settings, convert
+from hil_bench.config.settings import Settings, convert, group, with_words
 from hil_bench.config.values import Reader, choice, describe
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.models import Model

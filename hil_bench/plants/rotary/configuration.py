@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from hil_bench.config.rows import read_rows
-from hil_bench.config.settings import Origin, Problems, Settings, convert
+from hil_bench.config.settings import Origin, Problems, Settings, convert, read_rows
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder import keys, quantities
 from hil_bench.plants.hydraulic_cylinder.configuration import (

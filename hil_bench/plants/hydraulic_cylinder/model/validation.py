@@ -5,8 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from hil_bench.config.rows import read_rows
-from hil_bench.config.settings import Key
+from hil_bench.config.settings import Key, read_rows
 from hil_bench.errors import ParameterError
 
 ROWS: Final = read_rows(Path(__file__).parents[1] / "parameters.tsv")

@@ -4,7 +4,12 @@ import math
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.plants.hydraulic_cylinder.model import load as loads
+from hil_bench.plants.hydraulic_cylinder.model.load import (
+    ConstantLoad,
+    Load,
+    LoadSeries,
+    MassOnSlope,
+)
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S, POSITION, SPOOL_POSITION
 from hil_bench.plants.plant import Circuit, Page
 
@@ -75,7 +80,7 @@ class _Drawing:
         self._half, self._top = p.h, max(p.P_S, _relief(axis))
         self._loads = axis.options.loads
         self._slope = next(
-            (each.slope for each in self._loads if isinstance(each, loads.MassOnSlope)), 0.0
+            (each.slope for each in self._loads if isinstance(each, MassOnSlope)), 0.0
         )
         bore = 2.0 * math.sqrt(max(p.A_A, p.A_B) / math.pi)
         rod = 2.0 * math.sqrt(abs(p.A_A - p.A_B) / math.pi)
@@ -158,7 +163,7 @@ class _Drawing:
 
     def _load(self, x: float) -> str:
         """Return the mass at the rod's end, with an arrow in the direction of its load."""
-        mass = next((each for each in self._loads if isinstance(each, loads.MassOnSlope)), None)
+        mass = next((each for each in self._loads if isinstance(each, MassOnSlope)), None)
         drawn = _rect("mass", x, -14.0, 22.0, 28.0)
         if mass is not None and abs(mass.slope) > 1e-3:
             turn = math.degrees(self._slope)
@@ -167,7 +172,7 @@ class _Drawing:
                 '<path class="force" d="M 0 -6 V 22 M -4 15 L 0 22 L 4 15"/></g>'
             )
         push = sum(_constant(each) for each in self._loads)
-        if push or any(isinstance(each, loads.LoadSeries) for each in self._loads):
+        if push or any(isinstance(each, LoadSeries) for each in self._loads):
             to = -1.0 if push >= 0.0 else 1.0  # a positive load pushes the rod in
             tip, tail = x + 11.0 + 9.0 * to, x + 11.0 - 9.0 * to
             head = f"M {tip - 5 * to:.1f} -4 L {tip:.1f} 0 L {tip - 5 * to:.1f} 4"
@@ -175,8 +180,8 @@ class _Drawing:
         return drawn
 
 
-def _constant(load: loads.Load) -> float:
-    return load.load_force if isinstance(load, loads.ConstantLoad) else 0.0
+def _constant(load: Load) -> float:
+    return load.load_force if isinstance(load, ConstantLoad) else 0.0
 
 
 def _relief(axis: CylinderConfig) -> float:

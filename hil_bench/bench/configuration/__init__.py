@@ -6,7 +6,7 @@ from hil_bench.bench.configuration.records import BenchConfig, BusConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.devices.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.devices.kinds.kind import NodeConfig
-from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimeConfig, RealtimePolicy
+from hil_bench.outside.realtime.clock import OverrunPolicy, RealtimeConfig, RealtimePolicy
 from hil_bench.plants.plant import AxisConfig
 
 __all__ = [

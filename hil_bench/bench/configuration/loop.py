@@ -34,7 +34,7 @@ from hil_bench.devices.kinds.kind import GENERIC, DeviceKind
 from hil_bench.devices.kinds.programs import program_memory
 from hil_bench.devices.kinds.registry import KINDS, kind_name
 from hil_bench.errors import ConfigError
-from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimeConfig, RealtimePolicy
+from hil_bench.outside.realtime.clock import OverrunPolicy, RealtimeConfig, RealtimePolicy
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
 

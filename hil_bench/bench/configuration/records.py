@@ -10,7 +10,7 @@ from hil_bench.config.settings import Setting
 from hil_bench.devices.kinds.kind import NodeConfig
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
-from hil_bench.outside.realtime.policy import RealtimeConfig
+from hil_bench.outside.realtime.clock import RealtimeConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.plant import AxisConfig
 

@@ -1,8 +1,7 @@
 """The absolute time grid on which a loop runs."""
 
 from hil_bench.errors import TimingError
-from hil_bench.outside.realtime.clock import Clock
-from hil_bench.outside.realtime.policy import OverrunPolicy
+from hil_bench.outside.realtime.clock import Clock, OverrunPolicy
 from hil_bench.outside.realtime.statistics import TickStatistics
 
 ONE_SECOND = 1_000_000_000

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from hil_bench.outside.realtime import linux
-from hil_bench.outside.realtime.policy import RealtimeConfig, RealtimePolicy
+from hil_bench.outside.realtime.clock import RealtimeConfig, RealtimePolicy
 
 # The real-time permissions of this process, and the remedies for missing ones.
 

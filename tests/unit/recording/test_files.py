@@ -154,7 +154,7 @@ def test_a_file_that_is_no_recording_says_why(make_file, text, reason):
     ],
 )
 def test_a_table_of_another_tool_is_a_recording(make_file, text):
-    path = make_file("run.csv", f"{text}\n")
+    path = make_file("run.csv", text)
     found = read_recording(path)
 
     assert recording_channels(found) == (Channel("time", "s"), Channel("axis1.P_A", "Pa"))

@@ -87,12 +87,16 @@ def make_course(record: AxisRecord, interval: float) -> Course:
         ConfigError: it has no stroke.
     """
     moving = find_motion(record)
-    ranges = [part for stretch in record.stretches for part in _cut(record, stretch, moving)]
     factor = max(1, round(interval / record.interval), -(-len(record) // _MOST_ROWS))
     factor = min(factor, max(1, round(8e-3 / record.interval)))
     thin = record.thinned(factor)
-    rows = [range(-(-part.start // factor), (part.stop - 1) // factor + 1) for part in ranges]
-    pairs = [pair for pair in zip(ranges, rows, strict=True) if len(pair[1]) > 10]
+    # The set-point may step right behind the first row of a stroke, so that one is never left out.
+    pairs = [
+        (part, range(max(part.start // factor, rows.start), (part.stop - 1) // factor + 1))
+        for stretch, rows in zip(record.stretches, thin.stretches, strict=True)
+        for part in _cut(record, stretch, moving)
+    ]
+    pairs = [pair for pair in pairs if len(pair[1]) > 10]
     strokes = [_make_stroke(record, thin, n, *pair) for n, pair in enumerate(pairs, start=1)]
     if not strokes:
         raise ConfigError(
@@ -100,8 +104,7 @@ def make_course(record: AxisRecord, interval: float) -> Course:
             "short rest before each"
         )
     total = len(strokes)
-    room = max(4, int(_MOST_ROWS * total / max(1, sum(len(one.rows) for one in strokes))))
-    most = min(_MOST_STROKES, room)
+    most = min(_MOST_STROKES, max(4, _MOST_ROWS * total // sum(len(one.rows) for one in strokes)))
     if total > most:
         strokes = [strokes[place] for place in np.linspace(0, total - 1, most).astype(int)]
     commands = np.repeat(record.setpoints, 2)
@@ -130,9 +133,8 @@ def find_speed(record: AxisRecord, half: int) -> Values:
             continue
         places = np.arange(len(x))
         ahead, behind = np.minimum(places + span, len(x) - 1), np.maximum(places - span, 0)
-        speed[part.start : part.stop] = (x[ahead] - x[behind]) / (
-            (ahead - behind) * record.interval
-        )
+        passed = record.interval * (ahead - behind)
+        speed[part.start : part.stop] = (x[ahead] - x[behind]) / passed
     return speed
 
 
@@ -183,8 +185,7 @@ def _make_stroke(
     first = rows.start * factor
     begin = next((each.start for each in record.stretches if first in each), first)
     low = max(begin, first - _half(record))
-    ahead = record.measured[min(len(record) - 1, first + 1), 0]
-    way = ahead - record.measured[low, 0]
+    way = record.measured[min(len(record) - 1, first + 1), 0] - record.measured[low, 0]
     v = way / ((first + 1 - low) * record.interval)
     is_rest = abs(way) < 6.0 * record.noise[0] + 1e-5
     rest = round(_RESTED / record.interval) if is_rest else _half(record)

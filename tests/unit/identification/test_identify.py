@@ -85,6 +85,22 @@ def test_a_step_inside_a_row_stays_where_it_was(record, every):
     assert found == pytest.approx(dense.reshape(-1, 24 // every).mean(axis=1))
 
 
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_stroke_of_thinned_rows_begins_before_its_set_point_steps(record, rows):
+    """Wherever that is between two of these rows: a late start has the spool open at once."""
+    setpoints, measured = (
+        np.concatenate([one[:rows], one[: len(one) - rows]])  # so much later
+        for one in (record.setpoints, record.measured)
+    )
+    record = replace(record, setpoints=setpoints, measured=measured)
+
+    course = make_course(record, 2.0 * TICK)
+
+    opened = [np.count_nonzero(course.commands_of(one, 2)) for one in course.strokes]
+    assert course.record.interval == pytest.approx(2.0 * TICK)
+    assert opened == [round(0.3 / (TICK * one)) for one in (0.4, 0.4, 0.6, 0.6, 0.85, 0.85)]
+
+
 def test_a_set_point_of_a_logger_changed_between_two_rows(record):
     """The row of a logger has the set-point of its moment, that of a bench the one before it."""
     ours, logged = (

@@ -16,11 +16,12 @@ from hil_bench.abilities.identification.machine import Running, Template, Unknow
 from hil_bench.abilities.identification.record import FLOORS
 from hil_bench.abilities.identification.strokes import Course, Stroke
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.courses import open_cuts, run_course
+from hil_bench.plants.hydraulic_cylinder.model.courses import CourseCuts, open_cuts, run_course
 from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 
 Values = npt.NDArray[np.float64]
-Cuts = list[npt.NDArray[np.int64]]
+Cuts = list[CourseCuts]
+Before = tuple[float, float]
 
 _AWFUL = 1e3  # scales: what a run that fails counts as
 _BURNT = 0.02  # [s] at the start of a stroke that count for nothing if the piston moves then
@@ -138,29 +139,32 @@ class Bench:
     def run(self, machine: Running, cuts: Cuts) -> list[Values]:
         """Return the sensors' position, P_A and P_B in each stroke, shape (rows - 1, 3).
 
-        A supply unit goes on from stroke to stroke of a recording.
+        From a stroke to the next one of a recording a supply unit goes on, and the force on the
+        piston that its stop or friction holds.
         """
-        shown, supply, session = [], machine.supply, -1
+        shown, before, last = [], (machine.supply, 0.0), (-1, 0)
         for stroke, cut in zip(self.course.strokes, cuts, strict=True):
-            supply = supply if stroke.session == session else machine.supply
-            seen, supply = self._run_stroke(machine, stroke, cut, supply)
+            if (stroke.session, stroke.number - 1) != last:
+                before = machine.supply, 0.0
+            seen, before = self._run_stroke(machine, stroke, cut, before)
             shown.append(seen)
-            session = stroke.session if machine.options.supply is not None else -1
+            last = stroke.session, stroke.number
         return shown
 
     def _run_stroke(
-        self, machine: Running, stroke: Stroke, cuts: npt.NDArray[np.int64], supply: float
-    ) -> tuple[Values, float]:
-        setpoints = self.course.commands_of(stroke, self.every)
-        start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start], supply)
+        self, machine: Running, stroke: Stroke, cuts: CourseCuts, before: Before
+    ) -> tuple[Values, Before]:
+        setpoints, p = self.course.commands_of(stroke, self.every), machine.parameters
+        start = _start(machine, stroke, self.course.record.setpoints[stroke.rows.start], before)
         every, supply = run_course(machine.constants, start, setpoints, every=self.every, cuts=cuts)
         seen = every[:, _SEEN]
+        held = float(seen[-1, 1:] @ (p.A_A, -p.A_B)) - machine.options.load_at(float(seen[-1, 0]))
         if machine.delay or machine.lag:
             whole = np.concatenate([start[np.newaxis, _SEEN], seen])
             interval = self.course.record.interval
             seen = sense(whole, machine.delay / interval, machine.lag / interval)
         seen = np.clip(np.nan_to_num(seen, nan=1e9), -1e9, 1e9)
-        return seen + machine.offsets[stroke.session], supply
+        return seen + machine.offsets[stroke.session], (supply, held)
 
     def counts(self, stroke: Stroke) -> npt.NDArray[np.bool_]:
         """Mark the values of a stroke that count, shape (rows - 1, 3)."""
@@ -261,9 +265,7 @@ class Problem:
             wide * one.step if variable + wide * one.step <= one.high else -wide * one.step
             for one, variable in zip(self.unknowns, variables.tolist(), strict=True)
         ]
-        places = [
-            variables + step * row for step, row in zip(steps, np.eye(len(steps)), strict=True)
-        ]
+        places = variables + np.diag(steps)
 
         def slope(place: int) -> Values:
             if self.bench.clock.is_over:
@@ -386,21 +388,28 @@ def _robust(residuals: Values) -> Values:
     )
 
 
-def _start(machine: Running, stroke: Stroke, setpoint: float, supply: float) -> Values:
-    """Return the state at the start of a stroke: a pressure that is missing balances the other."""
+def _start(machine: Running, stroke: Stroke, setpoint: float, before: Before) -> Values:
+    """Return the state at the start of a stroke.
+
+    Args:
+        machine: that runs.
+        stroke: it.
+        setpoint: at its start [m].
+        before: supply pressure [Pa], and the force that stop or friction held at the end of the
+            stroke before [N]: a pressure that is missing leaves it as it was.
+    """
     p, options = machine.parameters, machine.options
     offset, *offsets = machine.offsets[stroke.session]
     x = float(np.clip(stroke.start[0] - offset, -p.h - _SUNK, p.h + _SUNK))
     pressures = stroke.start[2:] - offsets
-    load = options.load_at(x)
+    load = options.load_at(x) + before[1]
     if math.isnan(pressures[0]):
         pressures[0] = (pressures[1] * p.A_B + load) / p.A_A
     elif math.isnan(pressures[1]):
         pressures[1] = (pressures[0] * p.A_A - load) / p.A_B
     pressures = np.clip(pressures, -0.9 * ATMOSPHERE, 10.0 * p.P_S)
-    return np.array(
-        [x, stroke.start[1], *pressures, setpoint, 0.0, 0.0, 0.0, supply, 0.0, 0.0, 0.0]
-    )
+    rest = np.zeros(3)
+    return np.array([x, stroke.start[1], *pressures, setpoint, *rest, before[0], *rest])
 
 
 def _robust_size(values: Values) -> float:

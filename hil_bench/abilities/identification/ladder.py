@@ -382,11 +382,11 @@ def judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) ->
     errors: list[StrokeError] = []
     try:
         for fold, variables in zip(every, _leave_out(bench, title, fit, every), strict=True):
-            left = bench.some(list(fold))
-            shown = left.run(left.machine(read_values(fit.unknowns, variables)), left.cuts())
-            for one, model in zip(left.course.strokes, shown, strict=True):
-                record = np.where(left.counts(one), left.measured(one), np.nan)
-                errors.append(measure_errors(model, record, bench.course.record.interval))
+            shown = bench.run(bench.machine(read_values(fit.unknowns, variables)), bench.cuts())
+            for place in fold:
+                one = bench.course.strokes[place]
+                record = np.where(bench.counts(one), bench.measured(one), np.nan)
+                errors.append(measure_errors(shown[place], record, bench.course.record.interval))
     except Stopped:
         errors = []
     if not errors:

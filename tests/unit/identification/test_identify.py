@@ -114,6 +114,28 @@ def test_a_set_point_of_a_logger_changed_between_two_rows(record):
     assert not np.array_equal(steps[1], steps[0])
 
 
+@pytest.mark.parametrize("hidden", [1, 2])
+def test_a_pressure_that_was_not_recorded_goes_on_from_the_stroke_before(hidden):
+    """Its stop holds the piston, not the other pressure: one is at P_S, the other at P_T."""
+    rest = np.zeros(REST)
+    parts = [np.full(500, share * FULL_OPENING) for share in (0.6, -0.6)]  # 2 s, into each stop
+    record = record_of(MACHINE, np.concatenate([rest, parts[0], rest, parts[1], rest]))
+    measured = record.measured.copy()
+    measured[:, hidden] = np.nan
+    bench = Bench(
+        Template(AXIS, SETTINGS, 1), make_course(replace(record, measured=measured), TICK), 5e-4
+    )
+    machine = bench.machine({"orifice_width_mm": 23.0, "viscous_friction_n_s_m": 2600.0})
+
+    shown = bench.run(machine, bench.cuts())[1]
+
+    rows = bench.course.strokes[1].rows
+    assert abs(record.measured[rows.start, 0]) > 0.99 * AXIS.parameters.h
+    assert shown[:, hidden] == pytest.approx(
+        record.measured[rows.start + 1 : rows.stop, hidden], abs=1e5
+    )
+
+
 def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(record):
     """Where a residual is linear, one step of Newton is the least squares of what stays."""
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)

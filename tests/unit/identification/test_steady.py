@@ -69,7 +69,7 @@ def test_the_fit_of_plateaus_finds_the_valve(bench):
 def test_a_stroke_starts_at_rest_but_for_its_piston(bench):
     """Position, speed, pressures, spool and supply pressure; all other states are 0."""
     stroke = bench.course.strokes[0]
-    found = _start(bench.machine({}), stroke, 0.25, 2e7)
+    found = _start(bench.machine({}), stroke, 0.25, (2e7, 0.0))
     assert found == pytest.approx([*stroke.start, 0.25, 0.0, 0.0, 0.0, 2e7, 0.0, 0.0, 0.0])
 
 

@@ -138,6 +138,10 @@ def compile_modules(root: Path, names: list[str], built: Path) -> None:
             group_name=GROUP,
             target_dir=str(built / "c"),
         )
+        if os.name == "posix":
+            for extension in extensions:  # calls within the core need no table of symbols
+                flags = extension.extra_compile_args
+                extension.extra_compile_args = [*flags, "-fvisibility=hidden"]
         build_extensions(extensions, built)
     except SystemExit as error:
         raise Problem(str(error) or "mypyc refuses the sources") from error

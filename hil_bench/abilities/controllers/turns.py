@@ -10,7 +10,6 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from hil_bench.outside.realtime import linux
@@ -51,7 +50,7 @@ class Turns:
         place = self._count % PERIOD
         if place == 0:
             self.end()
-        elif place == 1 and (single := [pid for pid in pids() if len(_threads(pid)) == 1]):
+        elif place == 1 and (single := [pid for pid in pids() if len(linux.threads(pid)) == 1]):
             with contextlib.suppress(OSError):
                 processor = linux.processor()
                 for thread in (threading.get_native_id(), *single):
@@ -61,7 +60,7 @@ class Turns:
         """Let all run where they may."""
         ties, self._ties = self._ties, []
         for tied, processor, others in ties:
-            for thread in _threads(tied):
+            for thread in linux.threads(tied):
                 with contextlib.suppress(OSError):  # it has ended
                     if os.sched_getaffinity(thread) == processor:
                         os.sched_setaffinity(thread, others)
@@ -71,10 +70,3 @@ class Turns:
         if processor in may and len(may) > 1:
             os.sched_setaffinity(thread, {processor})
             self._ties.append(_Tie(thread, {processor}, may))
-
-
-def _threads(thread: int) -> list[int]:
-    """Return all threads of the process of one; nothing where it has ended, or elsewhere."""
-    with contextlib.suppress(OSError):
-        return [int(path.name) for path in Path(f"/proc/{thread}/task").iterdir()]
-    return []

@@ -5,6 +5,7 @@ prctl(2), mlockall(2), sched(7), sched_setattr(2), getrlimit(2) of the Linux man
 from linux/prctl.h, asm-generic/mman-common.h, linux/sched.h and asm-generic/unistd.h.
 """
 
+import contextlib
 import ctypes
 import errno
 import os
@@ -91,6 +92,13 @@ def processors() -> set[int]:
     """Return the processors on which this thread may run."""
     _require_linux()
     return os.sched_getaffinity(0)
+
+
+def threads(thread: int) -> list[int]:
+    """Return all threads of the process of one; nothing where it has ended, or elsewhere."""
+    with contextlib.suppress(OSError):
+        return [int(path.name) for path in Path(f"/proc/{thread}/task").iterdir()]
+    return []
 
 
 def set_processors(cpus: set[int]) -> None:

@@ -199,7 +199,7 @@ def test_ticks_that_a_late_loop_skips_are_no_time_for_a_controller(tmp_path):
 
 def test_the_bench_takes_turns_with_a_process_until_they_are_closed(tmp_path, monkeypatch):
     places = {}
-    monkeypatch.setattr(turns, "_threads", lambda thread: [thread])
+    monkeypatch.setattr(turns.linux, "threads", lambda thread: [thread])
     monkeypatch.setattr(turns.linux, "processor", lambda: 1)
     monkeypatch.setattr(os, "sched_getaffinity", lambda thread: places.get(thread, {0, 1}))
     monkeypatch.setattr(os, "sched_setaffinity", places.__setitem__)

@@ -22,6 +22,7 @@ from hil_bench.abilities.faults.building import schedule_faults
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.section import FaultsPart
+from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario import resolve
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
@@ -45,6 +46,7 @@ from hil_bench.errors import ConfigError, ControllerError
 _MOST_BEHIND = 10_000_000_000
 """Time behind a run [ns] that a controller has to say why it had not begun its work."""
 
+_MUTE = "the program has sent no frame"
 _SENT_BY_EXAMPLE = ("spool_setpoint", "0x6300.01", "0x6040")
 """Targets that an example sends too as it enables a valve."""
 
@@ -337,7 +339,9 @@ def play(prepared: resolve.PreparedScenario, options: PlayOptions = PLAIN) -> Ru
                 options.reader(bench) if options.reader is not None else None,
                 last_tick + 1,
             )
-    findings = stage.judge()
+    table = prepared.scenario.controller.table if prepared.scenario.controller else {}
+    is_mute = table.get("kind") == "program" and stage.is_silent and not config.of(ModbusConfig)
+    findings = stage.judge((_MUTE,) if is_mute else ())
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
     return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)
 

@@ -229,6 +229,7 @@ class Director:
     Attributes:
         is_over: whether the run has come to its end.
         problem: what a step could not do; empty where all went well.
+        sent: how many frames of steps the bench has got.
         is_changed: of each target that a step has set, whether one found another value there.
         overwrites: says of a target whether the controller, as it begins, overwrites its value.
     """
@@ -244,6 +245,7 @@ class Director:
     ) -> None:
         self.is_over = False
         self.problem = ""
+        self.sent = 0
         self.is_changed: dict[str, bool] = {}
         self._plan, self._session, self._hand = plan, session, hand
         self._targets = targets
@@ -279,6 +281,7 @@ class Director:
         own = list(self._due(tick)) if is_due else []
         if self._sends_sync and tick % self._plan.sync_ticks == 0:
             own.append(Frame(SYNC_COB_ID))
+        self.sent += len(own)
         if not self._passes_sync:
             frames = [frame for frame in frames if frame.can_id != SYNC_COB_ID]
         return [*frames, *own] if own else frames
@@ -388,6 +391,8 @@ class Stage:
         self.director = Director(_plan(prepared), session, targets, hand)
         names = names_in(each.condition for each in prepared.requirements)
         self.witness = Witness(config, session, names, prepared.last_tick)
+        self._received = 0
+        session.watch(frames=self._count)
         if stops_at_failure:
             session.watch(ticks=_Stopper(prepared, self.witness, self.director).look)
         session.intercept = self.director
@@ -402,6 +407,14 @@ class Stage:
         """
         self._prepared = prepared
         self.director.adopt(prepared.actions)
+
+    def _count(self, received: Sequence[Frame], _sent: Sequence[Frame], _now: int) -> None:
+        self._received += len(received)
+
+    @property
+    def is_silent(self) -> bool:
+        """Return True if nobody but the steps has sent a frame to the bench."""
+        return self._received <= self.director.sent
 
     def end(self) -> None:
         """Let the run be over."""

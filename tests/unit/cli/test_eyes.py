@@ -574,6 +574,18 @@ def test_explain_says_that_the_clock_was_set_back(tmp_path, monkeypatch, cli):
     assert "the log: the clock goes back at 9.900 s" in cli("explain back.log").out
 
 
+def test_nothing_wrong_on_j1939_says_what_was_not_judged(make_file, cli):
+    """A charger's demand (BCL of GB/T 27930) has PGN 4096, which SAE has not assigned."""
+    claim = "(0.000000) can0 18EEFF56#0102030405060700\n"
+    charging = "".join(f"({k / 20:.6f}) can0 181056F4#A00F0A00FF\n" for k in range(1, 41))
+    found = cli(["explain", str(make_file("charger.log", claim + charging))]).out.splitlines()
+    assert found[-2] == "nothing wrong found"
+    assert found[-1] == (
+        "not judged: what the messages of J1939 say, but for trouble codes; 40 of 41 have a "
+        "parameter group that is not known here, the first 4096"
+    )
+
+
 def test_an_instant_is_no_sound_bus(make_file, cli):
     beat = "(1.{}00000) can0 701#05\n"
     one, two = (make_file(f"{n}.log", "".join(map(beat.format, range(n)))) for n in (1, 2))

@@ -49,12 +49,17 @@ def test_the_verdict_is_the_exit_code(tmp_path, capsys, words, that, code):
 
 
 @pytest.mark.parametrize(
-    ("bench", "code"), [("", ExitCode.INCONCLUSIVE), ("[modbus]\nport = 0\n", ExitCode.DONE)]
+    ("bench", "step", "code"),
+    [
+        ("", "", ExitCode.INCONCLUSIVE),
+        ("", '[[step]]\nat_s = 0.01\nnmt = "start"\ntarget = "all"\n', ExitCode.INCONCLUSIVE),
+        ("[modbus]\nport = 0\n", "", ExitCode.DONE),
+    ],
 )
-def test_a_controller_that_never_comes_exercises_nothing(tmp_path, capsys, bench, code):
-    """Writes on Modbus are no frames: that nobody came is not known there."""
+def test_a_controller_that_never_comes_exercises_nothing(tmp_path, capsys, bench, step, code):
+    """Writes on Modbus are no frames: that nobody came is not known there. A step is nobody."""
     (tmp_path / "bench.toml").write_text(bench)
-    more = 'bench = "bench.toml"\n[controller]\nfirmware = ["/no/such"]\n'
+    more = 'bench = "bench.toml"\n[controller]\nfirmware = ["/no/such"]\n' + step
     assert run(scenario(tmp_path, PASSING, more), *ON_A_BUS) == code
     said = "R1  not exercised  no controller on the bus has sent a frame"
     assert (said in capsys.readouterr().out) == (code == ExitCode.INCONCLUSIVE)

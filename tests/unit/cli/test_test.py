@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from support.programs import needs_compiler
 
 from hil_bench.abilities.campaign.records import RunOutcome
 from hil_bench.abilities.scenario.run import play
@@ -165,6 +166,16 @@ def test_a_file_that_is_no_controller_is_bad_input_whatever_its_kind(
     path = scenario(tmp_path, "always axis1.P_A < 250 bar", head)
     found = cli(["test", path], ExitCode.USAGE)
     assert wrong in found.out + found.err
+
+
+@needs_compiler
+def test_a_program_that_sends_nothing_exercises_nothing(tmp_path, cli):
+    """Frames of steps are not its own."""
+    more = '[controller]\nkind = "program"\ncommand = ["sleep", "9"]\n'
+    more += '[[step]]\nat_s = 0.01\nnmt = "start"\ntarget = "all"\n'
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar", more)
+    found = cli(["test", path], ExitCode.INCONCLUSIVE)
+    assert "R1  not exercised  the program has sent no frame" in found.out
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
+from hil_bench.abilities.eyes.j1939 import group_name
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.words import NO_MEANING, emergency_text, is_error_reset
@@ -47,15 +48,38 @@ class Language:
         self.for_canopen = 0
         self.against = Evidence()
         self.is_j1939 = False
+        self._messages = self._unnamed = 0
+        self._first_unnamed = ""
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         if sight.service is Service.J1939:
             self.is_j1939 = True
+            self._name(sight)
         elif _is_against(sight):
             self.against.append(sight)
         else:
             self.for_canopen += _is_for(sight)
+
+    def _name(self, sight: Sight) -> None:
+        """Count a message of J1939, and one of a parameter group that nobody here knows."""
+        if sight.message is None:
+            return
+        self._messages += 1
+        if not sight.readings and not group_name(sight.message.group):
+            self._unnamed += 1
+            self._first_unnamed = self._first_unnamed or f"{sight.message.group}"
+
+    @property
+    def unjudged(self) -> str:
+        """What of the messages has not been judged, in words; empty for nothing."""
+        if not self.is_j1939:
+            return ""
+        found = "what the messages of J1939 say, but for trouble codes"
+        if self._unnamed:
+            found += f"; {self._unnamed} of {self._messages} have a parameter group that is not "
+            found += f"known here, the first {self._first_unnamed}"
+        return found
 
     def listen(self, sights: list[Sight]) -> list[Sight]:
         """Take sights, and return them."""

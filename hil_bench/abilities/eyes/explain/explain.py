@@ -105,6 +105,7 @@ class Explanation(NamedTuple):
         notes: what is odd with the log itself.
         languages: those that its frames show to be spoken, "CANopen" and "J1939".
         is_judged: whether one of them is, or the bus has known nodes and no frame is against them.
+        unjudged: what of the messages has not been judged, in words; empty for nothing.
     """
 
     findings: tuple[Finding, ...]
@@ -115,6 +116,7 @@ class Explanation(NamedTuple):
     notes: tuple[str, ...] = ()
     languages: tuple[str, ...] = ()
     is_judged: bool = True
+    unjudged: str = ""
 
 
 class Explainer:
@@ -238,6 +240,7 @@ class Explainer:
             (*self._clock.notes(), *spoken.notes(self._frames)),
             spoken.names,
             bool(spoken.names or (self._has_nodes and not spoken.is_foreign)),
+            spoken.unjudged,
         )
 
 

@@ -121,6 +121,8 @@ def explanation_lines(
     elif not found.findings:
         instant = "" if found.duration > 0.0 else ", but an instant shows no period and no silence"
         yield f"nothing wrong found{instant}"
+    if found.unjudged:
+        yield f"not judged: {found.unjudged}"
 
 
 def explanation_content(found: Explanation) -> dict[str, object]:
@@ -133,6 +135,7 @@ def explanation_content(found: Explanation) -> dict[str, object]:
         "notes": found.notes,
         "languages": found.languages,
         "is_judged": found.is_judged,
+        "unjudged": found.unjudged,
         "findings": [finding_content(each) for each in found.findings],
     }
 

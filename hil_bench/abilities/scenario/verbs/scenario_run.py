@@ -8,7 +8,7 @@ import contextlib
 import functools
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
@@ -25,7 +25,6 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import has_bus, read_
 from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.bench.session import Session
 from hil_bench.bench.virtual_bench import VirtualBench
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
 from hil_bench.cli.helpers import BenchEvents, Helpers
@@ -86,11 +85,7 @@ class _Played:
         self._stage = Stage(prepared, session)
         self._shown = shown_stage(prepared, self._stage)
         is_on_can = prepared.config.of(ModbusConfig) is None  # its writes are no frames
-        self._has_heard = not (prepared.scenario.controller and is_on_can)
-        session.watch(frames=self._hear)
-
-    def _hear(self, received: Sequence[Frame], _sent: Sequence[Frame], _now: int) -> None:
-        self._has_heard |= bool(received)
+        self._is_awaited = bool(prepared.scenario.controller and is_on_can)
 
     def guest(self) -> Guest:
         """Return the guest that the run hosts."""
@@ -103,7 +98,7 @@ class _Played:
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
         """The judgement on each requirement; only when the run is over."""
-        return self._stage.judge(() if self._has_heard else (_NOBODY,))
+        return self._stage.judge((_NOBODY,) if self._is_awaited and self._stage.is_silent else ())
 
     def _lines(self) -> Iterator[str]:
         yield f"{self._scenario.path}: {self._scenario.title}"

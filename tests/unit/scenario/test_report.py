@@ -152,7 +152,7 @@ def test_a_run_that_fails_is_a_problem(tmp_path):
     more = '[controller]\nfirmware = ["/no/such"]\n'
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"), more=more)
     code, page, content = report(tmp_path, "test", path)
-    assert (code, content["outcome"]) == (ExitCode.CHECK_FAILED, "failed")
+    assert (code, content["outcome"]) == (ExitCode.USAGE, "failed")
     assert "/no/such: cannot be started" in page.text
 
 

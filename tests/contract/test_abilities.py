@@ -218,7 +218,7 @@ def test_a_table_of_another_distribution_is_read_and_at_work(make_file, cli):
     with VirtualBench(load_config(file)) as bench:
         bench.run(0.1)
         times = [each.now for each in bench.frames if each.frame.can_id == 0x77F]
-    assert times == [k * 20_000_000 for k in range(1, 6)]
+    assert times == [k * 20_000_000 for k in range(6)]
     assert "[beacon]" in cli(["check", str(file)]).out
     file.write_text("[beacon]\ncan_id = 0\nperiods_ms = 20\n")
     with pytest.raises(ConfigError) as error:

@@ -19,6 +19,7 @@ from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.recorded import judge_with_trace
 from hil_bench.abilities.scenario.syntax import ExpectationError
+from hil_bench.errors import NothingSeenError
 from referee.asking import conditions_in, laid_on_ticks, names_in, refusals
 from referee.cases import Case, bits, written
 from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Ruling, Run
@@ -102,7 +103,7 @@ def differences_of_file(case: Case, folder: Path) -> Iterator[str]:
     percents = {name for name, (unit, _) in case.logged.items() if unit == "%"}
     try:
         found = judge_with_trace(requirement, read_recording(recording), "run.csv").findings[0]
-    except (ConfigError, ExpectationError) as error:
+    except (ConfigError, NothingSeenError, ExpectationError) as error:
         allowed = [*expected, *(WRONG_UNIT if odd else ()), *(OPEN_UNIT if percents else ())]
         if not any(reason in str(error) for reason in allowed):
             yield f"refused, the referee does not: {error}"

@@ -1,4 +1,4 @@
-"""What lies between the plant and objects of a device: bindings, and chains of a sensor."""
+"""Between the plant and objects of a device: bindings, and chains of a sensor."""
 
 import itertools
 from collections.abc import Callable, Mapping

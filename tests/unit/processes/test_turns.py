@@ -79,7 +79,7 @@ def test_who_ties_itself_meanwhile_stays_so(machine, process):
 def test_threads_that_they_have_started_meanwhile_are_free_again(machine, process, monkeypatch):
     played = play(PERIOD, process)
     machine[77] = {2}  # inherited
-    monkeypatch.setattr(turns, "_threads", lambda thread: [thread, 77])
+    monkeypatch.setattr(turns.linux, "threads", lambda thread: [thread, 77])
     played.end()
     assert machine[77] == ALL
 

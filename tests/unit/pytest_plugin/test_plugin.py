@@ -492,7 +492,7 @@ def test_firmware_that_is_not_there_is_the_first_that_is_said(pytester):
     place = next(n for n, line in enumerate(shown) if line.startswith(">"))
     assert shown[place].strip() == ">       firmware('build/none', '{bus}')"
     assert shown[place + 1].startswith(
-        "E       hil_bench.errors.ControllerError: build/none: cannot be started: No such file"
+        "E       hil_bench.errors.ControllerFileError: build/none: cannot be started: No such file"
     )
     assert place < 6
 

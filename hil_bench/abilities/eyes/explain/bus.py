@@ -72,7 +72,7 @@ class Language:
 
     @property
     def unjudged(self) -> str:
-        """What of the messages has not been judged, in words; empty for nothing."""
+        """The part of the messages that has not been judged, in words; empty for nothing."""
         if not self.is_j1939:
             return ""
         found = "what the messages of J1939 say, but for trouble codes"

@@ -180,9 +180,8 @@ class Session:
         """
         booted: Sequence[Frame] = ()
         if self.sources and not self.has_ticked and now > self.now:
-            booted = self.tick(
-                (), self.now, send
-            )  # what a source sends then meets nodes that are up
+            # What a source sends then meets nodes that are up.
+            booted = self.tick((), self.now, send)
         guests = self._guests(now) if self.sources else ()
         if guests:
             frames = [*frames, *guests] if frames else guests

@@ -66,7 +66,7 @@ ANGLE: Final = Quantity(
 """Of the shaft, over all turns; a command that is late by 2 ms turns it by 0.2 rad at 950 rpm."""
 SPEED: Final = Quantity("speed", "rad/s", 1, shown=Shown("n {:+z7.1f} rpm", 9.549296585513721))
 TORQUE: Final = Quantity("torque", "N m", 5)
-"""What the oil gives to the shaft, before friction: (P_A - P_B) D."""
+"""Torque of the oil on the shaft, before friction: (P_A - P_B) D."""
 
 QUANTITIES: Final = (
     ANGLE,
@@ -81,7 +81,7 @@ QUANTITIES: Final = (
 )
 
 LOAD: Final = "load"
-"""What acts on the shaft from outside [N m], positive against positive rotation."""
+"""Torque on the shaft from outside [N m], positive against positive rotation."""
 
 
 # The keys of a motor's table ``[plant.NAME]``; valve, oil and supply have those of the cylinder.

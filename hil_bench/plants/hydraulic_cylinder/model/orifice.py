@@ -82,7 +82,7 @@ Edges = tuple[Edge, Edge, Edge, Edge]
 """P-A, A-T, P-B, B-T."""
 
 Resistances = tuple[float, float]
-"""What oil that leaves A, and B, has to pass before the edge [1/m]; infinite where none can."""
+"""The resistance before the edge to oil that leaves A, and B [1/m]; infinite where no oil can."""
 
 
 @kernel

@@ -169,7 +169,7 @@ def _remedy(limit: float) -> str:
 
 
 Drag = tuple[float, float, float]
-"""What the friction curve is at the start of a step: (secant, tangent, implicit share) [N s/m]."""
+"""The friction curve at the start of a step: (secant, tangent, implicit share) [N s/m]."""
 
 NO_DRAG: Drag = (math.inf, 0.0, 0.0)
 """In place of the friction curve where bristles hold the piston."""

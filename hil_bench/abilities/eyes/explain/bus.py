@@ -1,5 +1,6 @@
 """The language of a bus, its EMCY, error frames and load."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 from hil_bench.abilities.eyes.explain.finding import Cause, Evidence, Finding, finding, seconds
@@ -48,27 +49,21 @@ class Language:
         self.for_canopen = 0
         self.against = Evidence()
         self.is_j1939 = False
-        self._messages = self._unnamed = 0
-        self._first_unnamed = ""
+        self._messages = 0
+        self._unread = Counter[int]()  # messages whose values nobody reads, by parameter group
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         if sight.service is Service.J1939:
             self.is_j1939 = True
-            self._name(sight)
+            if sight.message is not None:
+                self._messages += 1
+                if not sight.readings:
+                    self._unread[sight.message.group] += 1
         elif _is_against(sight):
             self.against.append(sight)
         else:
             self.for_canopen += _is_for(sight)
-
-    def _name(self, sight: Sight) -> None:
-        """Count a message of J1939, and one of a parameter group that nobody here knows."""
-        if sight.message is None:
-            return
-        self._messages += 1
-        if not sight.readings and not group_name(sight.message.group):
-            self._unnamed += 1
-            self._first_unnamed = self._first_unnamed or f"{sight.message.group}"
 
     @property
     def unjudged(self) -> str:
@@ -76,9 +71,11 @@ class Language:
         if not self.is_j1939:
             return ""
         found = "what the messages of J1939 say, but for trouble codes"
-        if self._unnamed:
-            found += f"; {self._unnamed} of {self._messages} have a parameter group that is not "
-            found += f"known here, the first {self._first_unnamed}"
+        unknown = {group: n for group, n in self._unread.items() if not group_name(group)}
+        if unknown:
+            share = f"{sum(unknown.values())} of {self._messages}"
+            found += f"; {share} have a parameter group that is not known here, "
+            found += f"the first {next(iter(unknown))}"
         return found
 
     def listen(self, sights: list[Sight]) -> list[Sight]:

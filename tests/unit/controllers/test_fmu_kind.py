@@ -54,6 +54,7 @@ def exported(tmp_path_factory):
     return write_law(tmp_path_factory.mktemp("exported")).parent
 
 
+@pytest.mark.long
 def test_one_of_another_tool_drives_the_axis_and_starts_anew(exported, capsys):
     (exported / "hold.scenario.toml").write_text(SCENARIO)
     assert main(["test", str(exported / "hold.scenario.toml")]) == ExitCode.DONE, (

@@ -240,6 +240,7 @@ def test_a_library_that_exits_does_not_end_the_run_as_passed(build, definitions,
     assert (ended.returncode, ended.stderr) == (code, words)
 
 
+@pytest.mark.long
 def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(build, tmp_path):
     """Two of the libraries end their process at their first call; the third prints."""
     leaves = "-DLEAVES"

@@ -146,6 +146,7 @@ def test_an_axis_alone_on_its_supply_keeps_its_names(tmp_path):
     assert run["P_S"][-1] == pytest.approx(180.9e5, rel=1e-3)
 
 
+@pytest.mark.long
 def test_two_instances_live_side_by_side(tmp_path):
     """The first one goes on as if the second were not there."""
     export(tmp_path)

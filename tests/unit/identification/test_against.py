@@ -59,6 +59,7 @@ def test_the_same_machine_has_not_changed(before):
     assert all(0.0 <= one.explains <= 1.0 for one in found.tried)
 
 
+@pytest.mark.long
 def test_a_sensor_that_is_off_is_named_with_its_offset(before):
     found = compared(before, replace(SOUND, offset=1.5e5))
 

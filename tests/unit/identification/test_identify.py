@@ -271,6 +271,7 @@ def test_no_time_at_all_leaves_what_the_plateaus_show(record):
         assert 1.0 < np.abs(command.lines[0].get_ydata()).max() <= 100.0  # [%]
 
 
+@pytest.mark.long
 def test_a_clock_that_ends_leaves_the_best_so_far(record):
     """Once a search has moved: its best point stays, although later ones have no time."""
     runs = 0

@@ -164,7 +164,7 @@ def digest(frames):
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-@pytest.mark.parametrize("hash_seed", ["0", "4711"])
+@pytest.mark.parametrize("hash_seed", ["0", pytest.param("4711", marks=pytest.mark.long)])
 def test_the_trace_is_the_same_for_every_hash_seed(hash_seed):
     script = "from test_lockstep import *; print(digest(sent_in_bundles(1, 30)))"
     done = subprocess.run(  # noqa: S603 - a script of our own

@@ -77,7 +77,8 @@ def drive(folder, name, seconds):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["stm32f4", pytest.param("stm32g4", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["stm32f4", "stm32g4"])
 def test_the_example_drives_from_its_chip(built, name):
     frames, positions = drive(built, name, 1.6)
     # Its targets are 50 and -20 mm, its own limit of error at rest is 0.1 mm.

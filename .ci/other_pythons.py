@@ -1,9 +1,10 @@
 """Run README's tests on each other Python of the classifiers: ``other_pythons.py WORK``.
 
-WORK is a folder for a copy of the sources and an environment each. A version that this machine does
-not have is named. The first that has ``sys.monitoring`` measures meanwhile which lines run, for a
-tenth of the time: tracers of older ones double it, as do branches before Python 3.14. Exit code 1:
-the tests failed on one that the machine has, or left too many lines alone.
+WORK is a folder for a copy of the sources and an environment each, in folders with a blank in their
+names. A version that this machine does not have is named. The first that has ``sys.monitoring``
+measures meanwhile which lines run, for a tenth of the time: tracers of older ones double it, as do
+branches before Python 3.14. Exit code 1: the tests failed on one that the machine has, or left too
+many lines alone.
 """
 
 import os
@@ -90,7 +91,7 @@ def main() -> int:
         print(f"== Python {version}", flush=True)
         measured = not measured_on and tuple(map(int, version.split("."))) >= MONITORED
         measured_on = version if measured else measured_on
-        code = test_on(program, Path(sys.argv[1]) / f"python{version}", measured=measured)
+        code = test_on(program, Path(sys.argv[1]) / f"Python {version}", measured=measured)
         verdicts[version] = f"FAILED: exit code {code}" if code else "passed"
     for version in sorted(verdicts):
         print(f"Python {version}: {verdicts[version]}")

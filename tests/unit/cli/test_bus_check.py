@@ -181,7 +181,7 @@ def test_one_of_several_buses_is_checked_by_its_name(cli):
 @from_text("arguments", "message")
 def test_a_bus_that_cannot_be_meant_is_told(capsys, arguments, message):
     bench = str(EXAMPLES / "two_buses.toml")
-    assert main(arguments.replace("BENCH", bench).split()) == 2
+    assert main([word.replace("BENCH", bench) for word in arguments.split()]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message.replace('BENCH', bench)}\n"
 
 

@@ -2,6 +2,7 @@
 
 import gc
 import io
+import shlex
 import subprocess
 import sys
 
@@ -10,7 +11,7 @@ import pytest
 from hil_bench import cli
 from hil_bench.cli.exit_codes import collection_put_off, prepare_streams
 
-CALL = f"{sys.executable} -m hil_bench"
+CALL = f"{shlex.quote(sys.executable)} -m hil_bench"
 
 
 def sh(command):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import shlex
 from pathlib import Path
 
 import pytest
@@ -180,7 +181,7 @@ def test_only_axes_of_our_own_are_exported(tmp_path):
 @from_text("words", "message")
 def test_the_verb(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
-    code = main(["export-fmu", *words.split()])
+    code = main(["export-fmu", *shlex.split(words)])
     out, err = capsys.readouterr()
     if message:
         assert (code, err.splitlines()[0]) == (ExitCode.USAGE, f"hil-bench: error: {message}")

@@ -234,6 +234,6 @@ def milliseconds(what: str, time: float) -> int:
     Raises:
         ValueError: it is negative, longer than the timers hold, or would round to none.
     """
-    if not 0 <= time <= 65.535 or 0 < time < 0.0005:
+    if not 0 <= time <= 65.535 or 0 < time <= 0.0005:
         raise ValueError(f"{what} {time} s: 0 for none, or 0.001 to 65.535 s is right")
     return round(time * 1000)

@@ -1,7 +1,10 @@
 """Driver for a proportional valve with spool position feedback on Modbus."""
 
+import contextlib
+import struct
 from collections.abc import Sequence
 
+from hil_drivers.device import milliseconds
 from hil_drivers.errors import DeviceFaultError
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.device import ModbusDevice
@@ -38,15 +41,12 @@ class ProportionalValve(ValveControl, ModbusDevice):
 
         Args:
             command_timeout: the device's reaction comes when no command did for this time [s]; 0
-                switches that off.
-
-        Raises:
-            ValueError: the time-out is negative, or longer than the device can watch.
+                switches that off. A `ValueError` says that the device cannot watch such a time.
         """
-        if not 0 <= command_timeout <= 65.535:
-            raise ValueError(f"command time-out {command_timeout} s: 0 to 65.535 s is right")
+        milliseconds("command time-out", command_timeout)
+        watchdog = self._watchdog_words(command_timeout)
         super().setup()
-        self._write(self._watchdog, command_timeout)
+        self.client.write_registers(self.unit_id, self._watchdog.address, watchdog)
         self._is_set_up = True
         self.client.write_coil(self.unit_id, self._control.address, on=True)
         self.poll()
@@ -59,6 +59,22 @@ class ProportionalValve(ValveControl, ModbusDevice):
     def send(self) -> None:
         """Send the set-point as it is, again."""
         self._write(self._setpoint, self._fraction)
+
+    def _watchdog_words(self, timeout: float) -> list[int]:
+        """Return the registers of a time-out [s].
+
+        Raises:
+            ValueError: they cannot hold it, or would hold 0, which switches the watchdog off.
+        """
+        register = self._watchdog
+        with contextlib.suppress(struct.error):
+            words = register.encode(timeout)
+            if any(words) or not timeout:
+                return words
+        raise ValueError(
+            f"command time-out {timeout} s: 0, or a time that {register.name} ({register.type}, "
+            f"{register.factor:g} s a count) holds, is right"
+        )
 
     @property
     def _medium(self) -> ModbusClient:

@@ -1,9 +1,23 @@
 """What all drivers check: identity, mapping, COB-IDs; and that they write only what differs."""
 
+import math
+
 import pytest
 
 from device_profiles import ENCODER_406
-from hil_drivers import DeviceMismatchError, PositionSensor, SdoAbortError, StaleValueError
+from hil_drivers import (
+    ControllerParameters,
+    DeviceMismatchError,
+    DriverTimeoutError,
+    Network,
+    PositionSensor,
+    SdoAbortError,
+    StaleValueError,
+)
+from hil_drivers.device import milliseconds
+from hil_drivers.j1939 import J1939Device, J1939Port, Name
+from hil_drivers.modbus import ModbusClient
+from hil_drivers.modbus import PositionSensor as PositionOnModbus
 
 MAPPING = [0x60040020, 0x60300110]
 
@@ -154,13 +168,58 @@ def test_a_refused_transmission_type_is_told(
 
 
 @pytest.mark.parametrize(
+    ("time", "number"), [(0.0, 0), (0.000501, 1), (0.001, 1), (0.25, 250), (65.535, 65535)]
+)
+def test_a_time_is_whole_milliseconds_in_16_bits(time, number):
+    assert milliseconds("event timer", time) == number
+
+
+def port(address):
+    return J1939Port(Network(None), Name(1), address)
+
+
+@pytest.mark.parametrize(
+    ("make", "good", "bad"),
+    [
+        (lambda number: Network(None).add_node(number), [1, 127], [0, 128]),
+        (lambda address: J1939Device(port(0), address), [0, 253], [-1, 254]),
+        (port, [0, 253], [-1, 254]),
+        (
+            lambda unit: PositionOnModbus(ModbusClient(None), unit),
+            [1, 247],
+            [0, 248],
+        ),
+        (lambda size: ControllerParameters(position_gain=size), [0.0], [-1e-9, math.inf]),
+        (lambda size: ControllerParameters(dead_zone=size), [0.0, 0.999], [1.0]),
+        (lambda size: ControllerParameters(full_speed=size), [1e-9], [0.0]),
+        (lambda size: ControllerParameters(tolerance=size), [0.0], [-1e-9]),
+    ],
+)
+def test_limits_are_met_exactly(make, good, bad):
+    for value in good:
+        make(value)
+    for value in bad:
+        with pytest.raises(ValueError, match="is right"):
+            make(value)
+
+
+@pytest.mark.parametrize("number", [0, 1, 240, 254, 255])
+def test_transmission_types_of_cia_301_are_taken(sensor, bus, number):
+    with pytest.raises(DriverTimeoutError):  # nobody answers
+        sensor.setup(transmission_type=number)
+    assert bus.sent
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         {"transmission_type": 241},
+        {"transmission_type": 253},
+        {"transmission_type": 256},
         {"transmission_type": -1},
         {"event_timer": -0.1},
-        {"event_timer": 66.0},
-        {"heartbeat_period": 1e-4},
+        {"event_timer": 65.536},
+        {"heartbeat_period": 0.0005},  # 0 ms when rounded, which is no heartbeat
     ],
 )
 def test_an_argument_out_of_range_is_refused_before_anything_is_sent(sensor, bus, arguments):

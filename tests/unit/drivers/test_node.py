@@ -259,12 +259,6 @@ def test_two_nodes_of_one_eds_share_nothing(encoder_eds):
     assert [each[0x1800][1].default for each in (same, other)] == [0x40000184, 0x40000185]
 
 
-@pytest.mark.parametrize("node_id", [0, 128])
-def test_a_node_id_out_of_range_is_refused(network, encoder_eds, node_id):
-    with pytest.raises(ValueError, match="1 to 127"):
-        network.add_node(node_id, encoder_eds)
-
-
 def test_a_real_number_is_no_integer(network, expected_protocol):
     node = network.add_node(2, PRESSURE_404)
     with (

@@ -1,6 +1,7 @@
 """The drivers against transcripts: other makers' maps, staleness, identity."""
 
 import math
+import re
 import struct
 
 import pytest
@@ -174,12 +175,6 @@ def test_a_device_without_identification_is_taken_at_its_word(client, answer):
     assert sensor.is_valid
 
 
-@pytest.mark.parametrize("unit_id", [0, 248, -1])
-def test_a_unit_id_out_of_range_is_refused(client, unit_id):
-    with pytest.raises(ValueError, match="1 to 247 is right"):
-        PressureSensor(client, unit_id)
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -282,10 +277,38 @@ def test_a_valve_that_cannot_be_reached_is_closed_with_a_warning(client, link, a
     assert "could not be given back" in caplog.text
 
 
-@pytest.mark.parametrize("time", [-0.1, 66.0, math.nan])
-def test_a_command_time_out_that_makes_no_sense_is_refused(client, time):
-    with pytest.raises(ValueError, match=r"0 to 65\.535 s is right"):
+@pytest.mark.parametrize("time", [-0.1, 0.0005, 65.536, math.nan, math.inf])
+def test_a_command_time_out_that_makes_no_sense_is_refused(client, link, time):
+    with pytest.raises(ValueError, match=r"0\.001 to 65\.535 s is right"):
         ProportionalValve(client, 1).setup(command_timeout=time)
+    assert link.sent == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "good", "bad"),
+    [
+        ("uint16", "s", [0.0, 0.51, 65.5], [0.5, 0.1]),  # round(0.5) is 0
+        ("int16", "ms", [0.0, 0.001, 32.767], [32.768]),
+        ("uint16", "ms", [65.535], []),
+    ],
+)
+def test_a_watchdog_that_would_be_off_or_cannot_hold_the_time_is_refused(
+    client, link, tmp_path, kind, unit, good, bad
+):
+    text = (REGISTERS / "valve_408.toml").read_text(encoding="utf-8")
+    before, head, after = text.partition("[holding_registers.watchdog]\n")
+    entry, blank, rest = after.partition("\n\n")
+    entry = re.sub(r'type = ".*"', f'type = "{kind}"', re.sub(r"(?m)^(unit|scale).*\n?", "", entry))
+    path = tmp_path / "map.toml"
+    path.write_text(f'{before}{head}{entry}\nunit = "{unit}"{blank}{rest}', encoding="utf-8")
+    for time in good:
+        with pytest.raises(DriverTimeoutError):  # it is taken: the device is asked
+            ProportionalValve(client, 1, path).setup(command_timeout=time)
+    asked = len(link.sent)
+    for time in bad:
+        with pytest.raises(ValueError, match=rf"watchdog \({kind}, .* s a count\) holds"):
+            ProportionalValve(client, 1, path).setup(command_timeout=time)
+    assert (asked, len(link.sent)) == (len(good), asked)
 
 
 def test_a_map_with_its_commands_apart_gets_two_requests(client, link, answer, tmp_path):

@@ -113,6 +113,7 @@ class EntryReader:
             high=None if high == data_type.high else high,
             mappable=self._is_mappable(section),
         )
+        variable.is_open = text is None
         variable.base = self._base(text or "", variable)
         self._check_identifier(section, option, variable)
         return variable
@@ -136,6 +137,7 @@ class EntryReader:
         limits = variable.low, variable.high
         variable.default = self._default(section, key, text, variable.data_type, limits)
         variable.value = variable.default
+        variable.is_open = False
         variable.base = self._base(text, variable)
 
     def _note(self, section: Section, key: str, text: str, *, works: bool = True) -> None:

@@ -73,6 +73,7 @@ class Variable:
         value: the present value, of the data type's Python type; None where there is no data
             (an SDO upload then aborts with 0800 0024). The application assigns it directly and
             is answerable for its range.
+        is_open: no file gives a default, so that what a real device holds is not known.
         is_plain: no limit, check or hook stands between the bus and the value.
     """
 
@@ -87,6 +88,7 @@ class Variable:
         "high",
         "index",
         "is_carried",
+        "is_open",
         "is_plain",
         "low",
         "mappable",
@@ -119,6 +121,7 @@ class Variable:
         self.high = high
         self.mappable = mappable
         self.is_carried = False
+        self.is_open = False
         self.base = base
         self.value: Any = self.default
         self.is_plain = low is None and high is None
@@ -144,7 +147,7 @@ class Variable:
             base=self.base,
         )
         twin.default, twin.value = self.default, self.value
-        twin.is_carried = self.is_carried
+        twin.is_carried, twin.is_open = self.is_carried, self.is_open
         return twin
 
     def add_check(self, check: Check) -> None:

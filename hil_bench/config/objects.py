@@ -124,6 +124,7 @@ def _override(variable: Variable, given: ObjectValue, node_id: int) -> None:
         right = f"give {_bound(variable.low)} to {_bound(variable.high)}"
         raise ValueError(f"{describe(given)} is out of range; {right}") from None
     variable.default = variable.value = value
+    variable.is_open = False
     variable.base = value - node_id if "$NODEID" in text.upper() else None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
-from hil_bench.abilities.eyes.values import UNIT_OBJECTS, Reader, Scale, number_in, profile_of
+from hil_bench.abilities.eyes.values import Reader, Scale, decides_scale, number_in, profile_of
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_commissioning, warn_of_findings
 from hil_bench.bench.power_on import load_objects
@@ -170,9 +170,13 @@ class KnownNode:
         if index == _STORE:
             self._store()
             return False
-        is_news, variable.value = variable.value != value, value
+        is_news = variable.is_open or variable.value != value
+        variable.value, variable.is_open = value, False
         return is_news and (
-            index in _PDO_OBJECTS or index in _COB_IDS or index in UNIT_OBJECTS or index == 0x1008
+            index in _PDO_OBJECTS
+            or index in _COB_IDS
+            or decides_scale(index, subindex)
+            or index == 0x1008
         )
 
     def reset(self, indices: range) -> None:

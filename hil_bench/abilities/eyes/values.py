@@ -54,23 +54,31 @@ _DIGITS: Final = range(10)
 _POSITIONS: Final = {0x6004, 0x6020}
 _SPEED: Final = 0x6030
 _STEPS: Final = 0x6005
+_LINEAR: Final = {0x8, 0x9, 0xA}
+"""Encoder types in the high word of 0x1000: linear, linear and cyclic, several sensors."""
 _PER_TURN: Final = 0x6001
 _RESOLUTION: Final = 0x6501
 _SPEED_PARAMETERS: Final = 0x6031
 
 _SPOOL: Final = {0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350}
 _AXIS: Final = {0x6600, 0x6601, 0x6610, 0x6614, 0x6620, 0x6621, 0x6650}
-_METRE: Final = 1
-"""SI unit of an object's sub-index 2, with the power of ten in sub-index 3."""
 _PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
+_WITH_UNIT: Final = _SPOOL | _AXIS | _PRESSURE_MODE
+"""Records of a value, its unit and its prefix, the power of ten."""
+_VALUE, _UNIT, _PREFIX = 1, 2, 3
+_NO_UNIT, _METRE = 0, 1
 
 CONTROL_WORD, STATUS_WORD = 0x6040, 0x6041
 _CONTROL_BITS: Final = "DHMR"
 
-UNIT_OBJECTS: Final = frozenset(
-    {0x1000, 0x6000, 0x6001, 0x6005, 0x6031, 0x6131, 0x6132, 0x6311, 0x6391}
+_UNIT_OBJECTS: Final = frozenset(
+    {0x1000, 0x6000, 0x6001, 0x6005, 0x6031, 0x6131, 0x6132, 0x6311, 0x6391, 0x6501}
 )
-"""Objects whose values decide how others are read."""
+
+
+def decides_scale(index: int, subindex: int) -> bool:
+    """Return True for an object whose value decides how others are read."""
+    return index in _UNIT_OBJECTS or (index in _WITH_UNIT and subindex in {_UNIT, _PREFIX})
 
 
 def number_in(objects: ObjectDictionary, index: int, subindex: int = 0, absent: int = 0) -> int:
@@ -85,21 +93,34 @@ def profile_of(objects: ObjectDictionary) -> int:
 
 
 def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
-    """Return the scale of an object's numbers; None where no profile defines it."""
+    """Return the scale of an object's numbers; None where no profile defines it, or it is open.
+
+    The number of entries, sub-index 0 of an array or a record, has none.
+    """
+    if subindex == 0 and objects.find(index, 1) is not None:
+        return None
     profile = profile_of(objects)
     if profile == MEASURING:
         return _measured(objects, index, subindex)
     if profile == ENCODER:
         return _encoded(objects, index)
     if profile == VALVE:
-        return _commanded(objects, index)
+        return _commanded(objects, index, subindex)
     return None
+
+
+def _is_open(objects: ObjectDictionary, index: int, subindex: int = 0) -> bool:
+    """Return True for an object whose value neither the EDS nor the bus has given yet."""
+    variable = objects.find(index, subindex)
+    return variable is not None and variable.is_open and variable.value == variable.default
 
 
 def _measured(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
     unit = _unit(number_in(objects, 0x6131, subindex))
     if index in _REAL_PROCESS:
         return Scale(1.0, unit) if unit else None
+    if _is_open(objects, 0x6132, subindex):
+        return None
     digits = number_in(objects, 0x6132, subindex)
     if any(index - shift in _REAL_PROCESS for shift in _INTEGER_FORMATS) and digits in _DIGITS:
         return Scale(10.0**-digits, unit or units.ONE)
@@ -133,19 +154,27 @@ def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
 
 def _steps_per_turn(objects: ObjectDictionary) -> int:
     """Return the steps that a rotary encoder has in one revolution; 0 for a linear one."""
-    if objects.find(_PER_TURN) is None:
+    is_linear = number_in(objects, 0x1000) >> 16 in _LINEAR
+    if is_linear or objects.find(_PER_TURN) is None or _is_open(objects, 0x6000):
         return 0
     is_scaled = number_in(objects, 0x6000) & SCALING_BIT
     return number_in(objects, _PER_TURN if is_scaled else _RESOLUTION)
 
 
-def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
+def _commanded(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
+    """Return the scale of a valve's value: of the reference where it has no unit of its own."""
+    if index not in _WITH_UNIT or subindex != _VALUE:
+        return None
+    unit, prefix = (number_in(objects, index, sub) for sub in (_UNIT, _PREFIX))
+    if unit == _METRE:
+        return Scale(10.0 ** (prefix + 3), units.MILLIMETRE)
+    if unit != _NO_UNIT:
+        physical = _unit((prefix & 0xFF) << 24 | unit << 16)
+        return physical and Scale(1.0, physical)
     places = ((_SPOOL, 0x6311), (_PRESSURE_MODE, 0x6391))
     for indices, reference_object in places:
         if index in indices and (reference := number_in(objects, reference_object, 1)):
             return Scale(100.0 / reference, units.PERCENT)
-    if index in _AXIS and number_in(objects, index, 2) == _METRE:
-        return Scale(10.0 ** (number_in(objects, index, 3) + 3), units.MILLIMETRE)
     return None
 
 

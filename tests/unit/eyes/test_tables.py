@@ -1,15 +1,19 @@
 """The words of the eyes by the tables of CiA 301, 303-2, 305, 404, 406 and 408, entry by entry."""
 
 import random
+import re
 from types import SimpleNamespace
 
 import pytest
 from support.sdo_frames import MS
 
+from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
 from hil_bench.abilities.eyes.frame_words import error_text, lss_text, meaning_of
+from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.eyes.values import scale_of
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
 
@@ -106,7 +110,7 @@ class Objects(dict):
 
     def find(self, index, subindex=0):
         value = self.get((index, subindex))
-        return None if value is None else SimpleNamespace(value=value)
+        return None if value is None else SimpleNamespace(value=value, is_open=False)
 
 
 def shown(objects, index, subindex=0):
@@ -181,14 +185,52 @@ MOTION = {(0x6600, 2): 1, (0x6600, 3): -6}
         (VALVE | {(0x6602, 2): 1}, 0x6602, None),
         ({(0x1000, 0): 401, (0x6005, 1): 5}, 0x6004, None),
         ({}, 0x6004, None),
+        # The encoder type in 0x1000: 1 to 7 turn, 8 to 10 are linear, whatever else they have
+        (ROTARY | LINEAR | {(0x1000, 0): 0x80196}, 0x6004, (5e-3, "mm", 0.0)),
+        (ROTARY | LINEAR | {(0x1000, 0): 0xA0196}, 0x6030, (0.07, "mm/s", 0.0)),
+        (ROTARY | LINEAR | {(0x1000, 0): 0x20196}, 0x6004, (1 / 4096, "rev", 0.0)),
+        # 408: a value with a unit of its own is no part of the reference
+        (VALVE | {(0x6381, 2): 0x4E, (0x6381, 3): -3}, 0x6381, (1.0, "mbar", 0.0)),
+        (VALVE | {(0x6380, 2): 0x4E, (0x6380, 3): -1}, 0x6380, None),
+        (VALVE | {(0x6301, 2): 1, (0x6301, 3): -6}, 0x6301, (1e-3, "mm", 0.0)),
     ],
 )  # fmt: skip
 def test_a_number_has_the_scale_of_its_profile(objects, index, expected):
-    found = shown(objects, index)
+    found = shown(objects, index, 0 if index == 0x6004 else 1)
     if expected is None:
         assert found is None
     else:
         assert found == (pytest.approx(expected[0]), *expected[1:])
+
+
+@pytest.mark.parametrize(
+    ("eds", "index", "subindex"),
+    [
+        *[(eds, index, 0) for eds, index in (
+            (VALVE_408, 0x6300), (PRESSURE_404, 0x6130), (PRESSURE_404, 0x9130),
+            (ENCODER_406, 0x6030))],
+        *[(VALVE_408, index, sub) for index in (0x6300, 0x6380, 0x6600) for sub in (2, 3)],
+    ],
+)  # fmt: skip
+def test_an_entry_beside_the_value_is_a_plain_number(eds, index, subindex):
+    """CiA 301: sub-index 0 counts the entries; CiA 408: 2 is the unit, 3 the power of ten."""
+    reader = KnownNode(1, "node", load_eds(eds, 1)).reader(index, subindex)
+    assert reader.read(b"\3").text == "3"
+
+
+@pytest.mark.parametrize(("digits", "before"), [("3", "10 bar"), ("", "10000"), (None, "10000")])
+def test_digits_that_the_eds_leaves_open_are_those_that_the_device_says(tmp_path, digits, before):
+    text = PRESSURE_404.read_text()
+    head, _, rest = text.partition("[6132sub1]")
+    line = "" if digits is None else f"DefaultValue={digits}"
+    eds = tmp_path / "open.eds"
+    eds.write_text(f"{head}[6132sub1]{re.sub('DefaultValue=.*', line, rest, count=1)}")
+    node = KnownNode(1, "node", load_eds(eds, 1))
+    node.objects.variable(0x6131, 1).value = 0x4E0000  # bar
+    raw = (10_000).to_bytes(4, "little")
+    assert node.reader(0x9130, 1).read(raw).text == before
+    assert node.assume(0x6132, 1, b"\0") is True
+    assert node.reader(0x9130, 1).read(raw).text == "10000 bar"
 
 
 @pytest.mark.parametrize("seed", range(4))

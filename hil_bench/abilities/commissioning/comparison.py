@@ -148,9 +148,10 @@ def _compare_node(
 
 
 def _compare_identity(node: Node, config: NodeConfig, name: str) -> Iterator[Difference]:
-    right = {key: node.default(*key, otherwise=0) for key in IDENTITY if node.has(*key)}
-    # 0 is what an EDS says of a device that any vendor may have made.
-    right = {key: value for key, value in right.items() if value or key[0] == IDENTITY[0][0]}
+    right = {key: node.default(*key, otherwise=-1) for key in IDENTITY if node.has(*key)}
+    # 0 is what an EDS says of a device that any vendor may have made; -1 is what it leaves open.
+    device_type = IDENTITY[0]
+    right = {k: value for k, value in right.items() if value > 0 or (value, k) == (0, device_type)}
     source = str(config.eds)
     if config.serial_number is not None:
         right[SERIAL_NUMBER] = config.serial_number

@@ -40,15 +40,22 @@ def error_register(dut: DeviceUnderTest) -> str | None:
 
 
 @CHAPTER.check("7.5.2.21", "1018h has the identity of the EDS")
-def identity(dut: DeviceUnderTest) -> str | None:
-    """Read 1018h; 0 in an EDS stands for any device."""
+def identity(dut: DeviceUnderTest) -> str:
+    """Read 1018h; 0 in an EDS stands for any device, and so does what it leaves open."""
     count = dut.number(0x1018)
     if not 1 <= count <= 4:
         raise Deviation(f"{place(0x1018)} is {count}; 1 to 4 is right")
-    for subindex in (1, 2, 3):
-        if dut.objects.number(0x1018, subindex):
-            _expect_default(dut, 0x1018, subindex)
-    return None
+    given = [
+        subindex
+        for subindex in (1, 2, 3)
+        if dut.objects.number(0x1018, subindex)
+        and not _is_doubtful(dut, dut.variable(0x1018, subindex))
+    ]
+    if not given:
+        raise NotApplicable("the EDS gives no identity")
+    for subindex in given:
+        _expect_default(dut, 0x1018, subindex)
+    return f"sub-index {', '.join(map(str, given))}"
 
 
 @CHAPTER.check("7.4.1", "every readable object of the EDS can be read and has its type's length")
@@ -69,8 +76,12 @@ def constants(dut: DeviceUnderTest) -> str:
     given = [
         variable
         for variable in found
-        if variable.default not in {0, "", b""} and not _is_doubtful(dut, variable)
+        if not variable.is_open
+        and variable.default not in {0, "", b""}
+        and not _is_doubtful(dut, variable)
     ]
+    if not given:
+        raise NotApplicable("the EDS gives no constant a value")
     _raise_any(fault for variable in given if (fault := _constant_fault(dut, variable)))
     return f"{len(given)} objects"
 
@@ -167,6 +178,8 @@ def limits(dut: DeviceUnderTest) -> str:
 
 def _expect_default(dut: DeviceUnderTest, index: int, subindex: int = 0) -> str:
     variable = dut.variable(index, subindex)
+    if variable.is_open:
+        raise NotApplicable(f"the EDS gives {place(index, subindex)} no value")
     if _is_doubtful(dut, variable):
         raise NotApplicable(f"what the EDS says of {place(index, subindex)} is in doubt")
     right = int(variable.default)

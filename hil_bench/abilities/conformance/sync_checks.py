@@ -30,7 +30,7 @@ def identifier(dut: DeviceUnderTest) -> None:
     """Read 1005h."""
     dut.variable(_COB_ID_SYNC)
     found = dut.number(_COB_ID_SYNC)
-    if found & 0x7FF != int(dut.variable(_COB_ID_SYNC).default) & 0x7FF:
+    if found & 0x7FF != _SYNC:
         raise NotApplicable(f"configured to {found:08X}h")
 
 

@@ -90,14 +90,15 @@ def described_otherwise(folder, *changes):
     return MACHINE.format(more="").replace('profile = "pressure_404"', f'eds = "{eds}"')
 
 
-def test_a_device_type_of_zero_is_compared_and_a_vendor_of_zero_is_any(
-    open_bench, load_bench, tmp_path
+@pytest.mark.parametrize(("device_type", "wrong"), [(0, [(0x1000, 0)]), ("", [])])
+def test_a_device_type_of_zero_is_compared_and_what_is_open_or_a_vendor_of_zero_is_any(
+    open_bench, load_bench, tmp_path, device_type, wrong
 ):
     _, network = open_bench(MACHINE.format(more=""))
     identity = [(f"1018sub{number}", 0) for number in (1, 2, 3)]
-    expected = described_otherwise(tmp_path, ("1000", 0), *identity).replace('source = "P_A"', "")
-    found = compare(network, load_bench(expected))
-    assert [difference.key for difference in found if difference.node_id == 2] == [(0x1000, 0)]
+    expected = described_otherwise(tmp_path, ("1000", device_type), *identity)
+    found = compare(network, load_bench(expected.replace('source = "P_A"', "")))
+    assert [difference.key for difference in found if difference.node_id == 2] == wrong
 
 
 @pytest.mark.parametrize("section", ["1003sub0", "1010sub1", "1011sub1", "1012", "1013"])

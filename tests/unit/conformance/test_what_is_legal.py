@@ -17,6 +17,7 @@ from support.changed_frames import (
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, run_suite
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.errors import SdoAbort
@@ -223,6 +224,42 @@ def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, make
     assert found["1000h has the device type of the EDS"] == (
         Outcome.NOT_APPLICABLE,
         "what the EDS says of 0x1000.00 is in doubt",
+    )
+
+
+@pytest.mark.parametrize(
+    ("section", "text", "reason"),
+    [
+        ("1000", "1000h has the device type of the EDS", "the EDS gives 0x1000.00 no value"),
+        ("1018sub[123]", "1018h has the identity of the EDS", "the EDS gives no identity"),
+        ("1017", "after restore and a reset the defaults of the EDS are there",
+         "the EDS gives 1017h no default"),
+        ("....(?:sub[0-9A-F]+)?", "every constant of the EDS holds the value that the EDS gives",
+         "the EDS gives no constant a value"),
+    ],
+)  # fmt: skip
+def test_what_the_eds_leaves_open_is_not_judged(
+    make_laboratory, eds_path, make_file, section, text, reason
+):
+    eds = eds_path.read_text(encoding="utf-8")
+    opened = re.sub(rf"(\n\[{section}\][^\[]*?\nDefaultValue=).*", r"\1", eds)
+    assert opened != eds
+    laboratory = make_laboratory(eds_path)
+    laboratory.dut.objects = load_eds(make_file("open.eds", opened), laboratory.dut.node_id)
+    (title,) = [c.title for c in CHAPTERS if text in {check.text for check in c.checks}]
+    assert laboratory.result(title, text) == (Outcome.NOT_APPLICABLE, reason)
+
+
+def test_an_identifier_of_sync_that_the_eds_gives_is_not_the_standards(
+    make_laboratory, eds_path, make_file
+):
+    text = eds_path.read_text(encoding="utf-8")
+    text, count = re.subn(r"(\n\[1005\][^\[]*?\nDefaultValue=).*", r"\g<1>0x81", text)
+    assert count == 1
+    laboratory = make_laboratory(make_file("sync.eds", text))
+    assert laboratory.result("SYNC and TIME", "1005h is 80h by default") == (
+        Outcome.NOT_APPLICABLE,
+        "configured to 00000081h",
     )
 
 

@@ -240,14 +240,21 @@ def test_a_slave_kept_alive_whose_state_nobody_tells(make_network, device):
         assert manager.results[2].error is error
 
 
-def test_a_lost_slave_is_booted_anew(make, lines):
-    bench, manager = make(Slave(1, "valve", heartbeat_time=0.15), Slave(2))
+@pytest.mark.parametrize("text", [BENCH, BENCH.partition("pressure_a")[0]])  # alone: a dead bus
+def test_a_lost_slave_is_booted_anew(make, lines, text):
+    bench, manager = make(Slave(1, "valve", heartbeat_time=0.15), text=text)
     assert manager.boot()
+    heard_at = manager._nodes[1].heard_at
     bench.faults.silence("valve", duration=1.0)
     assert manager.watch(4.0)
-    assert "node 1 (valve): no heartbeat for 150 ms" in lines
-    assert lines[-1] == "node 1 (valve): booted, nothing to configure"
-    assert states(bench) == ["OPERATIONAL", "OPERATIONAL"]
+    assert lines[-2:] == [
+        "node 1 (valve): no heartbeat for 150 ms",
+        "node 1 (valve): booted, nothing to configure",
+    ]
+    assert states(bench)[0] == "OPERATIONAL"
+    (reset,) = [each for each in bench.frames if each.frame.data == b"\x82\1"]
+    assert 1e-9 * reset.now == pytest.approx(heard_at + 0.15, abs=0.002)
+    assert commands(bench) == ["82 00", "01 01", "82 01", "01 01"]
 
 
 def test_a_slave_that_resets_is_booted_anew(make, lines):
@@ -257,6 +264,7 @@ def test_a_slave_that_resets_is_booted_anew(make, lines):
     assert manager.watch(1.0)
     assert lines[-2:] == ["node 2: has booted up", "node 2: booted, nothing to configure"]
     assert states(bench) == ["OPERATIONAL", "OPERATIONAL"]
+    assert commands(bench) == ["82 00", "01 01", "01 02", "01 02"]
 
 
 @pytest.mark.parametrize(

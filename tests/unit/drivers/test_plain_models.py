@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 from canopen.objectdictionary import ODVariable, datatypes
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_drivers import DeviceMismatchError, StaleValueError
@@ -24,6 +24,7 @@ from hil_drivers.srdo import SafetyInput, SrdoCounters
 from hil_drivers.turns import TurnCounter
 
 COB_ID = 0x184
+FEW = settings(max_examples=40)  # a third of a second each
 
 
 def remainder(data, width, polynomial, initial, final):
@@ -43,6 +44,7 @@ def sealed(counter, payload=b"abc"):
     return body + bytes([check])
 
 
+@FEW
 @given(
     st.integers(0, 255),
     st.lists(st.tuples(st.integers(0, 255) | st.integers(0, 2), st.sampled_from("sssrcx"))),
@@ -92,6 +94,7 @@ NUMBERS = {  # data types of CiA 301: bits, signed
 }
 
 
+@FEW
 @given(st.lists(st.sampled_from(sorted(NUMBERS)), min_size=1, max_size=8), st.binary(min_size=32))
 def test_a_pdo_is_one_number_whose_parts_are_its_objects(types, raw):
     entries = [0x20000000 + place << 8 | NUMBERS[each][0] for place, each in enumerate(types)]
@@ -121,6 +124,7 @@ def test_a_mapping_entry_has_index_subindex_and_bits():
 KEYS = [(0x2000, number) for number in range(4)]
 
 
+@FEW
 @given(
     st.lists(st.tuples(st.sets(st.sampled_from(KEYS)), st.booleans()), max_size=4),
     st.lists(st.sampled_from(KEYS), min_size=1, unique=True),
@@ -189,6 +193,7 @@ pdo_values = st.fixed_dictionaries(
 )
 
 
+@FEW
 @given(pdo_values, st.sampled_from([0x181, 0x80000181]), st.integers(0, 2))
 def test_a_strict_device_takes_the_writes_and_holds_what_is_wanted(values, cob_id, count):
     defaults = {(0x1800, 1): cob_id, (0x19FF, 1): cob_id, (0x1A00, 0): count, (0x1BFF, 0): 1}
@@ -230,6 +235,7 @@ names = st.builds(
 )
 
 
+@FEW
 @given(names)
 def test_a_name_is_its_fields_side_by_side(name):
     digits = "".join(
@@ -261,6 +267,7 @@ def test_an_identifier_by_its_digits(priority, group, source, destination):
     assert split(can_id) == (group, source, 255 if is_to_all else destination)
 
 
+@FEW
 @given(
     st.dictionaries(
         st.integers(0, 2**21 - 1),
@@ -339,6 +346,7 @@ responses = st.one_of(  # MODBUS Application Protocol V1.1b3, chapter 6
 )
 
 
+@FEW
 @given(responses, st.integers(1, 247), st.lists(st.integers(1, 260)), st.booleans())
 def test_a_response_is_found_in_whatever_pieces_it_comes(pdu, unit_id, cuts, is_tcp):
     framing = TcpFraming() if is_tcp else RtuFraming()
@@ -415,6 +423,7 @@ TICK = 1 / 1024  # s, so that sums of times are exact
 frames = st.binary(min_size=6, max_size=6)
 
 
+@FEW
 @given(
     st.lists(st.tuples(st.integers(0, 40), st.sampled_from("pppiiijx"), frames), max_size=30),
     st.integers(0, 80),
@@ -488,6 +497,7 @@ class Anything(ModbusDevice):
         return [None, *(self.map.find("input_registers", name) for name in names[::-1])]
 
 
+@FEW
 @given(
     st.lists(st.tuples(st.integers(0, 2), st.booleans()), min_size=1, max_size=8),
     st.lists(st.integers(0, 0xFFFF), min_size=40, max_size=40),
@@ -549,6 +559,7 @@ def test_the_commands_of_an_auxiliary_valve_have_steps_of_a_250th():
     assert (port.services, valve.spool_setpoint) == ([], 0.0)
 
 
+@FEW
 @given(st.integers(0, 255), st.integers(0, 255), st.integers(0, 255))
 def test_the_flow_of_an_auxiliary_valve_by_its_bits(flow, state, reason):
     """ISO 11783-7, B.11: 1 % a bit from -125 %; 251 and more are no value, nor is state 14's."""

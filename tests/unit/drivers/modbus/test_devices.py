@@ -225,7 +225,7 @@ def test_the_valve_is_commanded_by_one_request(client, link, answer):
 def test_enable_repeats_its_command_until_the_time_is_over(client, answer):
     valve = ProportionalValve(client, 1)
     answer(*[WRITTEN, [0x0018]] * 50)
-    with pytest.raises(DriverTimeoutError, match=r"valve not ACTIVE within 0\.02 s: it is INIT"):
+    with pytest.raises(DriverTimeoutError, match=r"valve not ACTIVE within 0\.02 s: it is INIT$"):
         valve.enable(timeout=0.02)
 
 

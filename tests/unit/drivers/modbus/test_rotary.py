@@ -89,11 +89,13 @@ def test_a_map_without_speed_says_so_when_it_is_asked_for(client, answer, tmp_pa
             f'[input_registers.r{n}]\naddress = {n}\ntype = "uint16"\nsource = "{source}"\n'
             for n, source in enumerate(sources)
         )
+        + "scale = 10\n"
     )
     sensor = RotarySensor(client, 4, path)
-    answer([90, 360, 3600])
-    sensor.poll()
-    assert sensor.angle == pytest.approx(TURN / 4)
+    for position in (90, 1530):  # of a turn of 360 steps, in a range of 360 tens
+        answer([position, 360, 360])
+        sensor.poll()
+        assert sensor.angle == pytest.approx(TURN * position / 360)
     assert sensor.is_valid
     with pytest.raises(DeviceMismatchError, match='has source "speed"'):
         sensor.speed  # noqa: B018 - the property raises

@@ -11,8 +11,8 @@ import pytest
 
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.procedure import Procedure
-from hil_bench.abilities.commissioning.responses import chirp, direction, steps
-from hil_bench.abilities.commissioning.sweeps import dead_band, ramp
+from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
+from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
@@ -36,6 +36,7 @@ class Machine:
         self.parameters = parameters
         self.spring, self.mass = 0.0, parameters.m  # [N/m], [kg]
         self.mode = None  # eigenfrequency [rad/s] and damping ratio of one that swings
+        self.show = dict  # what the sensors make of a trace
 
     def enable(self):
         pass
@@ -71,15 +72,20 @@ class Machine:
         force = LOAD + np.sign(speed) * COULOMB + VISCOUS * speed
         position = np.cumsum(speed) * PERIOD
         force += self.mass * np.gradient(speed, time) + self.spring * position
-        return {
-            "time": time,
-            "spool_setpoint": setpoint,
-            "spool_position": spool,
-            "speed": speed,
-            "position": position,
-            P_A: (force + LOW * self.parameters.A_B) / self.parameters.A_A,
-            P_B: np.full_like(time, LOW),
-        }
+        return self.show(
+            {
+                "time": time,
+                "spool_setpoint": setpoint,
+                "spool_position": spool,
+                "speed": speed,
+                "position": position,
+                P_A: (force + LOW * self.parameters.A_B) / self.parameters.A_A,
+                P_B: np.full_like(time, LOW),
+            }
+        )
+
+    def watch(self, duration):
+        return self.move(lambda _time: 0.0, duration)
 
 
 @pytest.fixture
@@ -134,6 +140,210 @@ def test_a_short_motion_each_way_tells_the_direction(measured):
     assert change == pytest.approx(2 * COULOMB + VISCOUS * (speeds[0] - speeds[1]), rel=1e-3)
     spool = found["spool with positive set-point"]
     assert (spool.low, spool.value, spool.high) == pytest.approx((0.45, 0.5, 0.55))
+
+
+def standing(share):
+    """The position stands, and the force changes by a share of the full one, or of friction."""
+
+    def show(trace):
+        p = load_config().axes[0].parameters
+        full = p.P_S * p.mean_area if share > 0.2 else p.F_c
+        force = 0.5 * share * full * np.sign(trace["spool_position"]) + LOW * p.A_B
+        return trace | {"position": np.zeros_like(force), P_A: force / p.A_A}
+
+    return show
+
+
+@pytest.mark.parametrize(
+    ("show", "found", "mend"),
+    [
+        (dict, [], ""),
+        (
+            lambda t: t | {"spool_position": -t["spool_position"]},
+            ["valve inverted"],
+            "invert the valve's set-point",
+        ),
+        (
+            lambda t: t | {"spool_position": 0.49 * t["spool_position"]},
+            ["valve does not follow"],
+            "look at the valve's supply and enable",
+        ),
+        (lambda t: t | {"spool_position": 1.49 * t["spool_position"]}, [], ""),
+        (
+            lambda t: t | {"spool_position": 1.51 * t["spool_position"]},
+            ["valve does not follow"],
+            "look at the valve's supply and enable",
+        ),
+        (
+            lambda t: t | {P_A: t[P_B], P_B: t[P_A]},
+            ["pressure sensors swapped"],
+            "exchange the sensors at A and B, or their node-IDs",
+        ),
+        (
+            lambda t: t | {"position": -t["position"]},
+            ["position sensor reversed"],
+            "reverse the sensor's direction (0x6000 bit 3), or turn it round",
+        ),
+        (
+            lambda t: t | {"position": -t["position"], P_A: t[P_B], P_B: t[P_A]},
+            ["valve inverted"],
+            "exchange the hoses at A and B, or invert the valve's set-point",
+        ),
+        (lambda t: t | {"position": np.abs(t["spool_position"]) * t["time"]}, [], ""),
+        (standing(0.41), ["axis blocked"], "look for what holds the piston"),
+        (
+            standing(0.39),
+            ["position sensor stuck"],
+            "look at the position sensor, its magnet or coupling",
+        ),
+        (
+            standing(0.11),
+            ["position sensor stuck"],
+            "look at the position sensor, its magnet or coupling",
+        ),
+        (
+            standing(0.09),
+            ["no supply pressure"],
+            "switch the supply on, look at shut-off valves and at the valve's dead band",
+        ),
+    ],
+)
+def test_signs_and_standstill_name_what_is_wrong(measured, show, found, mend):
+    measured.machine.show = show
+    result = measured(direction, StepKind.DIRECTION, opening=0.5, duration=0.3)
+    assert [each.name for each in measured.findings] == found
+    assert [each.mend for each in measured.findings] == [mend] * len(found)
+    limits = {name: (each.low, each.high) for name, each in result.items()}
+    assert limits["speed with positive set-point"] == (1e-3, math.inf)
+    assert limits["speed with negative set-point"] == (-math.inf, -1e-3)
+    assert limits["change of force between both"] == (0.0, math.inf)
+
+
+def test_the_evidence_of_a_reversed_sensor_has_both_signs(measured):
+    """Speeds of 90 and -80 mm/s; twice the friction of 250 N and 900 N s/m of both."""
+    measured.machine.show = lambda t: t | {"position": -t["position"]}
+    measured(direction, StepKind.DIRECTION, opening=0.5, duration=0.3)
+    (finding,) = measured.findings
+    assert finding.evidence == (
+        "speed -85.0 mm/s, change of P_A A_A - P_B A_B +653 N for a positive set-point against a "
+        "negative one"
+    )
+
+
+@pytest.mark.parametrize(
+    ("way", "still", "ports"),
+    [(0.99e-3, (P_A, P_B), []), (1e-3, (P_A, P_B), [P_A, P_B]), (1.0, (P_B,), [P_B]), (1, (), [])],
+)
+def test_a_pressure_that_stands_still_to_the_last_digit_is_stuck(way, still, ports):
+    trace = np.zeros(5, dtype=[(name, "f8") for name in ("position", P_A, P_B)])
+    trace["position"][2] = way
+    for port in (P_A, P_B):
+        trace[port] = 42.5e5 if port in still else 42.5e5 + np.arange(5)
+    found = stuck_pressures(trace)
+    shown = f"is 42.5 bar in all 5 samples, while the position went {1e3 * way:.3g} mm"
+    assert [each.evidence for each in found] == [f"{port} {shown}" for port in ports]
+
+
+DRIFT, RATES, NOISES = 2e-4, {P_A: -3e3, P_B: 5e3}, {P_A: 4e3, P_B: 7e3}  # [m/s], [Pa/s], [Pa]
+ANY = -math.inf, math.inf
+
+
+@pytest.fixture
+def drifting(measured):
+    """Sensors at standstill that drift and rattle."""
+
+    def show(trace):
+        time = trace["time"]
+        turn = np.resize([1.0, -1.0, -1.0, 1.0], len(time))  # neither a mean nor a slope
+        shown = {port: 30e5 + RATES[port] * time + NOISES[port] * turn for port in RATES}
+        position = 0.02 + DRIFT * time + 5e-6 * turn
+        return trace | shown | {"position": position, "spool_position": 0.03 + 0.0 * time}
+
+    measured.machine.show = show
+    return measured
+
+
+def test_sensors_at_standstill_show_range_noise_and_drift(drifting):
+    values = {"duration": 4.0, "position_noise": 1e-5, "position_drift": 1e-3}
+    values |= {"pressure_noise": 5e3, "pressure_drift": 4e3}
+    found = drifting(sensors, StepKind.SENSORS, **values)
+    p = load_config().axes[0].parameters
+    middle = 0.5 * (4.0 - PERIOD)  # of the times of the samples
+    expected = {
+        "position": (0.02 + DRIFT * middle, -p.h, p.h),
+        "position noise": (5e-6, -math.inf, 1e-5),
+        "position drift": (DRIFT, -1e-3, 1e-3),
+        "spool at rest": (0.03, -0.05, 0.05),
+    }
+    for port, rate in RATES.items():
+        expected[port] = 30e5 + rate * middle, -2e5, 1.1 * p.P_S
+        expected[f"{port} noise"] = NOISES[port], -math.inf, 5e3
+        expected[f"{port} drift"] = rate, -4e3, 4e3
+    assert found.keys() == expected.keys()
+    for name, (value, low, high) in expected.items():
+        assert found[name].value == pytest.approx(value, rel=1e-6), name
+        assert (found[name].low, found[name].high) == (low, high), name
+    assert {name for name, each in found.items() if each.is_wrong} == {
+        f"{P_B} noise",
+        f"{P_B} drift",
+    }
+
+
+@pytest.mark.parametrize(
+    ("drift", "rate", "wrong"),
+    [
+        (1e-3, 1e4, ""),
+        (1e-3, 4e3, f"{P_B} drift 0.05 bar/s"),
+        (1e-4, 4e3, f"position drift 0.2 mm/s, {P_B} drift 0.05 bar/s"),
+    ],
+)
+def test_what_leaves_a_closed_chamber_is_its_drift_by_the_oils_modulus(
+    drifting, drift, rate, wrong
+):
+    values = {"opening": 0.3, "motion_time": 0.2, "duration": 4.0}
+    values |= {"position_drift": drift, "pressure_drift": rate}
+    found = drifting(leakage, StepKind.LEAKAGE, **values)
+    p = load_config().axes[0].parameters
+    middle = 0.5 * (4.0 - PERIOD)
+    place = 0.02 + DRIFT * middle
+    volumes = {P_A: p.V_A0 + p.A_A * place, P_B: p.V_B0 - p.A_B * place}  # [m³]
+    expected = {"position drift": (DRIFT, -drift, drift)}
+    for port, volume in volumes.items():
+        expected[f"{port} at standstill"] = 30e5 + RATES[port] * middle, *ANY
+        expected[f"{port} drift"] = RATES[port], -rate, rate
+        flow = -RATES[port] * volume / p.E * 1e6 * 60.0  # [cm³/min]
+        expected[f"flow out of chamber {port[-1]}"] = flow, *ANY
+    assert found.keys() == expected.keys()
+    for name, (value, low, high) in expected.items():
+        assert found[name].value == pytest.approx(value, rel=1e-6), name
+        assert (found[name].low, found[name].high) == (low, high), name
+    names = [each.name for each in drifting.findings]
+    assert (names, [each.evidence for each in drifting.findings]) == (
+        (["leakage"], [wrong]) if wrong else ([], [])
+    )
+
+
+def test_the_approach_is_slow_and_creeps_until_it_moves():
+    """50 mm/s at most, a quarter of a second from its end; 0.02 % more a sample, up to 6 %."""
+    axis = load_config().axes[0]
+    moves = []
+    rig = SimpleNamespace(move_to=lambda *given, timeout: moves.append((*given, timeout)))
+    procedure = Procedure(None, None, axis, None, rig)
+    assert procedure.dead_zone == pytest.approx(0.3 / 1.3)  # Table I
+    procedure.dead_zone = 0.2
+    for _ in range(2):  # the second one begins anew
+        procedure.go_to(0.07)
+        target, approach, timeout = moves.pop()
+        assert (target, timeout) == (0.07, 15.0)
+        assert approach(0.00199) == approach(-0.00199) == 0.0
+        full = expected_speed(1.0, axis.parameters)
+        for number, distance in enumerate([0.002, -0.01, 0.0125, 0.1] + [-1.0] * 3500, 1):
+            opening = 0.2 + min(0.05, 4.0 * abs(distance)) / full * 0.8
+            opening += 0.2 * min(1e-4 * number, 0.3)
+            assert approach(distance) == pytest.approx(math.copysign(opening, distance))
+    procedure.dead_zone = 0.89
+    procedure.go_to(0.0)
+    assert [moves[0][1](1.0) for _ in range(100)][-1] == pytest.approx(0.9)
 
 
 def test_a_ramp_finds_gains_and_friction_again(measured):

@@ -6,9 +6,11 @@ from types import SimpleNamespace
 
 import can
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hil_bench import ConfigError, VirtualBench, load_config
-from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.journal import BorrowedSetting, SettingsJournal
 from hil_bench.abilities.commissioning.measures import Verdict
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.commissioning.session import Console, commission
@@ -66,9 +68,9 @@ class Machine:
     def set_up_theirs(self, *, is_started):
         self.bench.run(0.02)
         theirs = self.connect()
-        for node_id, settings in THEIRS.items():
+        for node_id, theirs_of in THEIRS.items():
             node = theirs.add_node(node_id)
-            for (index, subindex), (value, length) in settings.items():
+            for (index, subindex), (value, length) in theirs_of.items():
                 node.download(index, subindex, value.to_bytes(length, "little"))
         if is_started:
             theirs.start_node()
@@ -340,6 +342,83 @@ def refuse(machine, index, subindex):
 
     node = next(node for node in machine.bench.bench.nodes if node.node_id == 4)
     node.object_dictionary.add_check(index, subindex, check)
+
+
+class Dictionary:
+    """A node that is a dictionary, and takes the parameters of a PDO while that is disabled."""
+
+    node_id, before_download = 3, None
+
+    def __init__(self, objects):
+        self.objects = dict(objects)
+        self.network = SimpleNamespace(nodes={}, add_node=lambda *_: self)
+
+    def has(self, *_key):
+        return False
+
+    def upload(self, *key):
+        return self.objects[key]
+
+    def download(self, index, subindex, raw):
+        if self.before_download:
+            self.before_download(index, subindex, raw)
+        elif 0x1400 <= index < 0x1A00 and index & 0x200 == 0 and subindex != 1:
+            assert self.objects[index, 1][3] & 0x80, "a parameter of an enabled PDO"
+        self.objects[index, subindex] = raw
+
+
+OBJECTS = {(index, 1): (0x181 + index).to_bytes(4, "little") for index in (0x1400, 0x15FF, 0x1800)}
+OBJECTS |= {(index, sub): bytes([sub, 0]) for index in (0x15FF, 0x1800, 0x19FF) for sub in (2, 5)}
+OBJECTS |= {(0x19FF, 1): b"\x85\2\0\x80", (0x1017, 0): b"\x64\0", (0x2000, 1): bytes(8)}
+
+
+@settings(max_examples=40)
+@given(st.lists(st.tuples(st.sampled_from(sorted(OBJECTS)), st.binary(min_size=1, max_size=9))))
+def test_whatever_was_written_the_node_holds_what_it_held(tmp_path_factory, writes):
+    node, path = Dictionary(OBJECTS), tmp_path_factory.mktemp("journal") / "unrestored.jsonl"
+    journal = SettingsJournal(path)
+    journal.watch(node)
+    for key, raw in writes:
+        node.download(*key, raw.ljust(4, b"\0") if key[1] == 1 else raw)
+    during = {key: raw for key, raw in node.objects.items() if key in dict(writes)}
+    first = dict.fromkeys(key for key, _ in writes)
+    if writes:
+        found = SettingsJournal.read(path).settings
+        assert [(each.node_id, each.key, each.before) for each in found] == [
+            (3, key, OBJECTS[key]) for key in first
+        ]
+    assert {each.key: each.during for each in journal.settings} == during
+    changed = [key for key in first if during[key] != OBJECTS[key]]
+    assert [each.key for each in journal.changed] == changed
+    journal.restore(node.network)
+    assert node.objects == OBJECTS
+    assert ([each.key for each in journal.changed], journal.unrestored) == (changed, [])
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "raw", "text"),
+    [
+        (0x1017, 0, "6400", "100"),
+        (0x1017, 0, "ffff", "65535"),
+        (0x1016, 1, "00000100", "0x00010000"),
+        (0x1800, 1, "81010000", "0x00000181"),
+        (0x1400, 1, "01", "0x00000001"),
+        (0x19FF, 1, "01", "0x00000001"),
+        (0x15FF, 1, "01", "0x00000001"),
+        (0x1800, 2, "fe", "254"),
+        (0x1A00, 1, "01", "1"),
+        (0x1600, 1, "01", "1"),
+        (0x13FF, 1, "01", "1"),
+        (0x17FF, 1, "01", "1"),
+        (0x2000, 0, "0102030405", "0x0504030201"),
+        (0x2000, 0, "01020304", "0x04030201"),
+    ],
+)
+def test_identifiers_and_what_is_long_are_shown_by_their_digits(index, subindex, raw, text):
+    setting = BorrowedSetting(1, (index, subindex), "", b"", b"")
+    assert setting.text(bytes.fromhex(raw)) == text
+    assert str(setting) == (f"0x{index:04X}.{subindex:02X}" if subindex else f"0x{index:04X}")
 
 
 def test_a_setting_is_on_the_disk_before_it_is_changed(tmp_path, monkeypatch):

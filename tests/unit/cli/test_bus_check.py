@@ -78,8 +78,14 @@ def test_json_is_for_programs(cli):
 @pytest.mark.usefixtures("one_difference")
 def test_what_is_applied_is_shown_first(cli):
     out, err = cli("check --bus --virtual --apply --yes")
+    assert err.endswith("\nthe bus is as the configuration says\n")
     assert "  0x1017.00 = 50 (0x0032)  Producer heartbeat time" in out
     assert "left in PRE-OPERATIONAL, until an NMT start: node 1\n" in err
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_quiet_leaves_the_verdict_to_the_exit_code(cli):
+    assert "as the configuration" not in cli("check --bus --virtual --apply --yes -q").err
 
 
 @pytest.mark.usefixtures("one_difference")

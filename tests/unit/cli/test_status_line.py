@@ -6,11 +6,13 @@ import pty
 import signal
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 from support.bus_side import BusSide
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.cli.status_line import (
+    REFRESH,
     Field,
     StatusLine,
     bench_status,
@@ -20,6 +22,7 @@ from hil_bench.cli.status_line import (
     format_health,
     format_row,
     in_place,
+    show,
 )
 from hil_bench.outside.processes.helper_process import Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
@@ -111,6 +114,24 @@ def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
         b"\r\x1b[Jin 7  out 5\r\nbus 50.0 %\r\n"
         b"late p99 0 max 0 us  work p99 0 max 0 us  3 overran  0 skipped\x1b[A\x1b[A"
     )
+
+
+def test_each_row_takes_the_place_of_the_last_until_the_loop_lets_go(capsys):
+    channels, fields = bus_status()
+    snapshot, rows = Snapshot(len(channels)), [(7, 5, 0.5), (8, 6, 0.25)]
+    waits = []
+
+    def poll(wait):
+        waits.append(wait)
+        if rows:
+            snapshot.write(rows.pop(0))
+        return len(waits) > 2
+
+    show(snapshot, (tuple(fields),), None, SimpleNamespace(poll=poll))
+    assert capsys.readouterr().err == (
+        "\r\x1b[Jin 7  out 5  bus 50.0 %\r\x1b[Jin 8  out 6  bus 25.0 %\r\x1b[J"
+    )
+    assert waits == [REFRESH] * 3
 
 
 def test_one_that_was_killed_says_so_is_started_anew_and_holds_nothing_up(monkeypatch):

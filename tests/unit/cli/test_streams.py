@@ -2,6 +2,7 @@
 
 import gc
 import io
+import os
 import shlex
 import subprocess
 import sys
@@ -40,6 +41,18 @@ def test_a_character_that_the_encoding_lacks_is_escaped(encoding, monkeypatch):
     sys.stdout.write("√\n")
     sys.stdout.flush()
     assert written.getvalue() == b"\\u221a\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "mode"), [("stdin", 0, "r"), ("stdout", 1, "w"), ("stderr", 2, "w")]
+)
+def test_a_stream_that_python_has_not_is_opened_by_its_number(name, number, mode, monkeypatch):
+    monkeypatch.setattr(sys, name, None)
+    prepare_streams()
+    stream = getattr(sys, name)
+    assert (stream.fileno(), stream.mode) == (number, mode)
+    stream.close()  # which closes no descriptor of this process
+    os.fstat(number)
 
 
 def test_nothing_is_collected_within_the_block_and_all_is_as_before_after_it():

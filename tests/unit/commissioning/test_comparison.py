@@ -1,6 +1,7 @@
 """The bus against the configuration."""
 
 import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,6 +14,9 @@ from hil_bench.abilities.commissioning.comparison import (
     expected_values,
     plan_writes,
 )
+from hil_bench.abilities.commissioning.measures import Verdict
+from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind
+from hil_bench.abilities.commissioning.procedure import communication
 
 MACHINE = """
 [plant.axis1]
@@ -99,6 +103,33 @@ def test_a_device_type_of_zero_is_compared_and_what_is_open_or_a_vendor_of_zero_
     expected = described_otherwise(tmp_path, ("1000", device_type), *identity)
     found = compare(network, load_bench(expected.replace('source = "P_A"', "")))
     assert [difference.key for difference in found if difference.node_id == 2] == wrong
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "name"),
+    [
+        ("1000", (0x1000, 0), "another device"),
+        ("1018sub1", (0x1018, 1), "another device"),
+        ("1018sub2", (0x1018, 2), "another device"),
+        ("1018sub3", (0x1018, 3), "wrong EDS revision"),
+    ],
+)
+def test_each_entry_of_the_identity_is_compared_and_nothing_moves(
+    open_bench, load_bench, tmp_path, section, key, name
+):
+    _, network = open_bench(MACHINE.format(more=""))
+    expected = described_otherwise(tmp_path, (section, 0x77)).replace('source = "P_A"', "")
+    config = load_bench(expected)
+    members = [node for node in config.nodes if node.node_id == 2]
+    procedure = SimpleNamespace(network=network, config=config, members=members)
+    limits = Limits((0.0, 0.0), 0.0, (0.0, 0.0), 0.0)
+    found = communication(procedure, Step(StepKind.COMMUNICATION, limits, {}))
+    assert (found.verdict, [each.name for each in found.findings]) == (Verdict.STOPPED, [name])
+    assert f"0x{key[0]:04X}.{key[1]:02X} " in found.findings[0].evidence
+    assert {each.name: each.value for each in found.measures} == {
+        "nodes as configured": 0.0,
+        "settings that differ from the EDS": 0.0,
+    }
 
 
 @pytest.mark.parametrize("section", ["1003sub0", "1010sub1", "1011sub1", "1012", "1013"])

@@ -12,7 +12,7 @@ import pytest
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.procedure import Procedure
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
-from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
+from hil_bench.abilities.commissioning.sweeps import Triangle, dead_band, leakage, ramp, sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
@@ -321,6 +321,13 @@ def test_what_leaves_a_closed_chamber_is_its_drift_by_the_oils_modulus(
     assert (names, [each.evidence for each in drifting.findings]) == (
         (["leakage"], [wrong]) if wrong else ([], [])
     )
+
+
+def test_a_triangle_goes_to_both_peaks():
+    triangle = Triangle(0.6, 8.0)
+    times = np.linspace(-1.0, 9.0, 401)
+    corners = [0.0, 2.0, 4.0, 6.0, 8.0], [0.0, 0.6, 0.0, -0.6, 0.0]
+    assert [triangle(time) for time in times] == pytest.approx(np.interp(times, *corners))
 
 
 def test_the_approach_is_slow_and_creeps_until_it_moves():

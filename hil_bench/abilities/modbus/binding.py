@@ -147,6 +147,11 @@ class ModbusBinding:
         self._exchange.exchange(now)
         self._sample += 1
 
+    @property
+    def orders(self) -> int:
+        """Number of requests of clients that asked for a write; those of scenarios do not count."""
+        return self._exchange.orders
+
     def _number(self) -> float:
         """Return the number of the row that this tick publishes, from 1."""
         return float((self._sample + 1) % _SAMPLES)

@@ -22,7 +22,6 @@ from hil_bench.abilities.faults.building import schedule_faults
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.faults import Faults
 from hil_bench.abilities.faults.section import FaultsPart
-from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.recording.report import RecordingWish
 from hil_bench.abilities.scenario import resolve
 from hil_bench.abilities.scenario.judgement import MOST_FRAMES, Evidence
@@ -340,7 +339,7 @@ def play(prepared: resolve.PreparedScenario, options: PlayOptions = PLAIN) -> Ru
                 last_tick + 1,
             )
     table = prepared.scenario.controller.table if prepared.scenario.controller else {}
-    is_mute = table.get("kind") == "program" and stage.is_silent and not config.of(ModbusConfig)
+    is_mute = table.get("kind") == "program" and stage.is_silent
     findings = stage.judge((_MUTE,) if is_mute else ())
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
     return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)

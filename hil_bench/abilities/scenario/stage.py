@@ -21,6 +21,7 @@ from hil_bench.abilities.j1939.protocol.auxiliary_valve import (
     pack_command,
 )
 from hil_bench.abilities.j1939.protocol.signals import join
+from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Finding, Trace, judge_trace
@@ -391,7 +392,7 @@ class Stage:
         self.director = Director(_plan(prepared), session, targets, hand)
         names = names_in(each.condition for each in prepared.requirements)
         self.witness = Witness(config, session, names, prepared.last_tick)
-        self._received = 0
+        self._received, self._session = 0, session
         session.watch(frames=self._count)
         if stops_at_failure:
             session.watch(ticks=_Stopper(prepared, self.witness, self.director).look)
@@ -413,8 +414,9 @@ class Stage:
 
     @property
     def is_silent(self) -> bool:
-        """Return True if nobody but the steps has sent a frame to the bench."""
-        return self._received <= self.director.sent
+        """Return True if nobody but the steps has sent a frame or written a register."""
+        modbus = self._session.bench.find(ModbusBinding)
+        return self._received <= self.director.sent and not (modbus and modbus.orders)
 
     def end(self) -> None:
         """Let the run be over."""

@@ -169,9 +169,11 @@ def test_a_file_that_is_no_controller_is_bad_input_whatever_its_kind(
 
 
 @needs_compiler
-def test_a_program_that_sends_nothing_exercises_nothing(tmp_path, cli):
-    """Frames of steps are not its own."""
-    more = '[controller]\nkind = "program"\ncommand = ["sleep", "9"]\n'
+@pytest.mark.parametrize("bench", ["", "[modbus]\n"])
+def test_a_program_that_sends_nothing_exercises_nothing(tmp_path, cli, bench):
+    """Frames of steps are not its own, and `test` serves no Modbus."""
+    (tmp_path / "bench.toml").write_text(bench)
+    more = 'bench = "bench.toml"\n[controller]\nkind = "program"\ncommand = ["sleep", "9"]\n'
     more += '[[step]]\nat_s = 0.01\nnmt = "start"\ntarget = "all"\n'
     path = scenario(tmp_path, "always axis1.P_A < 250 bar", more)
     found = cli(["test", path], ExitCode.INCONCLUSIVE)

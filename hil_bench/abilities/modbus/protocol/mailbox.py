@@ -207,6 +207,9 @@ class Exchange:
         entries: of all units, in the order of the row.
         rows: where the rows go.
         mailbox: where the orders come from.
+
+    Attributes:
+        orders: how many have come.
     """
 
     def __init__(self, entries: Sequence[BoundRegister], rows: RowSink, mailbox: Mailbox) -> None:
@@ -215,6 +218,7 @@ class Exchange:
         self._rows = rows
         self._mailbox = mailbox
         self._obeyed: tuple[int, int] | None = None  # an order, and its answer
+        self.orders = 0
 
     def exchange(self, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.
@@ -229,6 +233,7 @@ class Exchange:
         if self._obeyed is not None:
             mailbox.answer(*self._obeyed)
         order = mailbox.take()
+        self.orders += order is not None
         self._obeyed = order and (order.number, self._obey(order, now))
 
     def write(self, assignments: Sequence[register_map.Assignment], now: int) -> None:

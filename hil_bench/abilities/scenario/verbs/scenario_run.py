@@ -10,7 +10,6 @@ import logging
 import math
 from collections.abc import Iterator
 
-from hil_bench.abilities.modbus.map_files import ModbusConfig
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
@@ -42,7 +41,10 @@ from hil_bench.outside.processes.helper_process import Snapshot
 
 logger = logging.getLogger(__name__)
 
-_NOBODY = "no controller on the bus has sent a frame; without -i, -c and --hub its own one drives"
+_NOBODY = (
+    "no controller on the bus has sent a frame or written a register; without -i, -c and --hub its "
+    "own one drives"
+)
 _LATE = 0.1  # how much a run may be behind real time without a word [s]
 
 
@@ -84,8 +86,7 @@ class _Played:
         self._scenario = prepared.scenario
         self._stage = Stage(prepared, session)
         self._shown = shown_stage(prepared, self._stage)
-        is_on_can = prepared.config.of(ModbusConfig) is None  # its writes are no frames
-        self._is_awaited = bool(prepared.scenario.controller and is_on_can)
+        self._is_awaited = prepared.scenario.controller is not None
 
     def guest(self) -> Guest:
         """Return the guest that the run hosts."""

@@ -83,6 +83,7 @@ class Session:
         switches: of the power of others on its buses in this process, by name: "start", "kill" or
             "restart".
         preparations: called before the first tick of a paced run, whatever they take.
+        farewells: called by another thread where a tick never ends, before the process does.
         sources: asked at the start of each tick, before `now` moves; what they send acts in it.
     """
 
@@ -104,6 +105,7 @@ class Session:
         self.has_ticked = False
         self.intercept: Interceptor | None = None
         self.preparations: list[Callable[[], None]] = []
+        self.farewells: list[Callable[[], None]] = []
         self.sources: list[Source] = []
         self.switches: dict[str, Callable[[str], None]] = {}
         self._commands = self.door.waiting

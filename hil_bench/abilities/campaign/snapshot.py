@@ -15,6 +15,7 @@ from hil_bench.abilities.campaign.records import Case, RunOutcome, RunResult, Ru
 from hil_bench.abilities.campaign.store import case_digest, controller_digest
 from hil_bench.abilities.controllers.desk import ControllerConfig, Desks
 from hil_bench.abilities.controllers.section import ControllersConfig
+from hil_bench.abilities.controllers.standstill import watch_nothing
 from hil_bench.abilities.scenario.judgement import WORST_FIRST
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.reach import names_in
@@ -292,6 +293,7 @@ def _keep(prepared: PreparedScenario, tick: int, connection: Connection) -> None
     """Play a run up to a tick, and let others go on from there; never returns."""
     code = 1
     try:
+        watch_nothing()
         _close_all_but(connection.fileno())
         halt = _Halt(prepared, tick, connection)
         options = PlayOptions(halt=halt.arrange)

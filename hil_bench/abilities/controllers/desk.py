@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,6 +22,7 @@ from hil_bench.abilities.controllers.seam import (
     TimedFrame,
     make_timed,
 )
+from hil_bench.abilities.controllers.standstill import Guard, Overdue, unwatch, watch
 from hil_bench.abilities.controllers.turns import Turns
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.session import Session
@@ -30,6 +32,8 @@ from hil_bench.errors import ConfigError, ControllerError
 logger = logging.getLogger(__name__)
 
 _TIME = attrgetter("time")
+_USUAL_PATIENCE = 60.0
+"""Time of a call of a controller in the bench's thread, where its table has none [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,7 @@ class Desk:
         bench: configuration of the bench.
         scratch: an empty folder.
         values: the parameters of a scenario, in their own units.
+        farewell: does what others need where this one never comes back, and the process ends.
 
     Attributes:
         name: of the controller.
@@ -79,6 +84,7 @@ class Desk:
         bench: BenchConfig,
         scratch: Path,
         values: Mapping[str, float],
+        farewell: Callable[[], None],
     ) -> None:
         self.name = config.name
         self.place = "" if config.name == ONLY else f"controller {config.name}: "
@@ -104,12 +110,23 @@ class Desk:
             bench.tick_ns,
             self._serve,
         )
+        self._guard = Guard(
+            self.place or f"{config.place}: ",
+            config.settings.get("patience_s", _USUAL_PATIENCE),
+            is_native=config.kind.is_native,
+            farewell=farewell,
+        )
         session.watch(frames=self._hear)
 
     @property
     def is_running(self) -> bool:
         """Return True if it is switched on and has not come to its end."""
         return self._controller is not None
+
+    @property
+    def kind(self) -> ControllerKind:
+        """Return its kind."""
+        return self._config.kind
 
     @property
     def has_begun(self) -> bool:
@@ -123,13 +140,15 @@ class Desk:
             until: the moment, in time without the ticks that were skipped [ns].
             skipped: how much time these were [ns].
 
-        A `ControllerError` says that it has failed, or cannot be started.
+        Raises:
+            ControllerError: it has failed, does not come back, or cannot be started.
         """
         self._skipped = skipped
         received: Sequence[TimedFrame] = self._inbox
         self._inbox = []
         if self._session.bench.medium is None:
             self._own.clear()  # on copper they are heard when they have passed
+        self._guard.until = until
         try:
             if self.is_due:
                 received = self._start(received)
@@ -144,34 +163,59 @@ class Desk:
                 logger.warning("%.3f s: %shas ended%s", until * 1e-9, self.place, words)
         except ControllerError as error:
             raise type(error)(f"{self.place}{error}") from error
+        except Overdue as late:
+            raise ControllerError(f"{self.place}{late}") from late
+        finally:
+            self._guard.until = None
+            if self._controller is None:
+                unwatch(self._guard)
         return self._take(sent) if sent else ()
 
     def prepare(self) -> None:
         """Build the controller that starts with the first tick, and do what needs no time.
 
-        A `ControllerError` says that it cannot be started.
+        Raises:
+            ControllerError: it cannot be started.
         """
         if not self.is_due or self.is_running:
             return
+        self._guard.until = 0
         try:
             self._start(())
+            if isinstance(self._controller, PreparingController):
+                self._controller.prepare()
         except ControllerError as error:
             raise type(error)(f"{self.place}{error}") from error
-        if isinstance(self._controller, PreparingController):
-            self._controller.prepare()
+        except Overdue as late:
+            raise ControllerError(f"{self.place}{late}") from late
+        finally:
+            self._guard.until = None
+            if self._controller is None:
+                unwatch(self._guard)
 
     def switch_off(self, *, at_once: bool = False) -> None:
         """End the controller; a second call does nothing.
 
         Args:
             at_once: as a loss of power does.
+
+        Raises:
+            ControllerError: it does not come to its end.
         """
         controller, self._controller = self._controller, None
         self.is_due = False
-        if controller is not None:
+        if controller is None:
+            return
+        self._guard.until = self._session.now
+        try:
             if at_once:
                 controller.reset()
             controller.close()
+        except Overdue as late:
+            raise ControllerError(f"{self.place}{late}") from late
+        finally:
+            self._guard.until = None
+            unwatch(self._guard)
 
     @property
     def partner(self) -> int:
@@ -224,6 +268,8 @@ class Desk:
         if self._config.kind.uses_files:
             scratch.mkdir(parents=True)
         surroundings = self._surroundings._replace(scratch=scratch)
+        if self._config.kind.is_inside:
+            watch(self._guard)
         self._controller = self._config.kind.build(self._config.settings, surroundings)
         # At first it gets power with the bench, and hears it boot; later it was without.
         return received if self._starts == 1 else ()
@@ -297,7 +343,7 @@ class Desks:
         values: Mapping[str, float] | None = None,
     ) -> None:
         self.desks = [
-            Desk(config, session, bench, scratch / config.name, values or {})
+            Desk(config, session, bench, scratch / config.name, values or {}, self._farewell)
             for config in sorted(configs, key=attrgetter("name"))
         ]
         if session.bench.medium is not None and any(each.kind.is_clock for each in configs):
@@ -305,6 +351,7 @@ class Desks:
                 "[bus.wire]: a controller whose SYNC is its clock gives frames no time to pass; "
                 "leave the table out, or give a controller of another kind"
             )
+        self._session, self._scratch = session, scratch
         self._tick, self._last, self._skipped = bench.tick_ns, 0, 0
         self._turns = Turns()
         session.sources.append(self._live)
@@ -374,6 +421,16 @@ class Desks:
         self._turns.end()
         for desk in reversed(self.desks):
             desk.switch_off()
+
+    def _farewell(self) -> None:
+        """End the others, and what watches the bench, where one never comes back."""
+        for desk in self.desks:
+            if not desk.kind.is_inside:
+                desk.switch_off(at_once=True)
+        for farewell in tuple(self._session.farewells):
+            farewell()
+        if any(desk.kind.uses_files for desk in self.desks):
+            shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _partners(self) -> list[int]:
         return [desk.partner for desk in self.desks]

@@ -5,11 +5,23 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from hil_bench.abilities.controllers import standstill
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hil_bench.abilities.controllers.handle import Handle
     from hil_bench.bench.virtual_bench import VirtualBench
+
+
+def pytest_configure() -> None:
+    """Keep standard error for a controller that never comes back."""
+    standstill.keep_errors()
+
+
+def pytest_unconfigure() -> None:
+    """Let go of it."""
+    standstill.drop_errors()
 
 
 @pytest.fixture

@@ -13,18 +13,25 @@ from hil_bench.abilities.controllers.program.kind import KIND as PROGRAM
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.seam import ControllerKind
 from hil_bench.config.settings import Key, Problems, Setting, convert, read_table
-from hil_bench.config.values import find_nearest, quote, text, texts
+from hil_bench.config.values import find_nearest, number, quote, text, texts
 from hil_bench.registry import Registry, find_twice
+from hil_bench.units import SECOND
 
 _OWN = {kind.name: kind for kind in (ELF, FMU, LIBRARY, PROCESS, PROGRAM, PYTHON)}
 
 KIND_KEY: Final = Key("kind", text, example='"python"')
 COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()), Key("folder", text))
+PATIENCE_KEY: Final = Key("patience_s", number(SECOND, low=1.0, high=1e6), 60.0, SECOND)
+
+
+def keys_of(kind: ControllerKind) -> tuple[Key, ...]:
+    """Return the keys of a kind's table, beside those of all tables."""
+    return (*kind.keys, *((PATIENCE_KEY,) if kind.is_inside else ()))
 
 
 def _find_fault(kind: ControllerKind) -> str:
     """The fault of a kind from elsewhere; empty where there is none."""
-    names = [key.name for key in (*COMMON_KEYS, *kind.keys)]
+    names = [key.name for key in (*COMMON_KEYS, *keys_of(kind))]
     twice = find_twice(names)
     return f"has the key {twice} twice; each needs a name of its own" if twice else ""
 
@@ -70,11 +77,12 @@ def read_controller(
     kind = find_kind(table, given, problems)
     if kind is None:
         return None
-    keys = (*COMMON_KEYS, *kind.keys)
+    own = keys_of(kind)
+    keys = (*COMMON_KEYS, *own)
     found = read_table(table, given, keys, problems)
     if len(found) < len(keys):
         return None
-    settings = convert(found, kind.keys)
+    settings = convert(found, own)
     if found["folder"].value is not None:
         folder /= found["folder"].value
     for line in kind.problems(settings, folder):

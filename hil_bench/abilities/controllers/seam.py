@@ -165,6 +165,8 @@ class ControllerKind(ABC):
             controllers' state is there, or each is a `BranchingController`; and they take nothing
             of the parameters but what ``{parameter}`` names in its table.
         is_native: whether it runs machine code in the bench's process, which a crash may end.
+        is_inside: whether its code runs in the bench's thread, which waits until it comes back; its
+            tables have the key ``patience_s`` then.
     """
 
     name: str
@@ -174,6 +176,7 @@ class ControllerKind(ABC):
     is_clock: bool = False
     can_branch: bool = False
     is_native: bool = False
+    is_inside: bool = False
 
     @abstractmethod
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:

@@ -67,13 +67,19 @@ def recorded(
         return
     sink = open_sink(session, wish, config, is_real_time=is_real_time)
     sink.start()
+
+    def finish() -> None:
+        sink.stop()
+        write_spans(sink.report, event_spans(session.bench, session.now * 1e-9))
+
     observer = RecordingObserver(session, sink)
+    session.farewells.append(finish)
     try:
         yield sink
     finally:
+        session.farewells.remove(finish)
         observer.leave()
-        sink.stop()
-        write_spans(sink.report, event_spans(session.bench, session.now * 1e-9))
+        finish()
 
 
 def open_sink(

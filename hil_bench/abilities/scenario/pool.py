@@ -18,6 +18,7 @@ from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from hil_bench.abilities.common.processes import living
+from hil_bench.abilities.controllers.standstill import tell_instead
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.processes.helper_process import HelperProcess
@@ -40,6 +41,13 @@ class Spec(Protocol):
 
 SpecT = TypeVar("SpecT", bound=Spec)
 ResultT = TypeVar("ResultT")
+
+
+class _Standstill(NamedTuple):
+    """Said by a worker whose controller never comes back, as it ends."""
+
+    words: str
+
 
 _START_TIME = 120.0  # that a worker may take to start [s]
 _LONGEST_WAIT = 0.5  # [s]
@@ -189,12 +197,15 @@ class _Worker(Generic[SpecT, ResultT]):
             return self._failed(spec, TaskEnd.CRASHED, f"its process {ending}")
         if isinstance(answer, str):
             raise ConfigError(answer)
+        result: ResultT | None = None
         if answer is None:  # the process has started, and the time of its first run begins
             self._is_ready = True
             self._task = _Task(spec, monotonic() + spec.timeout)
-            return None
-        self._task = None
-        result: ResultT = answer
+        elif isinstance(answer, _Standstill):
+            self.kill()
+            result = self._failed(spec, TaskEnd.TIMED_OUT, answer.words)
+        else:
+            self._task, result = None, answer
         return result
 
     def kill(self) -> None:
@@ -208,6 +219,7 @@ def _work(perform: Callable[[Any], object], connection: Connection) -> None:
     """Do the tasks that come, until the parent lets go."""
     os.setsid()
     os.dup2(2, 1)  # what controllers print is no result
+    tell_instead(lambda words: connection.send(_Standstill(words)))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger().setLevel(logging.CRITICAL)  # thousands of runs say what one would say
     with suppress(HilBenchError), VirtualBench() as bench:

@@ -7,6 +7,7 @@ import random
 import pytest
 
 from hil_bench.abilities.common.processes import ProcessStatus
+from hil_bench.abilities.controllers import patience
 from hil_bench.abilities.controllers.library.controller import _FRAME, LibraryController, State
 from hil_bench.abilities.controllers.program import controller as program
 from hil_bench.abilities.controllers.program.exchange import RING, Exchange
@@ -146,27 +147,27 @@ def test_an_interface_has_the_name_of_its_bus_where_a_kernel_takes_it(buses, nam
     assert program.interface_names(buses) == names
 
 
-def test_patience_ends_with_processor_time_or_with_ten_idle_seconds(monkeypatch):
+def test_patience_ends_with_processor_time_or_with_idle_seconds(monkeypatch):
     used, state, now = 0.0, "S", 100.0
-    monkeypatch.setattr(program.time, "clock_gettime", lambda clock: used + 0.0 * clock)
-    monkeypatch.setattr(program, "read_status", lambda pid: ProcessStatus(pid, state, 1, 1))
-    monkeypatch.setattr(program.time, "monotonic", lambda: now)
+    monkeypatch.setattr(patience.time, "clock_gettime", lambda clock: used + 0.0 * clock)
+    monkeypatch.setattr(patience, "read_status", lambda pid: ProcessStatus(pid, state, 1, 1))
+    monkeypatch.setattr(patience.time, "monotonic", lambda: now)
     used = 3.0
-    patience = program._Patience(1, 2.0)
-    assert patience.find_problem() == ""
+    lasting = patience.Patience(1, 2.0, 10.0)
+    assert lasting.find_lapse() is None
     used, now = 5.0, 105.0  # exactly what it may take, since its first sight
-    assert patience.find_problem() == ""
+    assert lasting.find_lapse() is None
     now = 115.0
-    assert patience.find_problem() == ""
+    assert lasting.find_lapse() is None
     now = 115.1
-    assert patience.find_problem().startswith("for 10 s it has neither worked nor waited")
+    assert lasting.find_lapse() is patience.Lapse.IDLES
     state = "R"  # runs, though its clock has not moved yet
-    assert patience.find_problem() == ""
+    assert lasting.find_lapse() is None
     used = 5.1
-    assert patience.find_problem().startswith("took 2 s of processor time and did not wait once")
-    patience = program._Patience(1, 2.0)
+    assert lasting.find_lapse() is patience.Lapse.COMPUTES
+    lasting = patience.Patience(1, 2.0, 10.0)
     used = -1.0
-    assert patience.find_problem() == ""
+    assert lasting.find_lapse() is None
 
 
 def library(frames=(), count=None, words=b""):

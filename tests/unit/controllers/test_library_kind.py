@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -47,6 +48,13 @@ int hil_controller_advance(struct hil_controller *self, int64_t until, const str
     *sent = 0;
 #ifdef LEAVES
     exit(0);
+#endif
+#ifdef HANGS
+    if (until >= 50000000) {
+        fputs("hangs\\n", stderr);
+        while (until)
+            self->calls++;
+    }
 #endif
 #ifdef PRINTS
     puts("one line");
@@ -217,6 +225,11 @@ def test_what_is_no_library_is_one_line(tmp_path, echo):
         LibraryController(echo, {"side": "right"})
 
 
+LATE = (
+    "at {} s the controller did not come back: it took 1 s of processor time; "
+    "let it return when it has lived until then, or give patience_s above 1 s"
+)
+
 ONE_CALL = """
 import sys
 from pathlib import Path
@@ -242,10 +255,11 @@ def test_a_library_that_exits_does_not_end_the_run_as_passed(build, definitions,
 
 @pytest.mark.long
 def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(build, tmp_path):
-    """Two of the libraries end their process at their first call; the third prints."""
+    """Two end their process at their first call, one never comes back, the last one prints."""
     leaves = "-DLEAVES"
-    ways = {"a": [leaves, "-Dexit=_Exit"], "b": [leaves, "-Dexit(x)=abort()"], "c": ["-DPRINTS"]}
-    head = 'title = "T"\nduration_s = 0.01\n[controller]\nkind = "library"\n'
+    ways = {"a": [leaves, "-Dexit=_Exit"], "b": [leaves, "-Dexit(x)=abort()"], "c": ["-DHANGS"]}
+    ways["d"] = ["-DPRINTS"]
+    head = 'title = "T"\nduration_s = 0.06\n[controller]\nkind = "library"\npatience_s = 1\n'
     expect = '[[expect]]\nid = "R"\nthat = "always axis1.P_A < 250 bar"\n'
     for name, definitions in ways.items():
         library = f'library = "{build(f"ends_{name}.so", *definitions)}"\n'
@@ -254,12 +268,49 @@ def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(buil
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert ended.returncode == ExitCode.CHECK_FAILED
     found = json.loads(ended.stdout)
-    first, second, last = (found[str(tmp_path / f"{name}.scenario.toml")] for name in ways)
+    first, second, third, last = (found[str(tmp_path / f"{name}.scenario.toml")] for name in ways)
     assert first["problem"] == "its process ended with exit code 0"
     assert second["problem"] == "its process was killed (SIGABRT)"
+    assert third["problem"] == f"{tmp_path / 'c.scenario.toml'}:controller: {LATE.format('0.050')}"
     assert last["problem"] == ""
     assert last["findings"]
     assert "one line" in ended.stderr
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("is_asked", [False, True])
+def test_a_run_whose_library_never_comes_back_ends_with_a_line(build, tmp_path, is_asked):
+    """By its patience of 1 s, or soon after Ctrl-C; files, another controller, no leftovers."""
+    (tmp_path / "bench.toml").write_text(
+        f'[controllers.a]\nkind = "library"\nlibrary = "{build("libhangs.so", "-DHANGS")}"\n'
+        f"patience_s = {1000 if is_asked else 1}\n"
+        '[controllers.b]\nkind = "program"\n'
+        'command = ["sh", "-c", "echo $$ > pid; exec sleep 99"]\n'
+    )
+    words = [sys.executable, "-m", "hil_bench", "run", "bench.toml", "--hub", "0", "--json"]
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    run = subprocess.Popen(
+        [*words, "--duration", "9", "--record", "r.csv"],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(folder), "XDG_RUNTIME_DIR": str(tmp_path)},
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    while run.stderr.readline() != "hangs\n":
+        pass
+    if is_asked:
+        run.send_signal(signal.SIGINT)
+    said = run.communicate()[1].splitlines()
+    assert run.returncode == ExitCode.BUS
+    late = LATE.format("0.050") if not is_asked else "at 0.050 s the controller did not come back: "
+    assert said[-1].startswith(f"hil-bench: error: controller a: {late}")
+    rows = (tmp_path / "r.csv").read_text().splitlines()
+    assert float(rows[-1].split(",")[0]) == pytest.approx(0.049)
+    assert list(folder.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
 
 
 @pytest.mark.parametrize(

@@ -302,7 +302,9 @@ def test_real_time_needs_a_bench_that_keeps_to_the_clock(start):
 @pytest.mark.usefixtures("watchful")
 def test_a_program_that_never_waits_is_ended(start, can_program):
     controller = start("forever", cpu_s=0.1)
-    with pytest.raises(ControllerError, match=r"^took 0\.1 s of processor time and did not wait"):
+    with pytest.raises(
+        ControllerError, match=r"^at 0\.00. s it took 0\.1 s of processor time and did not wait"
+    ):
         live(controller, 2)
     controller.close()
     assert not _children(can_program)
@@ -313,7 +315,9 @@ def test_a_program_that_waits_for_something_else_is_ended(start, monkeypatch, tm
     monkeypatch.setattr(controller_module, "PATIENCE", 0.0)
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)  # whose other end nobody opens
-    with pytest.raises(ControllerError, match="has neither worked nor waited for the bench"):
+    with pytest.raises(
+        ControllerError, match=r"^at 0\.00. s for 0 s it has neither worked nor waited"
+    ):
         live(start("sh", "-c", f"read line < {pipe}"), 2)
 
 

@@ -6,6 +6,7 @@ import re
 import pytest
 
 from hil_bench import Surroundings, VirtualBench, load_config
+from hil_bench.abilities.controllers import standstill
 from hil_bench.abilities.controllers.python.kind import KIND, find_call
 from hil_bench.errors import ConfigError, ControllerError
 
@@ -13,6 +14,7 @@ FILE = """
 import can
 import os
 import struct
+import time
 
 def message(number):
     return can.Message(arbitration_id=number, data=[], is_extended_id=False)
@@ -103,6 +105,26 @@ class GivesNumber(Given):
 
 class GivesNothing(Given):
     given = None
+
+def loops(rig):
+    rig.sleep(0.002)
+    while True:
+        pass
+
+def sleeps(rig):
+    rig.sleep(0.002)
+    time.sleep(1e6)
+
+def goes_on(rig):
+    rig.sleep(0.002)
+    for _ in range(2):
+        try:
+            while True:
+                pass
+        except BaseException:
+            pass
+    while True:
+        pass
 
 def unheard(rig):
     rig.bus.recv(None)
@@ -238,6 +260,31 @@ def test_one_that_takes_every_exception_for_its_own_does_not_hold_the_bench(fold
     with make_bench(folder, "mine.py:never_ends") as bench:
         bench.run(0.1)
     assert bench.now() == pytest.approx(0.1)
+
+
+class Lapsing:
+    """Patience that is at its end with the second look at a call."""
+
+    def __init__(self, *_, **__):
+        self.looks = 0
+
+    def find_lapse(self):
+        self.looks += 1
+        return standstill.Lapse.COMPUTES if self.looks > 1 else None
+
+
+@pytest.mark.parametrize("call", ["loops", "sleeps", "goes_on"])
+def test_one_that_never_comes_back_is_a_line_with_its_place(folder, monkeypatch, call):
+    monkeypatch.setattr(standstill, "GLANCE", 0.01)
+    monkeypatch.setattr(standstill, "GRACE", 0.05)
+    monkeypatch.setattr(standstill, "Patience", Lapsing)
+    with make_bench(folder, f"mine.py:{call}") as bench, pytest.raises(ControllerError) as error:
+        bench.run(1.0)
+    assert re.search(
+        r"mine\.py:\d+: at 0\.003 s the controller did not come back: it took 60 s of processor "
+        r"time; let it return when it has lived until then, or give patience_s above 60 s$",
+        str(error.value),
+    )
 
 
 def test_a_copy_of_the_bench_that_a_controller_forks_ends(folder):

@@ -1,5 +1,7 @@
 """The fixture `controller`: controllers of any kind on the bench of a test."""
 
+from hil_bench.cli.exit_codes import ExitCode
+
 pytest_plugins = ["pytester"]
 
 FILE = """
@@ -47,3 +49,17 @@ def test_a_test_puts_controllers_on_its_bench(pytester):
         """
     )
     pytester.runpytest("-p", "no:cacheprovider").assert_outcomes(passed=2)
+
+
+def test_the_words_on_one_that_never_comes_back_are_not_captured(pytester):
+    pytester.makepyfile(
+        """
+        from hil_bench.abilities.controllers import standstill
+
+        def test_it():
+            standstill.leave("it did not come back", lambda: print("bye", flush=True))
+        """
+    )
+    ended = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    assert ended.ret == ExitCode.BUS
+    assert ended.errlines == ["hil-bench: error: it did not come back"]

@@ -35,7 +35,7 @@ class LibraryKind(ControllerKind):
     summary = "a shared library with the functions of hil_controller.h"
     uses_files = False
     can_branch = True  # a library's memory is its process's
-    is_native = True
+    is_native = is_inside = True
     keys = (
         Key("library", text, example='"build/libaxis.so"'),
         Key("settings", settings_table, {}),

@@ -81,7 +81,10 @@ class ProcessController:
                 if program.process.returncode:
                     raise ControllerError(program.epitaph())
                 raise ControllerEnd("exit code 0")
-            self._silence.end(has_come=has_come, has_synced=False)
+            try:
+                self._silence.end(has_come=has_come, has_synced=False)
+            except ControllerError as error:
+                raise ControllerError(f"at {until * 1e-9:.3f} s {error}") from None
 
     def reset(self) -> None:
         """Kill the program; it starts anew at the next `advance`."""

@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.abilities.common.processes import read_status
+from hil_bench.abilities.controllers.patience import Lapse, Patience
 from hil_bench.abilities.controllers.process.program import Program, environment
 from hil_bench.abilities.controllers.program.exchange import NAME_SIZE, RING, Exchange
 from hil_bench.abilities.controllers.seam import ControllerEnd, Surroundings, TimedFrame
@@ -209,12 +209,23 @@ class _Life:
         """
         self._exchange.grant(until, received)
         self._ring()
-        patience = _Patience(self._program.process.pid, self._cpu_s_per_tick)
+        patience = Patience(self._program.process.pid, self._cpu_s_per_tick, PATIENCE)
         while not self._hear():
-            if problem := patience.find_problem():
-                raise ControllerError(problem)
+            if lapse := patience.find_lapse():
+                raise ControllerError(f"at {until * 1e-9:.3f} s {self._words(lapse)}")
         self._sent += self._exchange.take()
         self._wake = self._exchange.wake
+
+    def _words(self, lapse: Lapse) -> str:
+        if lapse is Lapse.COMPUTES:
+            return (
+                f"it took {self._cpu_s_per_tick:g} s of processor time and did not wait once; "
+                "a program that computes for longer needs more cpu_s_per_tick"
+            )
+        return (
+            f"for {PATIENCE:g} s it has neither worked nor waited for the bench; "
+            "a child process, a lock or a file keeps it"
+        )
 
     def _ring(self) -> None:
         with contextlib.suppress(ConnectionError):  # it has ended: seen by `_hear`
@@ -304,43 +315,6 @@ class _RealLife(_Life):
         self._program.process.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._program.process.wait(LEAVE)
-
-
-class _Patience:
-    """The patience with a program that does not answer.
-
-    Args:
-        pid: of the program.
-        cpu_s: processor time that it may take [s].
-    """
-
-    def __init__(self, pid: int, cpu_s: float) -> None:
-        self._pid, self._cpu_s = pid, cpu_s
-        self._first = self._last = -1.0
-        self._idle_since = 0.0
-
-    def find_problem(self) -> str:
-        """Look at the program; return what is wrong with it, empty where nothing is."""
-        try:
-            used, state = time.clock_gettime((~self._pid << 3) | 2), read_status(self._pid).state
-        except OSError:  # it has just ended
-            return ""
-        now = time.monotonic()
-        if self._first < 0.0:
-            self._first = used
-        if used != self._last or state == "R":
-            self._last, self._idle_since = used, now
-        if used - self._first > self._cpu_s:
-            return (
-                f"took {self._cpu_s:g} s of processor time and did not wait once; "
-                "a program that computes for longer needs more cpu_s_per_tick"
-            )
-        if now - self._idle_since > PATIENCE:
-            return (
-                f"for {PATIENCE:g} s it has neither worked nor waited for the bench; "
-                "a child process, a lock or a file keeps it"
-            )
-        return ""
 
 
 def interface_names(buses: Sequence[str]) -> list[str]:

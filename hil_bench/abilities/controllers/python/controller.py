@@ -17,6 +17,7 @@ import can
 from greenlet import greenlet
 
 from hil_bench.abilities.controllers.seam import Controller, ControllerEnd, Surroundings, TimedFrame
+from hil_bench.abilities.controllers.standstill import Overdue
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
@@ -209,6 +210,8 @@ class PythonController:
         """Return the end of the controller by an exception, as the bench knows ends."""
         if isinstance(error, ControllerError):
             return error
+        if isinstance(error, Overdue):
+            return ControllerError(_place(error, self._call))
         if not self.has_begun and isinstance(error, (DriverError, ValueError)):
             return ControllerError(f"the controller could not work: {error}")
         if self._is_cyclic and isinstance(error, DriverError):
@@ -296,5 +299,5 @@ def _place(error: BaseException, call: Callable[[Rig], object]) -> str:
     name = type(error).__name__
     if name.lower() == "error":  # of struct, of binascii
         name = f"{type(error).__module__}.{name}"
-    what = " ".join(f"{name}: {error}".split())
+    what = " ".join(f"{name}: {error}".split()) if not isinstance(error, Overdue) else str(error)
     return f"{own[-1].filename}:{own[-1].lineno}: {what[:_LONGEST]}"

@@ -29,6 +29,7 @@ class PythonKind(ControllerKind):
     name = "python"
     summary = "a function or class of a Python file"
     uses_files = False
+    is_inside = True
     keys = (Key("call", text, example='"axis.py:control"'),)
 
     def problems(self, settings: Mapping[str, Any], folder: Path) -> Sequence[str]:

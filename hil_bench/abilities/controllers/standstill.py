@@ -1,0 +1,240 @@
+"""Controllers in the bench's own thread that never come back, and the end that they are given.
+
+A thread beside the bench looks at them once a second. Python code it interrupts, which is an error
+of the controller like any other. Machine code nobody can interrupt: the process says so in a line,
+does what others need at its end, and is over.
+"""
+
+import os
+import select
+import signal
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final
+
+from hil_bench.abilities.controllers.patience import Lapse, Patience
+
+GLANCE = 1.0
+"""Time between two looks [s]."""
+
+GRACE = 2.0
+"""Time that is left behind a signal that asks for the end, as Ctrl-C is [s]."""
+
+LONGEST_FAREWELL: Final = 10.0
+"""Time that the end of the process may take [s]."""
+
+_MOST_TRIES = 3
+"""How often Python code is interrupted, which may take that for its own."""
+
+_ASKS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+    if hasattr(signal, name)
+)  # fmt: skip
+_WAKES: Any = getattr(signal, "SIGURG", None)  # ignored where nobody has a use for it
+
+
+class Overdue(BaseException):
+    """Raised in Python code that does not come back; the words say for how long."""
+
+
+class Guard:
+    """The guard of a controller in the bench's thread.
+
+    Args:
+        place: how messages begin.
+        longest: processor time, or time without any, that a call may take [s].
+        is_native: whether it is machine code.
+        farewell: does what others need before the process ends, called by another thread.
+
+    Attributes:
+        until: the bench time that it is asked to live to [ns]; None while it is not at work.
+    """
+
+    def __init__(
+        self, place: str, longest: float, *, is_native: bool, farewell: Callable[[], None]
+    ) -> None:
+        self.until: int | None = None
+        self.is_native = is_native
+        self._place, self._longest, self._farewell = place, longest, farewell
+        self._ident = self._thread = 0
+        self._seen: int | None = None
+        self._patience: Patience | None = None
+        self._asked: tuple[int, float] | None = None
+        self._tries, self._tried = 0, 0.0
+        self._problem = ""
+
+    def begin(self) -> None:
+        """Take this thread for that of the bench."""
+        self._ident, self._thread = threading.get_ident(), threading.get_native_id()
+
+    def look(self) -> None:
+        """See whether it is still where it was at the last look, and for how long."""
+        until = self.until
+        if until is None or until != self._seen or self._patience is None:
+            self._seen, self._tries = until, 0
+            self._patience = Patience(self._thread, self._longest, self._longest, is_thread=True)
+            self._patience.find_lapse()
+            return
+        longest = f"{self._longest:g} s"
+        right = f"let it return when it has lived until then, or give patience_s above {longest}"
+        match self._patience.find_lapse():
+            case Lapse.COMPUTES:
+                self._end(until, f"it took {longest} of processor time; {right}")
+            case Lapse.IDLES:
+                self._end(until, f"it waited for {longest}; {right}")
+            case None if self._asked is not None and self._asked[0] == until:
+                if time.monotonic() - self._asked[1] >= GRACE:
+                    self._end(until, "the end was asked for, and it held the bench")
+
+    def ask(self) -> None:
+        """Take note that somebody asks for the end."""
+        self._asked = None if self.until is None else (self.until, time.monotonic())
+
+    def take_problem(self) -> str:
+        """Return why it is to be interrupted, once; empty where it has come back meanwhile."""
+        problem, self._problem = self._problem, ""
+        return problem if self.until is not None and self.until == self._seen else ""
+
+    def _end(self, until: int, why: str) -> None:
+        words = f"at {until * 1e-9:.3f} s the controller did not come back: {why}"
+        is_main = self._ident == threading.main_thread().ident
+        if time.monotonic() - self._tried < GRACE:  # it may be on its way
+            return
+        if self.is_native or not (is_main and _is_heard()) or self._tries == _MOST_TRIES:
+            leave(f"{self._place}{words}", self._farewell)
+            return
+        self._tries, self._tried = self._tries + 1, time.monotonic()
+        self._problem = words
+        signal.pthread_kill(self._ident, _WAKES)
+
+
+class _Watch(threading.Thread):
+    """Looks at guards, once a second and where a signal comes."""
+
+    def __init__(self) -> None:
+        super().__init__(name="hil-bench watch", daemon=True)
+        self._signals, self._sent = os.pipe()
+        os.set_blocking(self._sent, False)
+        self._hears = threading.current_thread() is threading.main_thread()
+        if self._hears:
+            before = signal.set_wakeup_fd(self._sent, warn_on_full_buffer=False)
+            if before != -1:  # another loop's, as of a notebook
+                signal.set_wakeup_fd(before)
+                self._hears = False
+
+    def let_go(self) -> None:
+        """Hear no signals any more."""
+        if self._hears:
+            signal.set_wakeup_fd(-1)
+
+    def run(self) -> None:
+        while True:
+            came = b""
+            if select.select([self._signals], [], [], GLANCE)[0]:
+                came = os.read(self._signals, 256)
+            for guard in tuple(_guards):
+                if any(number in _ASKS for number in came):
+                    guard.ask()
+                guard.look()
+
+
+_guards: list[Guard] = []
+_wishes = {"watch": True}
+_watches: list[_Watch] = []
+
+
+def watch(guard: Guard) -> None:
+    """Look at a guard from now on."""
+    if not _wishes["watch"]:
+        return
+    guard.begin()
+    if guard not in _guards:
+        _guards.append(guard)
+    if not guard.is_native and _may_listen():
+        signal.signal(_WAKES, _interrupt)
+    if not _watches or not _watches[-1].is_alive():
+        _watches[:] = [_Watch()]
+        _watches[-1].start()
+
+
+def unwatch(guard: Guard) -> None:
+    """Look at a guard no longer."""
+    if guard in _guards:
+        _guards.remove(guard)
+
+
+def watch_nothing() -> None:
+    """Look at nothing in this process, a copy by fork: it needs no further thread to be copied."""
+    _wishes["watch"] = False
+    _guards.clear()
+    for each in _watches:
+        each.let_go()
+
+
+def _is_heard() -> bool:
+    return _WAKES is not None and signal.getsignal(_WAKES) is _interrupt
+
+
+def _may_listen() -> bool:
+    is_main = threading.current_thread() is threading.main_thread()
+    return is_main and _WAKES is not None and signal.getsignal(_WAKES) == signal.SIG_DFL
+
+
+def _interrupt(_number: int, _frame: object) -> None:
+    for guard in tuple(_guards):
+        if problem := guard.take_problem():
+            raise Overdue(problem)
+
+
+# The end of a process in which machine code does not come back.
+
+_ERRORS = [2]
+"""The descriptors of standard error, whoever captures it; the last one counts."""
+
+_leaving: list[Callable[[str], None]] = []
+
+
+def leave(words: str, farewell: Callable[[], None] = lambda: None) -> None:
+    """Say why the process ends, let others have what they need, and end it.
+
+    Args:
+        words: a line.
+        farewell: called before; where it takes too long, the process ends without.
+    """
+    from hil_bench.cli.exit_codes import ExitCode  # noqa: PLC0415 - pytest loads this module early
+
+    last = threading.Timer(LONGEST_FAREWELL, os._exit, (int(ExitCode.BUS),))
+    last.daemon = True
+    last.start()
+    say(words)
+    with suppress(Exception):
+        farewell()
+    for tell in _leaving:
+        tell(words)
+    os._exit(int(ExitCode.BUS))
+
+
+def say(words: str) -> None:
+    """Write an error on standard error, whoever captures it."""
+    if not _leaving:
+        with suppress(OSError):
+            os.write(_ERRORS[-1], f"hil-bench: error: {words}\n".encode())
+
+
+def tell_instead(tell: Callable[[str], None]) -> None:
+    """Have the words told to somebody, who ends this process, in place of standard error."""
+    _leaving.append(tell)
+
+
+def keep_errors() -> None:
+    """Take standard error as it is now for that of this process, before others capture it."""
+    with suppress(OSError):
+        _ERRORS.append(os.dup(2))
+
+
+def drop_errors() -> None:
+    """Let go of what `keep_errors` has taken."""
+    if len(_ERRORS) > 1:
+        os.close(_ERRORS.pop())

@@ -161,3 +161,14 @@ def spring_rig(site):
     (site / "spring_rig").symlink_to(PLUGIN / "spring_rig")
     declare(site, project["name"], project["version"], project["entry-points"])
     importlib.invalidate_caches()
+
+
+@pytest.fixture
+def no_home(monkeypatch):
+    """A user of a container, whom no list of users knows, without HOME."""
+    monkeypatch.delenv("HOME", raising=False)
+
+    def getpwuid(_uid):
+        raise KeyError
+
+    monkeypatch.setattr("pwd.getpwuid", getpwuid)

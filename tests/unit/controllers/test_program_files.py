@@ -4,6 +4,8 @@ import shutil
 import stat
 import struct
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.programs import needs_compiler, surroundings_of
@@ -166,6 +168,31 @@ def test_without_a_compiler_one_line_says_what_to_do(no_library, monkeypatch):
 def test_a_compiler_that_refuses_is_named(monkeypatch):
     monkeypatch.setenv("CC", "false")
     with pytest.raises(ConfigError, match=r"the C compiler refuses: .*false; install gcc"):
+        preload.find_library()
+
+
+@pytest.mark.parametrize(("uid", "mode"), [(4711, 0o755), (None, 0o777), (None, 0o702)])
+def test_a_library_that_another_user_may_have_put_there_is_not_loaded(
+    no_library, monkeypatch, uid, mode
+):
+    folder = no_library / "cache" / "hil-bench"
+    folder.mkdir(parents=True)
+    folder.chmod(mode)
+    (folder / f"program-{preload._digest()}.so").touch()
+    owner = folder.stat()
+    found = SimpleNamespace(st_uid=owner.st_uid if uid is None else uid, st_mode=owner.st_mode)
+    stat = Path.stat
+    monkeypatch.setattr(
+        Path, "stat", lambda path, **more: found if path == folder else stat(path, **more)
+    )
+    with pytest.raises(ConfigError, match=r"other users may write in .*; set XDG_CACHE_HOME to"):
+        preload.find_library()
+
+
+@pytest.mark.usefixtures("no_library", "no_home")
+def test_a_user_without_a_home_hears_what_to_set(monkeypatch):
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    with pytest.raises(ConfigError, match=r"no home directory .*; set XDG_CACHE_HOME to a folder"):
         preload.find_library()
 
 

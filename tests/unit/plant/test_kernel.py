@@ -10,6 +10,7 @@ from hil_bench.errors import HilBenchError
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import (
     IS_COMPILED,
+    _has_place,
     digest_of_sources,
     kernel,
     ready,
@@ -96,6 +97,29 @@ def test_machine_code_is_cached_by_the_sources_of_all_plants():
     statistics = ready(advance_implicit_midpoint).stats
     plants = Path(hil_bench.plants.__file__).parent
     assert f"kernels-{digest_of_sources(plants)}" in statistics.cache_path
+
+
+@pytest.mark.usefixtures("no_home")
+@pytest.mark.parametrize(
+    ("cache", "folder", "has"),
+    [
+        (None, "", False),
+        (None, "file/kernels", False),
+        (None, "kernels", True),
+        ("", "", False),
+        ("here", "", False),
+        ("/there", "", True),
+    ],
+)
+def test_no_machine_code_is_taken_from_the_present_folder(
+    tmp_path, monkeypatch, cache, folder, has
+):
+    """Numba keeps it in the folder "~" of the present one where there is no home."""
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if cache is not None:
+        monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    (tmp_path / "file").touch()
+    assert _has_place.__wrapped__(str(tmp_path / folder) if folder else "") is has
 
 
 COMPILE_AND_LOG = """

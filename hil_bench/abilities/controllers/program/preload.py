@@ -3,6 +3,8 @@
 import hashlib
 import os
 import platform
+import stat
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -38,13 +40,15 @@ def compiled_once(
         needs: what is to be installed where that cannot be.
 
     Raises:
-        ConfigError: there is no compiler, or it refuses.
+        ConfigError: there is no compiler, it refuses, or others may write in the folder.
     """
     folder = cache_folder()
     library = folder / f"{name}.so"
+    with about_file(folder):
+        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        _check_owner(folder, kind)
     if not library.exists():
         with about_file(folder):
-            folder.mkdir(parents=True, exist_ok=True)
             try:
                 compile_to(library)
             except CompilerError as error:
@@ -56,10 +60,32 @@ def compiled_once(
 
 
 def cache_folder() -> Path:
-    """Return the folder of this user in which compiled libraries are kept."""
+    """Return the folder of this user in which compiled libraries are kept.
+
+    Raises:
+        ConfigError: the user has no home.
+    """
     given = os.environ.get("XDG_CACHE_HOME", "")
-    parent = Path(given) if Path(given).is_absolute() else Path("~/.cache").expanduser()
+    try:
+        parent = Path(given) if Path(given).is_absolute() else Path.home() / ".cache"
+    except RuntimeError:
+        wrong = "this user has no home directory for compiled libraries"
+        raise ConfigError(f"{wrong}; set XDG_CACHE_HOME to a folder") from None
     return parent / "hil-bench"
+
+
+def _check_owner(folder: Path, kind: str) -> None:
+    """Refuse a folder in which another user may have put a library.
+
+    Raises:
+        ConfigError: it is of another user than this one and root, or everybody may write in it.
+    """
+    if sys.platform == "win32":  # it has no such owners, and no folder for all there
+        return
+    found = folder.stat()
+    if found.st_uid not in {os.getuid(), 0} or found.st_mode & stat.S_IWOTH:
+        wrong = "other users may write in this folder of compiled libraries"
+        raise ConfigError(f'kind "{kind}": {folder}: {wrong}; set XDG_CACHE_HOME to one of yours')
 
 
 def _loadable(library: Path) -> Path:

@@ -15,9 +15,10 @@ import functools
 import hashlib
 import importlib.util
 import logging
+import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar, cast
 
@@ -79,8 +80,9 @@ class _Late:
         self._function.__globals__["np"] = np  # its module need not import it
         compile_with = functools.partial(numba.njit, error_model="numpy", **self._options)
         try:
-            with _cached_by_sources(numba.config):
-                return cast("Callable[..., Any]", compile_with(cache=True)(self._function))
+            with _cached_by_sources(numba.config) as directory:
+                is_cached = _has_place(directory)
+                return cast("Callable[..., Any]", compile_with(cache=is_cached)(self._function))
         except RuntimeError:  # no directory to cache in: a read-only or zipped installation
             return cast("Callable[..., Any]", compile_with()(self._function))
 
@@ -116,18 +118,34 @@ def _watch_compiling() -> None:
 
 
 @contextmanager
-def _cached_by_sources(config: Any) -> Iterator[None]:  # noqa: ANN401 - Numba's, without types
+def _cached_by_sources(config: Any) -> Iterator[str]:  # noqa: ANN401 - Numba's, without types
     """Let Numba cache what is decorated meanwhile in a directory of these very sources.
 
     Yields:
-        Nothing.
+        That directory; empty where Numba chooses.
     """
     given = config.CACHE_DIR
-    config.CACHE_DIR = _cache_directory(given)
+    config.CACHE_DIR = directory = _cache_directory(given)
     try:
-        yield
+        yield directory
     finally:
         config.CACHE_DIR = given
+
+
+@functools.cache
+def _has_place(directory: str) -> bool:
+    """Return True if machine code is kept in that directory, or in the user's own.
+
+    For a user without a home Numba takes the folder ``~`` of the present directory, with whatever
+    machine code somebody has put there.
+    """
+    with suppress(RuntimeError):  # there is no home
+        given = os.environ.get("XDG_CACHE_HOME")
+        if (Path.home() if given is None else Path(given)).is_absolute():
+            return True
+    with suppress(OSError):
+        Path(directory).mkdir(parents=True, exist_ok=True)
+    return bool(directory) and os.access(directory, os.W_OK)
 
 
 @functools.cache

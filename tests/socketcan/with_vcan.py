@@ -70,9 +70,10 @@ def run_in_user_mode_linux(command, timeout):
     """
     if not shutil.which("linux.uml"):
         raise LookupError("User-Mode Linux is not installed")
-    init = Path(__file__).with_name("uml_init.sh").resolve()
     with tempfile.TemporaryDirectory(prefix="with-vcan-") as job_dir:
         library = build_uml_xstate(Path(job_dir))
+        # A kernel ends its parameters at blanks, which the path of a checkout may have.
+        init = shutil.copy(Path(__file__).with_name("uml_init.sh"), job_dir)
         print(f"with_vcan: vcan0 of a User-Mode Linux, {UML_XSTATE.name} preloaded", flush=True)
         (Path(job_dir) / "job.sh").write_text(job_script(command))
         root = ["rootfstype=hostfs", "rootflags=/", "rw", f"init={init}", f"job_dir={job_dir}"]

@@ -25,6 +25,7 @@ from hil_bench.cli.exit_codes import (
     discard_output,
     flush_output,
     interrupted_once,
+    keep_output,
     prepare_streams,
     report_error,
     worst,
@@ -69,6 +70,8 @@ def _main(arguments: Sequence[str], *, freezes: bool) -> int:
         prepare_streams()
         with collection_put_off(freezes=freezes):
             args = _parse(arguments)
+        if freezes and getattr(args, "json", False):
+            keep_output()
         apply_units(args)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)

@@ -58,6 +58,17 @@ def prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
+def keep_output() -> None:
+    """Keep standard output for Python's own; what machine code prints there goes to errors.
+
+    For good: the C library writes some of it when the process ends.
+    """
+    stream = sys.stdout
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    sys.stdout = os.fdopen(kept, "w", encoding=stream.encoding, errors="backslashreplace")
+
+
 def flush_output() -> None:
     """Write what was printed, where a failure can still be told.
 

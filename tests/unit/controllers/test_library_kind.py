@@ -278,6 +278,17 @@ def test_what_ends_its_process_is_a_verdict_and_the_next_scenario_is_played(buil
 
 
 @pytest.mark.long
+def test_what_a_library_prints_stands_beside_the_summary_not_in_it(build):
+    library = f"library={build('libprints.so', '-DPRINTS')}"
+    words = [sys.executable, "-m", "hil_bench", "run", "--hub", "0", "--duration", "0.01", "--json"]
+    ended = subprocess.run(
+        [*words, "--controller", "library", library], capture_output=True, text=True, check=False
+    )
+    assert json.loads(ended.stdout)["ended_by"] is None
+    assert "one line\n" in ended.stderr
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("is_asked", [False, True])
 def test_a_run_whose_library_never_comes_back_ends_with_a_line(build, tmp_path, is_asked):
     """By its patience of 1 s, or soon after Ctrl-C; files, another controller, no leftovers."""

@@ -140,13 +140,11 @@ class SearchResult:
     Attributes:
         trials: in their order.
         finds: of each requirement, in the order of the file.
-        has_ended_early: whether a method has done fewer runs than it had: by time, or by failures.
         is_interrupted: whether Ctrl-C or a signal ended it.
     """
 
     trials: tuple[Trial, ...]
     finds: tuple[Find, ...]
-    has_ended_early: bool
     is_interrupted: bool = False
 
     @property
@@ -353,7 +351,7 @@ class Searcher:
         """
         until = monotonic() + 60.0 * budget.minutes if budget.minutes else float("inf")
         trials: list[Trial] = []
-        has_ended_early = is_interrupted = False
+        is_interrupted = False
         try:
             for number, method in enumerate(methods):
                 share = (until - monotonic()) / (len(methods) - number)
@@ -363,11 +361,10 @@ class Searcher:
                     is_over = ends_at_failure and not self._is_interrupted
                     if is_over and self._all_failed(trials[before:]):
                         break
-                has_ended_early |= len(trials) - before < budget.runs
         except KeyboardInterrupt:
-            has_ended_early = is_interrupted = True
+            is_interrupted = True
         finds = tuple(_find(each, trials) for each in self._requirements)
-        return SearchResult(tuple(trials), finds, has_ended_early, is_interrupted)
+        return SearchResult(tuple(trials), finds, is_interrupted)
 
     def trials(
         self, method: Method, runs: int, seed: int, until: float = float("inf")

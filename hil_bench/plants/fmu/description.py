@@ -120,7 +120,6 @@ class FmuVariable:
     reference: int
     causality: str
     is_real: bool
-    is_fixed: bool
     unit: str
     low: float | None
     high: float | None
@@ -211,7 +210,6 @@ def _variable(told: Any) -> FmuVariable:  # noqa: ANN401 - FMPy's record
         reference=int(told.valueReference),
         causality=str(told.causality or "local"),
         is_real=told.type in _REALS and not told.dimensions,
-        is_fixed=told.causality == "parameter" or told.initial in {"exact", "approx"},
         unit=str(told.unit or (declared.unit if declared is not None else "") or ""),
         low=_number(told.min),
         high=_number(told.max),

@@ -212,7 +212,7 @@ def test_a_search_keeps_the_first_failure_and_the_worst_of_each_requirement(seed
     for names in (["R1"], ["R2", "R3"], ["R9"]):
         for trial in trials:
             assert cost_of(trial.result, names) == cost(trial.result, names)
-    result = SearchResult(tuple(trials), (), has_ended_early=False)
+    result = SearchResult(tuple(trials), ())
     cut = [t for t in trials if t.result.outcome in {"crashed", "timed out"}]
     assert list(result.crashes) == cut
     assert sum(len(result.of(method)) for method in Method) == len(trials)
@@ -326,7 +326,7 @@ def test_a_figure_of_a_search_has_the_best_so_far_of_each_method(drawn):
         trial(Method.CMA_ES, 1, 9.0), trial(Method.CMA_ES, 2, None), trial(Method.CMA_ES, 3, -9.0),
     )  # fmt: skip
     find = Find("R1", {}, None, 0.0, None)
-    reports.search_figure(SearchResult(trials, (find,), has_ended_early=False), "R1")
+    reports.search_figure(SearchResult(trials, (find,)), "R1")
     (axes,) = drawn
     lines = [(e.get_label(), list(e.get_xdata()), list(e.get_ydata())) for e in axes.lines]
     assert [each[1:] for each in lines if each[0] == "random"] == [([1, 2, 3], [0.5, 0.5, -0.25])]
@@ -376,7 +376,7 @@ def test_the_report_of_a_search_says_where_its_smallest_margin_is(tmp_path, draw
     scenario = SimpleNamespace(title="A title", path="a.scenario.toml")
     plan = SimpleNamespace(methods=(Method.SOBOL, Method.RANDOM), seed=7, given={"b": 2.0})
     found = SimpleNamespace(
-        search=SearchResult(trials, finds, has_ended_early=False),
+        search=SearchResult(trials, finds),
         plan=plan,
         case=SimpleNamespace(scenario=scenario),
         failures=(),

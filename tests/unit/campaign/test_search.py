@@ -457,5 +457,5 @@ def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, cli):
 
 def test_a_search_without_a_requirement_decides_nothing():
     """docs/exit-codes.md: 6 where what was to be checked was not seen."""
-    nothing = SearchResult((), (), has_ended_early=False, is_interrupted=False)
+    nothing = SearchResult((), (), is_interrupted=False)
     assert exit_code_of_search(nothing) is ExitCode.INCONCLUSIVE

@@ -66,8 +66,7 @@ class Family(NamedTuple):
         clocks: how its registers set them.
         rcc: address of these.
         can: its CAN controllers, bxCAN or FDCAN.
-        is_fd: whether they are FDCAN.
-        message_ram: of FDCAN; 0 for none.
+        message_ram: of FDCAN; 0 for bxCAN.
         uarts: address and interrupt by name.
         is_new_uart: whether they have TDR and ISR.
         timers: all that count.
@@ -84,7 +83,6 @@ class Family(NamedTuple):
     clocks: clocks.Tree
     rcc: int
     can: tuple[Can, ...]
-    is_fd: bool
     message_ram: int
     uarts: Mapping[str, tuple[int, int]]
     is_new_uart: bool
@@ -164,7 +162,6 @@ _F0 = Family(
     clocks=clocks.F0,
     rcc=0x4002_1000,
     can=(Can(0x4000_6400, (30, 30, 30, 30)),),
-    is_fd=False,
     message_ram=0,
     uarts={
         "USART1": (0x4001_3800, 27),
@@ -202,7 +199,6 @@ _F1 = Family(
     clocks=clocks.F1,
     rcc=0x4002_1000,
     can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
-    is_fd=False,
     message_ram=0,
     uarts={
         "USART1": (0x4001_3800, 37),
@@ -236,7 +232,6 @@ _F4 = Family(
     clocks=clocks.F4,
     rcc=0x4002_3800,
     can=(Can(0x4000_6400, _BX_CAN), Can(0x4000_6800, (63, 64, 65, 66))),
-    is_fd=False,
     message_ram=0,
     uarts={
         "USART1": (0x4001_1000, 37),
@@ -275,7 +270,6 @@ _G0 = Family(
     clocks=clocks.G0,
     rcc=0x4002_1000,
     can=(Can(0x4000_6400, (21, 22)), Can(0x4000_6800, (21, 22))),
-    is_fd=True,
     message_ram=0x4000_B400,
     uarts={
         "USART1": (0x4001_3800, 27),
@@ -320,7 +314,6 @@ _G4 = Family(
         Can(0x4000_6800, (86, 87)),
         Can(0x4000_6C00, (88, 89)),
     ),
-    is_fd=True,
     message_ram=0x4000_A400,
     uarts={
         "USART1": (0x4001_3800, 37),
@@ -345,7 +338,6 @@ _L4 = _G4._replace(
     interrupts=82,
     clocks=clocks.L4,
     can=(Can(0x4000_6400, _BX_CAN),),
-    is_fd=False,
     message_ram=0,
     uarts={
         "USART1": (0x4001_3800, 37),

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.conformance.verdicts import NotApplicable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import frame_of, message_of
-from hil_bench.outside.stamps import SteadyStamps
 
 Matches = Callable[[Frame], bool]
 """Whether a frame is the one that is waited for."""

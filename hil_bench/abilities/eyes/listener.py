@@ -8,11 +8,11 @@ from typing import Final
 
 import can
 
+from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.recording.frames import logged_frame_of
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import has_bad_length
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.stamps import SteadyStamps
 from hil_bench.outside.transports.socketcand_bus import CONNECTION
 
 _SO_MEMINFO: Final = 55

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 
-from hil_bench.abilities.faults import stages
+from hil_bench.abilities.faults import effects
 from hil_bench.abilities.faults.checks import BrokenReading, LeakPath, bounded, choose, to_ns
-from hil_bench.abilities.faults.effects import Acts, DefectEffect, SensorEffect, SpoolEffect
 from hil_bench.abilities.faults.fault import Effect
 from hil_bench.abilities.faults.kind import GROWTH, LARGEST, Site, amounts, fault_kind, percent
 from hil_bench.abilities.faults.points import ENABLES, PLANTS, SENSORS, SUPPLIES, VALVES
@@ -26,36 +25,36 @@ _LONGEST_LAG = 1e6
 @fault_kind(SENSORS)
 def freeze(sensor: Site) -> Effect:
     """Freeze the value of a sensor."""
-    return SensorEffect(sensor.point(SENSORS), stages.Frozen)
+    return effects.SensorEffect(sensor.point(SENSORS), effects.Frozen)
 
 
 @fault_kind(SENSORS, keys=amounts("offset", "amount"))
 def offset(sensor: Site, amount: float) -> Effect:
     """Add an offset [Pa or m] to the value of a sensor."""
-    make = partial(stages.Shifted, bounded("amount", amount), 0.0, sensor.tick)
-    return SensorEffect(sensor.point(SENSORS), make)
+    make = partial(effects.Shifted, bounded("amount", amount), 0.0, sensor.tick)
+    return effects.SensorEffect(sensor.point(SENSORS), make)
 
 
 @fault_kind(SENSORS, keys=amounts("drift", "rate", rate=True))
 def drift(sensor: Site, rate: float) -> Effect:
     """Let the value of a sensor drift at a rate [Pa/s or m/s]."""
-    make = partial(stages.Shifted, 0.0, bounded("rate", rate), sensor.tick)
-    return SensorEffect(sensor.point(SENSORS), make)
+    make = partial(effects.Shifted, 0.0, bounded("rate", rate), sensor.tick)
+    return effects.SensorEffect(sensor.point(SENSORS), make)
 
 
 @fault_kind(SENSORS, keys=amounts("noise", "rms", low=0.0))
 def noise(sensor: Site, rms: float) -> Effect:
     """Add noise of an RMS [Pa or m] to the value of a sensor."""
     draw = normal_numbers(sensor.stream())
-    make = partial(stages.Noisy, bounded("rms", rms, low=0.0), draw)
-    return SensorEffect(sensor.point(SENSORS), make)
+    make = partial(effects.Noisy, bounded("rms", rms, low=0.0), draw)
+    return effects.SensorEffect(sensor.point(SENSORS), make)
 
 
 @fault_kind(SENSORS, keys=(Key("reads", choice(BrokenReading), BrokenReading.NOTHING),))
 def break_wire(sensor: Site, reads: BrokenReading | str = BrokenReading.NOTHING) -> Effect:
     """Break a sensor's wire: it reads "nothing", or beyond its range, "low" or "high"."""
-    make = partial(stages.Broken, choose("reads", BrokenReading, reads))
-    return SensorEffect(sensor.point(SENSORS), make)
+    make = partial(effects.Broken, choose("reads", BrokenReading, reads))
+    return effects.SensorEffect(sensor.point(SENSORS), make)
 
 
 _TIME_CONSTANT = Key(
@@ -74,8 +73,12 @@ def slow(target: Site, time_constant: float) -> Effect:
     lag = bounded("time_constant", time_constant, low=_SHORTEST_LAG, high=_LONGEST_LAG)
     valve = target.points.of(VALVES).get(target.name)
     if valve is None:
-        return SensorEffect(target.point(SENSORS), partial(stages.Slowed, lag, target.tick))
-    return SpoolEffect(valve, lambda position: stages.Lag(lag, target.tick, position).follow)
+        return effects.SensorEffect(
+            target.point(SENSORS), partial(effects.Slowed, lag, target.tick)
+        )
+    return effects.SpoolEffect(
+        valve, lambda position: effects.Lag(lag, target.tick, position).follow
+    )
 
 
 # Of valve, cylinder and supply: what wears, breaks, leaks and falls off.
@@ -89,13 +92,13 @@ _NO_UNIT = 'has no supply unit of its own; give it supply = "unit", or name the 
 @fault_kind(VALVES)
 def stick(valve: Site) -> Effect:
     """Hold the spool of a valve where it is."""
-    return SpoolEffect(valve.point(VALVES), lambda position: lambda _setpoint: position)
+    return effects.SpoolEffect(valve.point(VALVES), lambda position: lambda _setpoint: position)
 
 
 @fault_kind(VALVES)
 def invert(valve: Site) -> Effect:
     """Invert the spool of a valve, as crossed wires do."""
-    return SpoolEffect(valve.point(VALVES), lambda _position: lambda setpoint: -setpoint)
+    return effects.SpoolEffect(valve.point(VALVES), lambda _position: lambda setpoint: -setpoint)
 
 
 @fault_kind(ENABLES)
@@ -106,7 +109,7 @@ def disable(valve: Site) -> Effect:
     def switch(_now: int, *, is_on: bool) -> None:
         device.enable_input = is_on
 
-    return Acts(partial(switch, is_on=False), partial(switch, is_on=True))
+    return effects.Acts(partial(switch, is_on=False), partial(switch, is_on=True))
 
 
 @fault_kind(
@@ -135,7 +138,7 @@ def drop_supply(axis: Site, pressure: float) -> Effect:
         holds.remove(hold)
         point.plant.influence(SUPPLY, None)
 
-    return Acts(lambda _now: holds.append(hold), end)
+    return effects.Acts(lambda _now: holds.append(hold), end)
 
 
 _LEAKS: Mapping[str, str] = MappingProxyType(
@@ -276,9 +279,9 @@ def bind(valve: Site, band: float, *, growth: float = 0.0) -> Effect:
     """Let the spool stick until its set-point differs by a share of the full opening."""
     point, ticks = valve.point(VALVES), grown(growth, valve)
     bounded("band", band, low=0.0, high=1.0)
-    return SpoolEffect(
+    return effects.SpoolEffect(
         point,
-        lambda position: stages.Bound(stages.Growth(band * point.full, ticks), position).follow,
+        lambda position: effects.Bound(effects.Growth(band * point.full, ticks), position).follow,
     )
 
 
@@ -287,8 +290,9 @@ def weaken(valve: Site, travel: float, *, growth: float = 0.0) -> Effect:
     """Let the solenoids move the spool by a share of the full opening only; 0 by none."""
     point, ticks = valve.point(VALVES), grown(growth, valve)
     bounded("travel", travel, low=0.0, high=1.0)
-    return SpoolEffect(
-        point, lambda _position: stages.Weak(stages.Growth(1.0 - travel, ticks), point.full).follow
+    return effects.SpoolEffect(
+        point,
+        lambda _position: effects.Weak(effects.Growth(1.0 - travel, ticks), point.full).follow,
     )
 
 
@@ -309,8 +313,8 @@ def wear(axis: Site, amount: float, growth: float = 0.0, **chosen: str) -> Effec
     if name is None or name not in point.known:
         raise ConfigError(f"faults: {axis.lack(point.known)}")
     bounded(kind.name, amount, low=0.0, high=point.known[name].high)
-    make = partial(stages.Growth, amount, grown(growth, axis))
-    return DefectEffect(point, name, make, axis.places.holds)
+    make = partial(effects.Growth, amount, grown(growth, axis))
+    return effects.DefectEffect(point, name, make, axis.places.holds)
 
 
 def grown(growth: float, site: Site) -> int:

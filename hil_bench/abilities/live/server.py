@@ -14,9 +14,8 @@ from multiprocessing.connection import Connection
 from time import monotonic_ns
 from typing import Any, NamedTuple
 
-from hil_bench.abilities.common.packed_frames import unpack_frames
 from hil_bench.abilities.common.reception import capacity, say_errors_in_a_line, serve_at
-from hil_bench.abilities.common.shared_ring import SharedRing
+from hil_bench.abilities.common.shared_ring import SharedRing, unpack_frames
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.client_link import ClientLink
 from hil_bench.outside.processes.helper_process import HelperProcess

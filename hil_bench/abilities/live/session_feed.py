@@ -17,7 +17,7 @@ from hil_bench.abilities.common.commands import (
     SetPlant,
     Stop,
 )
-from hil_bench.abilities.common.packed_frames import pack_frames
+from hil_bench.abilities.common.shared_ring import pack_frames
 from hil_bench.abilities.common.work import WorkState
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.server import FeedPlan, FeedProcess

@@ -14,8 +14,7 @@ from multiprocessing.connection import Connection
 from time import monotonic_ns
 from typing import NamedTuple, Self
 
-from hil_bench.abilities.common.packed_frames import pack_frames, unpack_frames
-from hil_bench.abilities.common.shared_ring import SharedRing
+from hil_bench.abilities.common.shared_ring import SharedRing, pack_frames, unpack_frames
 from hil_bench.abilities.recording.recorder import (
     BLOCK_PERIOD,
     Recorder,

@@ -10,8 +10,8 @@ from support import fault_verbs
 from hil_bench import ConfigError, Faults, VirtualBench, load_config
 from hil_bench.abilities.faults.checks import BrokenReading
 from hil_bench.abilities.faults.commands import BeginFault
+from hil_bench.abilities.faults.effects import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.abilities.faults.points import PLANTS
-from hil_bench.abilities.faults.stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.bench.assembly import build_bench
 from hil_bench.devices.measurement.low_pass import normal_numbers, random_stream
 

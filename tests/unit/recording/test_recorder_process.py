@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench import ConfigError, read_frames
-from hil_bench.abilities.common.packed_frames import pack_frames
-from hil_bench.abilities.common.shared_ring import _TAKEN, SharedRing
+from hil_bench.abilities.common.shared_ring import _TAKEN, SharedRing, pack_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import RecordingPlan
 from hil_bench.abilities.recording.recorder_process import (

@@ -6,7 +6,7 @@ import can
 import pytest
 
 from hil_bench import VirtualBench, load_config, read_frames
-from hil_bench.abilities.common.packed_frames import MOST_FRAMES, pack_frames, unpack_frames
+from hil_bench.abilities.common.shared_ring import MOST_FRAMES, pack_frames, unpack_frames
 from hil_bench.abilities.copper.wire.bits import exact_fd_bits
 from hil_bench.canopen_device.frame import BRS, FDF, Frame
 

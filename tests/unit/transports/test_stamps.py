@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from hil_bench.outside.stamps import SteadyStamps
+from hil_bench.abilities.common.stamps import SteadyStamps
 
 HOUR = 3600.0
 

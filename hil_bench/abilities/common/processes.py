@@ -29,6 +29,15 @@ def read_status(pid: int) -> ProcessStatus:
     return ProcessStatus(pid, state, int(group), int(session))
 
 
+def is_traced() -> bool:
+    """Return True if a debugger, as gdb, or strace has this process."""
+    try:
+        text = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return "\nTracerPid:\t" in text and "\nTracerPid:\t0\n" not in text
+
+
 def living() -> Iterator[ProcessStatus]:
     """Yield the processes that are not dead; those that nobody has waited for are listed, too."""
     for directory in Path("/proc").glob("[0-9]*"):

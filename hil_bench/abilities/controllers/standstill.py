@@ -8,12 +8,14 @@ does what others need at its end, and is over.
 import os
 import select
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
+from hil_bench.abilities.common.processes import is_traced
 from hil_bench.abilities.controllers.patience import Lapse, Patience
 
 GLANCE = 1.0
@@ -24,6 +26,9 @@ GRACE = 2.0
 
 LONGEST_FAREWELL: Final = 10.0
 """Time that the end of the process may take [s]."""
+
+_DEBUGGERS: Final = {"bdb", "pdb", "pydevd", "_pydevd_bundle"}
+"""Modules that have a thread while somebody looks at it: pdb and its kin, debugpy, PyCharm."""
 
 _MOST_TRIES = 3
 """How often Python code is interrupted, which may take that for its own."""
@@ -71,15 +76,15 @@ class Guard:
 
     def look(self) -> None:
         """See whether it is still where it was at the last look, and for how long."""
-        until = self.until
-        if until is None or until != self._seen or self._patience is None:
+        until, patience = self.until, self._patience
+        if until is None or patience is None or until != self._seen or is_debugged(self._ident):
             self._seen, self._tries = until, 0
             self._patience = Patience(self._thread, self._longest, self._longest, is_thread=True)
             self._patience.find_lapse()
             return
         longest = f"{self._longest:g} s"
         right = f"let it return when it has lived until then, or give patience_s above {longest}"
-        match self._patience.find_lapse():
+        match patience.find_lapse():
             case Lapse.COMPUTES:
                 self._end(until, f"it took {longest} of processor time; {right}")
             case Lapse.IDLES:
@@ -108,6 +113,16 @@ class Guard:
         self._tries, self._tried = self._tries + 1, time.monotonic()
         self._problem = words
         signal.pthread_kill(self._ident, _WAKES)
+
+
+def is_debugged(ident: int) -> bool:
+    """Return True if a debugger has this process, or a thread of it stands in one of Python."""
+    frame = sys._current_frames().get(ident)  # noqa: SLF001 - the documented way
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).partition(".")[0] in _DEBUGGERS:
+            return True
+        frame = frame.f_back
+    return is_traced()
 
 
 class _Watch(threading.Thread):

@@ -2,6 +2,9 @@
 
 import os
 import re
+import sys
+import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,6 +21,11 @@ import time
 
 def message(number):
     return can.Message(arbitration_id=number, data=[], is_extended_id=False)
+
+def debugged(rig):
+    import io, pdb, person
+    pdb.Pdb(stdin=person, stdout=io.StringIO(), readrc=False).set_trace()
+    rig.bus.send(message(0x1FF))
 
 def blinks(rig):
     for number in range(3):
@@ -285,6 +293,35 @@ def test_one_that_never_comes_back_is_a_line_with_its_place(folder, monkeypatch,
         r"time; let it return when it has lived until then, or give patience_s above 60 s$",
         str(error.value),
     )
+
+
+def test_one_that_stands_in_a_debugger_is_left_alone(folder, monkeypatch):
+    """Its prompt is answered once the watch has looked a few times."""
+    at_prompt, looked, looks, look = threading.Event(), threading.Event(), [], standstill.Guard.look
+
+    class Ended(Lapsing):
+        def find_lapse(self):
+            return standstill.Lapse.IDLES if at_prompt.is_set() else None
+
+    def count(guard):
+        look(guard)
+        looks.append(at_prompt.is_set())
+        if sum(looks) == 5:
+            looked.set()
+
+    def answer():
+        at_prompt.set()
+        assert looked.wait(60.0)
+        at_prompt.clear()
+        return "continue\n"
+
+    monkeypatch.setattr(standstill, "GLANCE", 0.01)
+    monkeypatch.setattr(standstill, "Patience", Ended)
+    monkeypatch.setattr(standstill.Guard, "look", count)
+    monkeypatch.setitem(sys.modules, "person", SimpleNamespace(readline=answer))
+    with make_bench(folder, "mine.py:debugged") as bench:
+        bench.run(0.01)
+        assert [number for _, number in identifiers(bench)] == [0x1FF]
 
 
 def test_a_copy_of_the_bench_that_a_controller_forks_ends(folder):

@@ -61,7 +61,7 @@ def test_protected_frames_are_counted_as_one_counts_by_hand(first, events):
         if kind == "c":
             frame = frame[:-1] + bytes([frame[-1] ^ 1 << step % 8])
         if kind == "x":
-            frame = frame[: step % 5]
+            frame = frame[: step % 4]  # of four, the last may be a check sum
         assert protection.open(frame) == (b"abc" if kind == "s" else None)
         if kind == "s":
             lost += step - 1 if kinds else 0

@@ -10,6 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from hil_bench.abilities.controllers import standstill
 from hil_bench.abilities.controllers.power import ONLY, Power
 from hil_bench.abilities.controllers.seam import (
     AlternatingController,
@@ -22,7 +23,6 @@ from hil_bench.abilities.controllers.seam import (
     TimedFrame,
     make_timed,
 )
-from hil_bench.abilities.controllers.standstill import Guard, Overdue, unwatch, watch
 from hil_bench.abilities.controllers.turns import Turns
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.session import Session
@@ -32,8 +32,6 @@ from hil_bench.errors import ConfigError, ControllerError
 logger = logging.getLogger(__name__)
 
 _TIME = attrgetter("time")
-_USUAL_PATIENCE = 60.0
-"""Time of a call of a controller in the bench's thread, where its table has none [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +108,9 @@ class Desk:
             bench.tick_ns,
             self._serve,
         )
-        self._guard = Guard(
+        self._guard = standstill.Guard(
             self.place or f"{config.place}: ",
-            config.settings.get("patience_s", _USUAL_PATIENCE),
+            config.settings.get("patience_s", standstill.USUAL_PATIENCE),
             is_native=config.kind.is_native,
             farewell=farewell,
         )
@@ -140,8 +138,7 @@ class Desk:
             until: the moment, in time without the ticks that were skipped [ns].
             skipped: how much time these were [ns].
 
-        Raises:
-            ControllerError: it has failed, does not come back, or cannot be started.
+        A `ControllerError` says that it has failed, does not come back, or cannot be started.
         """
         self._skipped = skipped
         received: Sequence[TimedFrame] = self._inbox
@@ -161,21 +158,16 @@ class Desk:
             if self.place:  # of a scenario's own its result says so
                 words = f": {end}" if str(end) else ""
                 logger.warning("%.3f s: %shas ended%s", until * 1e-9, self.place, words)
-        except ControllerError as error:
-            raise type(error)(f"{self.place}{error}") from error
-        except Overdue as late:
-            raise ControllerError(f"{self.place}{late}") from late
+        except (ControllerError, standstill.Overdue) as error:
+            raise self._placed(error) from error
         finally:
-            self._guard.until = None
-            if self._controller is None:
-                unwatch(self._guard)
+            self._rest()
         return self._take(sent) if sent else ()
 
     def prepare(self) -> None:
         """Build the controller that starts with the first tick, and do what needs no time.
 
-        Raises:
-            ControllerError: it cannot be started.
+        A `ControllerError` says that it cannot be started.
         """
         if not self.is_due or self.is_running:
             return
@@ -184,14 +176,10 @@ class Desk:
             self._start(())
             if isinstance(self._controller, PreparingController):
                 self._controller.prepare()
-        except ControllerError as error:
-            raise type(error)(f"{self.place}{error}") from error
-        except Overdue as late:
-            raise ControllerError(f"{self.place}{late}") from late
+        except (ControllerError, standstill.Overdue) as error:
+            raise self._placed(error) from error
         finally:
-            self._guard.until = None
-            if self._controller is None:
-                unwatch(self._guard)
+            self._rest()
 
     def switch_off(self, *, at_once: bool = False) -> None:
         """End the controller; a second call does nothing.
@@ -199,8 +187,7 @@ class Desk:
         Args:
             at_once: as a loss of power does.
 
-        Raises:
-            ControllerError: it does not come to its end.
+        A `ControllerError` says that it does not come to its end.
         """
         controller, self._controller = self._controller, None
         self.is_due = False
@@ -211,11 +198,10 @@ class Desk:
             if at_once:
                 controller.reset()
             controller.close()
-        except Overdue as late:
-            raise ControllerError(f"{self.place}{late}") from late
+        except standstill.Overdue as late:
+            raise self._placed(late) from late
         finally:
-            self._guard.until = None
-            unwatch(self._guard)
+            self._rest()
 
     @property
     def partner(self) -> int:
@@ -231,6 +217,17 @@ class Desk:
     def tail(self) -> str:
         """The end of what it has printed."""
         return self._controller.tail() if self._controller is not None else ""
+
+    def _placed(self, error: ControllerError | standstill.Overdue) -> ControllerError:
+        """Return an error of the controller that names it."""
+        kind = type(error) if isinstance(error, ControllerError) else ControllerError
+        return kind(f"{self.place}{error}")
+
+    def _rest(self) -> None:
+        """Have the guard wait for the next call, or let it go where the controller is no more."""
+        self._guard.until = None
+        if self._controller is None:
+            standstill.unwatch(self._guard)
 
     def _advance(
         self, controller: Controller, until: int, received: Sequence[TimedFrame]
@@ -269,7 +266,7 @@ class Desk:
             scratch.mkdir(parents=True)
         surroundings = self._surroundings._replace(scratch=scratch)
         if self._config.kind.is_inside:
-            watch(self._guard)
+            standstill.watch(self._guard)
         self._controller = self._config.kind.build(self._config.settings, surroundings)
         # At first it gets power with the bench, and hears it boot; later it was without.
         return received if self._starts == 1 else ()

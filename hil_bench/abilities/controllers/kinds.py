@@ -12,6 +12,7 @@ from hil_bench.abilities.controllers.process.kind import KIND as PROCESS
 from hil_bench.abilities.controllers.program.kind import KIND as PROGRAM
 from hil_bench.abilities.controllers.python.kind import KIND as PYTHON
 from hil_bench.abilities.controllers.seam import ControllerKind
+from hil_bench.abilities.controllers.standstill import USUAL_PATIENCE
 from hil_bench.config.settings import Key, Problems, Setting, convert, read_table
 from hil_bench.config.values import find_nearest, number, quote, text, texts
 from hil_bench.registry import Registry, find_twice
@@ -21,7 +22,7 @@ _OWN = {kind.name: kind for kind in (ELF, FMU, LIBRARY, PROCESS, PROGRAM, PYTHON
 
 KIND_KEY: Final = Key("kind", text, example='"python"')
 COMMON_KEYS: Final = (KIND_KEY, Key("buses", texts, ()), Key("folder", text))
-PATIENCE_KEY: Final = Key("patience_s", number(SECOND, low=1.0, high=1e6), 60.0, SECOND)
+PATIENCE_KEY: Final = Key("patience_s", number(SECOND, low=1.0, high=1e6), USUAL_PATIENCE, SECOND)
 
 
 def keys_of(kind: ControllerKind) -> tuple[Key, ...]:

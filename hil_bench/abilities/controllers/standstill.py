@@ -18,6 +18,9 @@ from typing import Any, Final
 from hil_bench.abilities.common.processes import is_traced
 from hil_bench.abilities.controllers.patience import Lapse, Patience
 
+USUAL_PATIENCE: Final = 60.0
+"""Time of a call of a controller, where its table gives no other [s]."""
+
 GLANCE = 1.0
 """Time between two looks [s]."""
 
@@ -226,8 +229,8 @@ def leave(words: str, farewell: Callable[[], None] = lambda: None) -> None:
     say(words)
     with suppress(Exception):
         farewell()
-    for tell in _leaving:
-        tell(words)
+    for report in _leaving:
+        report(words)
     os._exit(int(ExitCode.BUS))
 
 
@@ -238,9 +241,9 @@ def say(words: str) -> None:
             os.write(_ERRORS[-1], f"hil-bench: error: {words}\n".encode())
 
 
-def tell_instead(tell: Callable[[str], None]) -> None:
-    """Have the words told to somebody, who ends this process, in place of standard error."""
-    _leaving.append(tell)
+def report_instead(report: Callable[[str], None]) -> None:
+    """Have the words reported to another process, which ends this one, not on standard error."""
+    _leaving.append(report)
 
 
 def keep_errors() -> None:

@@ -18,7 +18,7 @@ from time import monotonic
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from hil_bench.abilities.common.processes import living
-from hil_bench.abilities.controllers.standstill import tell_instead
+from hil_bench.abilities.controllers.standstill import report_instead
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.processes.helper_process import HelperProcess
@@ -219,7 +219,7 @@ def _work(perform: Callable[[Any], object], connection: Connection) -> None:
     """Do the tasks that come, until the parent lets go."""
     os.setsid()
     os.dup2(2, 1)  # what controllers print is no result
-    tell_instead(lambda words: connection.send(_Standstill(words)))
+    report_instead(lambda words: connection.send(_Standstill(words)))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger().setLevel(logging.CRITICAL)  # thousands of runs say what one would say
     with suppress(HilBenchError), VirtualBench() as bench:

@@ -3,8 +3,9 @@
 WORK is a folder for a copy of the sources and an environment each, in folders with a blank in their
 names. A version that this machine does not have is named. The first that has ``sys.monitoring``
 measures meanwhile which lines run, for a tenth of the time: tracers of older ones double it, as do
-branches before Python 3.14. Exit code 1: the tests failed on one that the machine has, or left too
-many lines alone.
+branches before Python 3.14. Those after it leave out the slow tests of what only computes, and draw
+fewer examples (docs/decisions/0338-what-the-third-python-need-not-repeat.md). Exit code 1: the
+tests failed on one that the machine has, or left too many lines alone.
 """
 
 import os
@@ -21,6 +22,18 @@ PYENV = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
 """Where pyenv keeps its Pythons: those on the PATH run only where they are chosen."""
 MONITORED = (3, 12)
 """The first version with ``sys.monitoring``."""
+COMPUTES = (
+    "tests/referee/",
+    "tests/unit/analysis/",
+    "tests/unit/commissioning/",
+    "tests/unit/conformance/",
+    "tests/unit/drive/",
+    "tests/unit/identification/",
+    "tests/unit/measurement/",
+    "tests/unit/plant/",
+    "tests/unit/shadow/",
+)
+"""Where slow tests play machines in virtual time and reckon: no other process, no server."""
 
 
 def classified_versions() -> list[str]:
@@ -47,11 +60,17 @@ def find_python(version: str) -> Path | None:
     return None
 
 
-def test_on(program: Path, place: Path, *, measured: bool) -> int:
+def left_out() -> list[str]:
+    """Return the tests that Pythons after the measured one need not repeat."""
+    names = (ROOT / "tests" / "slow_tests.txt").read_text(encoding="utf-8").split()
+    return [name for name in names if name.startswith(COMPUTES)]
+
+
+def test_on(program: Path, place: Path, options: list[str], *, measured: bool) -> int:
     """Run README's tests in a fresh copy with a fresh environment; return their exit code.
 
     What the environment needs is there when README's command asks pip for it; pytest-cov, too,
-    where coverage is measured.
+    where coverage is measured. `options` are those of pytest besides README's.
     """
     place.mkdir(parents=True)
     command = "git ls-files -z --cached --others --exclude-standard | tar --null -T - -cf - "
@@ -70,8 +89,7 @@ def test_on(program: Path, place: Path, *, measured: bool) -> int:
         place / ".venv" / "bin" / "python",
     ]
     subprocess.run([*install, *wanted], check=True)  # noqa: S603 - ours
-    if measured:
-        environment |= {"COVERAGE_CORE": "sysmon", "PYTEST_ADDOPTS": "--cov --cov-report=term"}
+    environment |= {"COVERAGE_CORE": "sysmon", "PYTEST_ADDOPTS": " ".join(options)}
     run = ["bash", "-euo", "pipefail", "-c", script]
     return subprocess.run(run, cwd=place, env=environment, check=False).returncode  # noqa: S603 - README's
 
@@ -90,9 +108,14 @@ def main() -> int:
             continue
         print(f"== Python {version}", flush=True)
         measured = not measured_on and tuple(map(int, version.split("."))) >= MONITORED
+        options, scope = ["--cov", "--cov-report=term"] if measured else [], "all of them"
+        if measured_on:
+            options = ["--hypothesis-profile=brief", *(f"--deselect={each}" for each in left_out())]
+            scope = f"without {len(left_out())} slow test functions of what only computes"
         measured_on = version if measured else measured_on
-        code = test_on(program, Path(sys.argv[1]) / f"Python {version}", measured=measured)
-        verdicts[version] = f"FAILED: exit code {code}" if code else "passed"
+        place = Path(sys.argv[1]) / f"Python {version}"
+        code = test_on(program, place, options, measured=measured)
+        verdicts[version] = f"FAILED: exit code {code}" if code else f"passed, {scope}"
     for version in sorted(verdicts):
         print(f"Python {version}: {verdicts[version]}")
     if not measured_on:

@@ -129,6 +129,11 @@ class Variable:
         self._checks: tuple[Check, ...] = ()
         self._hooks: tuple[Hook, ...] = ()
 
+    @property
+    def key(self) -> tuple[int, int]:
+        """Its index and sub-index."""
+        return self.index, self.subindex
+
     def __repr__(self) -> str:
         return f"<0x{self.index:04X}.{self.subindex:02X} {self.name} = {self.value!r}>"
 

@@ -14,13 +14,13 @@ ABILITY = Ability(
             "bus",
             80,
             "check a device against CiA 301 and CiA 305, clause by clause",
-            "hil_bench.abilities.conformance.verbs.conformance",
+            "hil_bench.abilities.conformance.verbs",
         ),
         "check-eds": Verb(
             "bus",
             90,
             "find errors in EDS files, with line numbers",
-            "hil_bench.abilities.conformance.verbs.check_eds",
+            "hil_bench.abilities.conformance.eds_check",
         ),
     },
 )

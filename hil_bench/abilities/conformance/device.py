@@ -5,12 +5,20 @@ import struct
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 
-from hil_bench.abilities.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
-from hil_bench.abilities.conformance.wire import Wire
+from hil_bench.abilities.conformance.wire import (
+    ANSWER,
+    REQUEST,
+    SdoClient,
+    Wire,
+    download_request,
+    is_data,
+    upload_request,
+)
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.config.objects import name_object
 
 BOOT_PATIENCE = 5.0
 """Longest wait for the boot-up message [s]; a device may take its time to start."""
@@ -59,14 +67,23 @@ class DeviceUnderTest:
         target = self.node_id if node_id is None else node_id
         self.wire.send(Frame(0x000, bytes([command, target])))
 
+    def tell(self, *frames: Frame) -> None:
+        """Send frames, and give the device time to act on them."""
+        self.wire.send(*frames)
+        self.wire.wait(self.settling)
+
+    def rest(self) -> None:
+        """Have the device in PRE-OPERATIONAL."""
+        self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        self.wire.wait(self.settling)
+
     def boot(self, command: NmtCommand = NmtCommand.RESET_COMMUNICATION) -> None:
         """Reset the device and have it in PRE-OPERATIONAL, with or without a boot-up message.
 
         A device may start by itself (1F80h). `Deviation` where it does not answer again.
         """
         self.reset(command)
-        self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        self.wire.wait(self.settling)
+        self.rest()
 
     def reset(self, command: NmtCommand, *, insists: bool = False) -> bool:
         """Reset the device, wait until it is there again; return whether it sent its boot-up.
@@ -112,6 +129,29 @@ class DeviceUnderTest:
         size = self.variable(index, subindex).data_type.size
         self.sdo.download(index, subindex, value.to_bytes(size, "little"))
 
+    def expect_abort(self, index: int, subindex: int, value: int, *codes: int) -> int:
+        """Write a number that must be refused, and return the abort code."""
+        size = self.variable(index, subindex).data_type.size
+        request = download_request(index, subindex, value.to_bytes(size, "little"))
+        return self.sdo.expect_abort(request, *codes)
+
+    def expect_kept(
+        self, index: int, subindex: int, values: Iterable[int], *codes: int
+    ) -> set[int]:
+        """Write numbers that must be refused, and return the abort codes.
+
+        What was there before is restored where one was taken.
+        """
+        before = self.number(index, subindex)
+        found = set()
+        for value in values:
+            try:
+                found.add(self.expect_abort(index, subindex, value, *codes))
+            finally:
+                if self.number(index, subindex) != before:
+                    self.write(index, subindex, before)
+        return found
+
     @contextlib.contextmanager
     def setting(self, index: int, subindex: int, value: int) -> Iterator[None]:
         """Write a number, and restore what was there at the end."""
@@ -130,7 +170,7 @@ class DeviceUnderTest:
         """
         variable = self.objects.find(index, subindex)
         if variable is None:
-            raise NotApplicable(f"the EDS has no {place(index, subindex)}")
+            raise NotApplicable(f"the EDS has no {name_object(index, subindex)}")
         return variable
 
     def writable(self, index: int, subindex: int = 0) -> Variable:
@@ -141,7 +181,9 @@ class DeviceUnderTest:
         """
         variable = self.variable(index, subindex)
         if not variable.access.writable:
-            raise NotApplicable(f"{place(index, subindex)} is {variable.access.value} in the EDS")
+            raise NotApplicable(
+                f"{name_object(index, subindex)} is {variable.access.value} in the EDS"
+            )
         return variable
 
     def need_operational(self) -> None:
@@ -167,8 +209,7 @@ class DeviceUnderTest:
         try:
             yield
         finally:
-            self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-            self.wire.wait(self.settling)
+            self.rest()
             self.wire.forget()
 
     @contextlib.contextmanager
@@ -190,8 +231,7 @@ class DeviceUnderTest:
             try:
                 yield
             finally:
-                self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-                self.wire.wait(self.settling)
+                self.rest()
 
     def state(self) -> NmtState:
         """Return the NMT state that the device tells now, within `watched`.
@@ -234,13 +274,14 @@ class DeviceUnderTest:
         Raises:
             Deviation: none came.
         """
-        arrival = self.wire.take(
-            lambda frame: self.is_emergency(frame) and frame.data[:2] == struct.pack("<H", code),
-            self.patience,
-        )
+        arrival = self.wire.take(lambda frame: self.reports(frame, code), self.patience)
         if arrival is None:
             raise Deviation(f"no EMCY {code:04X}h within {self.patience:g} s after {cause}")
         return arrival.frame.data
+
+    def reports(self, frame: Frame, code: int) -> bool:
+        """Return True if a frame is the device's EMCY with a code."""
+        return self.is_emergency(frame) and frame.data[:2] == struct.pack("<H", code)
 
     def is_error_control(self, frame: Frame) -> bool:
         """Return True if a frame is the device's heartbeat, boot-up or answer to node guarding."""
@@ -280,25 +321,11 @@ class DeviceUnderTest:
         return max(free)
 
 
-def is_data(frame: Frame, can_id: int) -> bool:
-    """Return True if a frame is a data frame with this 11-bit identifier."""
-    return frame.can_id == can_id and not frame.is_extended and not frame.is_remote
-
-
-def place(index: int, subindex: int = 0) -> str:
-    """Return an object's name as in 0x1018.01."""
-    return f"0x{index:04X}.{subindex:02X}"
-
-
 # Causes that many checks would find again: a device that leaves OPERATIONAL, or falls silent.
 #
 # CiA 301 lets a device leave OPERATIONAL by an error of its own (1029h). It then sends no PDO and
 # takes none: the checks of these would each find a consequence. A device that no longer answers
 # passes no check at all, and fails none by itself.
-
-
-_NO_ERROR = 0x00
-"""First byte of an EMCY code that reports the end of an error, not an error."""
 
 
 def find_fall(dut: DeviceUnderTest, *, reset: bool = True) -> str:
@@ -312,7 +339,7 @@ def find_fall(dut: DeviceUnderTest, *, reset: bool = True) -> str:
     """
     if reset:
         dut.boot()
-    errors_before = _codes(frame for frame in _taken(dut, 0.0) if dut.is_emergency(frame))
+    errors_before = _errors(dut, _taken(dut, 0.0))
     with dut.watched():
         dut.wire.forget()
         dut.command(NmtCommand.START)
@@ -321,7 +348,7 @@ def find_fall(dut: DeviceUnderTest, *, reset: bool = True) -> str:
         if state is NmtState.OPERATIONAL:
             return ""
         was_there = any(dut.is_error_control(f) and _is_operational(f) for f in frames)
-        errors = _codes(frame for frame in frames if dut.is_emergency(frame))
+        errors = _errors(dut, frames)
         if errors and was_there:
             return f"the device leaves OPERATIONAL by EMCY 0x{errors[0]:04X}"
         if errors:
@@ -382,6 +409,8 @@ def _errors_present(dut: DeviceUnderTest, errors_before: list[int]) -> str:
 
 
 def _taken(dut: DeviceUnderTest, duration: float) -> list[Frame]:
+    """Return the frames that report an error or the NMT state, and come within a time [s]."""
+
     def is_report(frame: Frame) -> bool:
         return dut.is_emergency(frame) or dut.is_error_control(frame)
 
@@ -392,7 +421,9 @@ def _is_operational(frame: Frame) -> bool:
     return len(frame.data) == 1 and frame.data[0] & 0x7F == NmtState.OPERATIONAL
 
 
-def _codes(emergencies: Iterable[Frame]) -> list[int]:
-    """Return the codes of errors that begin, in order."""
-    codes = [int.from_bytes(frame.data[:2], "little") for frame in emergencies]
-    return [code for code in codes if code >> 8 != _NO_ERROR]
+def _errors(dut: DeviceUnderTest, frames: Iterable[Frame]) -> list[int]:
+    """Return the codes of the errors that begin among some frames, in order."""
+    codes = [
+        int.from_bytes(frame.data[:2], "little") for frame in frames if dut.is_emergency(frame)
+    ]
+    return [code for code in codes if code >> 8]  # 00xxh reports the end of one

@@ -1,11 +1,14 @@
-"""Check of an EDS file, line by line (CiA 306), beyond the checks of loaders.
+"""Check of an EDS file, line by line (CiA 306), beyond the checks of loaders; `check-eds`.
 
 >>> for finding in check_eds(Path("vendor.eds")):
 ...     print(finding)
 """
 
+import argparse
+import json
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +21,8 @@ from hil_bench.canopen_device.eds_document import (
     parse_document,
     parse_integer,
 )
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_lines
 
 # Checks of the EDS header: FileInfo, DeviceInfo, DummyUsage (CiA 306).
 
@@ -249,3 +254,62 @@ def check_eds(path: Path) -> list[EdsFinding]:
     for check in _CHECKS:
         findings += check(document)
     return sorted(findings, key=lambda finding: finding.line)
+
+
+# The verb.
+
+_EXAMPLES = """\
+examples:
+  hil-bench check-eds vendor.eds
+  hil-bench check-eds *.eds --strict
+  hil-bench check-eds *.eds --json
+
+An error does not work: a value beyond its limit, a PDO of wrong length, an object that is missing.
+A warning deviates from CiA 306, and works.
+
+exit code 1 where a file has errors, with --strict also where it has warnings
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "check-eds",
+        description="Check EDS files (CiA 306) more strictly than loaders do: lists and counts, "
+        "formats,\ndata types, limits and defaults, PDO mappings with their targets and lengths.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="EDS file")
+    parser.add_argument("--strict", action="store_true", help="count warnings as errors")
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check all files and print what was found."""
+    found = {str(path): check_eds(path) for path in args.files}
+    if args.json:
+        content = {path: [finding._asdict() for finding in some] for path, some in found.items()}
+        print(json.dumps(content))  # noqa: T201 - a verb's output
+    else:
+        for path, findings in found.items():
+            print_lines(args, *(f"{path}:{f}" for f in findings), f"{path}: {_summary(findings)}")
+    fails = any(
+        args.strict or finding.severity is Severity.ERROR
+        for findings in found.values()
+        for finding in findings
+    )
+    return ExitCode.CHECK_FAILED if fails else ExitCode.DONE
+
+
+def _summary(findings: Sequence[EdsFinding]) -> str:
+    if not findings:
+        return "ok"
+    counts = Counter(finding.severity for finding in findings)
+    errors, warnings = counts[Severity.ERROR], counts[Severity.WARNING]
+    will_not_work = ", which will not work" if errors else ""
+    return f"{_count(errors, 'error')}{will_not_work}; {_count(warnings, 'warning')}"
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count or 'no'} {what}{'' if count == 1 else 's'}"

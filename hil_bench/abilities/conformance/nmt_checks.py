@@ -1,29 +1,47 @@
-"""NMT slave: commands, states, what lives in which state (CiA 301, 7.2.8 and 7.3.2)."""
+"""NMT slave: commands, states, what lives in which state (CiA 301, 7.2.8 and 7.3.2).
+
+And what is stored beyond a reset (7.5.2.13 and 7.5.2.14).
+"""
 
 from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
-from hil_bench.abilities.conformance.device import BOOT_PATIENCE, DeviceUnderTest, find_fall
+from hil_bench.abilities.conformance.device import (
+    BOOT_PATIENCE,
+    HEARTBEAT_TIME,
+    DeviceUnderTest,
+    find_fall,
+)
 from hil_bench.abilities.conformance.scratch import scratch
-from hil_bench.abilities.conformance.sdo_client import upload_request
-from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.abilities.conformance.wire import download_request, upload_request
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 
-CHAPTER = Chapter("NMT", Degree.REQUIRED)
+NMT = Chapter("NMT", Degree.REQUIRED)
+STORAGE = Chapter("Store and restore")
+
+_STORE, _RESTORE, _STARTUP = 0x1010, 0x1011, 0x1F80
+_NO_SELF_START = 1 << 2
+_ALL = 1
+_NOT_STORED = (0x08000020, 0x08000021, 0x08000022)
+_ON_COMMAND = 1
+_TRIAL_MS = 4321
+_PATIENCE = 10.0
+"""Longest wait until a device has stored its parameters [s]."""
 
 
-@CHAPTER.check("7.2.8.3.3", "reset node is followed by the boot-up message", Impact.WRITE)
+@NMT.check("7.2.8.3.3", "reset node is followed by the boot-up message")
 def reset_node(dut: DeviceUnderTest) -> None:
     """Send command 129."""
     _expect_boot_up(dut, NmtCommand.RESET_NODE)
 
 
-@CHAPTER.check("7.2.8.3.3", "reset communication is followed by the boot-up message", Impact.WRITE)
+@NMT.check("7.2.8.3.3", "reset communication is followed by the boot-up message")
 def reset_communication(dut: DeviceUnderTest) -> None:
     """Send command 130."""
     _expect_boot_up(dut, NmtCommand.RESET_COMMUNICATION)
 
 
-@CHAPTER.check("7.3.2.2.3", "a started node stays OPERATIONAL", Impact.WRITE)
+@NMT.check("7.3.2.2.3", "a started node stays OPERATIONAL")
 def stays_operational(dut: DeviceUnderTest) -> None:
     """Reset, start, and watch: what needs OPERATIONAL is not run where this fails.
 
@@ -35,7 +53,7 @@ def stays_operational(dut: DeviceUnderTest) -> None:
         raise Deviation(dut.fall)
 
 
-@CHAPTER.check("7.3.2.2", "the node enters PRE-OPERATIONAL after the boot-up message", Impact.WRITE)
+@NMT.check("7.3.2.2", "the node enters PRE-OPERATIONAL after the boot-up message")
 def after_boot_up(dut: DeviceUnderTest) -> str | None:
     """Reset, then look; 1F80h may ask for OPERATIONAL instead (CiA 302-2).
 
@@ -53,7 +71,7 @@ def after_boot_up(dut: DeviceUnderTest) -> str | None:
     return right.name
 
 
-@CHAPTER.check("7.2.8.3.1", "start, stop and enter pre-operational do what they say", Impact.WRITE)
+@NMT.check("7.2.8.3.1", "start, stop and enter pre-operational do what they say")
 def commands(dut: DeviceUnderTest) -> None:
     """Command each change of state between the three states."""
     dut.need_operational()
@@ -76,7 +94,7 @@ def commands(dut: DeviceUnderTest) -> None:
             dut.expect_state(right[command], command.name)
 
 
-@CHAPTER.check("7.2.8.3.1", "a command to node 0 is for all nodes", Impact.WRITE)
+@NMT.check("7.2.8.3.1", "a command to node 0 is for all nodes")
 def broadcast(dut: DeviceUnderTest) -> None:
     """Start and stop all, where nobody else is on the bus."""
     if dut.others:
@@ -88,7 +106,7 @@ def broadcast(dut: DeviceUnderTest) -> None:
         dut.expect_state(NmtState.PRE_OPERATIONAL, "ENTER_PRE_OPERATIONAL to node 0")
 
 
-@CHAPTER.check("7.2.8.3.1", "a command to another node is not obeyed", Impact.WRITE)
+@NMT.check("7.2.8.3.1", "a command to another node is not obeyed")
 def other_node(dut: DeviceUnderTest) -> None:
     """Stop a node-ID that nobody has."""
     other = dut.free_node_id
@@ -97,7 +115,7 @@ def other_node(dut: DeviceUnderTest) -> None:
         dut.expect_state(NmtState.PRE_OPERATIONAL, f"STOP to node {other}")
 
 
-@CHAPTER.check("7.2.8.3.1", "what is no NMT command is not obeyed", Impact.WRITE)
+@NMT.check("7.2.8.3.1", "what is no NMT command is not obeyed")
 def malformed(dut: DeviceUnderTest) -> None:
     """Send an unknown command, commands of one and of no byte, remote and 29-bit frames."""
     stop = bytes([NmtCommand.STOP, dut.node_id])
@@ -113,7 +131,7 @@ def malformed(dut: DeviceUnderTest) -> None:
             dut.expect_state(NmtState.PRE_OPERATIONAL, what)
 
 
-@CHAPTER.check("7.3.2.3", "STOPPED has no SDO; leaving it brings SDO back", Impact.WRITE)
+@NMT.check("7.3.2.3", "STOPPED has no SDO; leaving it brings SDO back")
 def stopped_has_no_sdo(dut: DeviceUnderTest) -> None:
     """Read in STOPPED, then in PRE-OPERATIONAL."""
     dut.command(NmtCommand.STOP)
@@ -125,25 +143,22 @@ def stopped_has_no_sdo(dut: DeviceUnderTest) -> None:
     dut.sdo.upload(0x1000)
 
 
-@CHAPTER.check("7.3.2.3", "OPERATIONAL has SDO", Impact.WRITE)
+@NMT.check("7.3.2.3", "OPERATIONAL has SDO")
 def operational_has_sdo(dut: DeviceUnderTest) -> None:
     """Read in OPERATIONAL."""
     with dut.operational():
         dut.sdo.upload(0x1000)
 
 
-@CHAPTER.check(
-    "7.3.2.2.1", "reset communication restores the communication parameters", Impact.WRITE
-)
+@NMT.check("7.3.2.2.1", "reset communication restores the communication parameters")
 def reset_restores(dut: DeviceUnderTest) -> str:
     """Change a time of the communication profile, reset, read it."""
     with scratch(dut) as variable:
-        key = variable.index, variable.subindex
         dut.boot()
-        power_on = dut.number(*key)
-        dut.write(*key, power_on ^ 0x40)
+        power_on = dut.number(*variable.key)
+        dut.write(*variable.key, power_on ^ 0x40)
         dut.boot()
-        found = dut.number(*key)
+        found = dut.number(*variable.key)
         if found != power_on:
             raise Deviation(f"{variable.name} is {found} after the reset; {power_on} is right")
         return variable.name
@@ -157,5 +172,123 @@ def _expect_boot_up(dut: DeviceUnderTest, command: NmtCommand) -> None:
     """
     if not dut.reset(command, insists=True):
         raise Deviation(f"no boot-up message within {BOOT_PATIENCE:g} s after NMT {command.name}")
-    dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    dut.wire.wait(dut.settling)
+    dut.rest()
+
+
+# What a device stores, and what a reset brings back.
+
+
+@STORAGE.check("7.5.2.13", "1010h shows what it can store, in bits 0 and 1", Impact.READ)
+def store_ability(dut: DeviceUnderTest) -> str:
+    """Read 1010h.01."""
+    return _ability(dut, _STORE)
+
+
+@STORAGE.check("7.5.2.14", "1011h shows whether it can restore, in bit 0", Impact.READ)
+def restore_ability(dut: DeviceUnderTest) -> str:
+    """Read 1011h.01."""
+    return _ability(dut, _RESTORE)
+
+
+@STORAGE.check("7.5.2.13", "a wrong signature aborts with 0800 0020h to 0022h")
+def wrong_signature(dut: DeviceUnderTest) -> None:
+    """Write "load" to 1010h and "save" to 1011h."""
+    dut.variable(_STORE, _ALL)
+    dut.sdo.expect_abort(download_request(_STORE, _ALL, b"load"), *_NOT_STORED)
+    if dut.objects.find(_RESTORE, _ALL):
+        dut.sdo.expect_abort(download_request(_RESTORE, _ALL, b"save"), *_NOT_STORED)
+
+
+@STORAGE.check("7.5.2.13", "what was stored is there after a reset of the node", Impact.STORE)
+def store(dut: DeviceUnderTest) -> None:
+    """Change 1017h, store, reset; then store what was there before."""
+    dut.writable(*HEARTBEAT_TIME)
+    _check_ability(dut, _STORE)
+    before = dut.number(*HEARTBEAT_TIME)
+    dut.write(*HEARTBEAT_TIME, _TRIAL_MS)
+    try:
+        _command(dut, _STORE, b"save")
+        dut.boot(NmtCommand.RESET_NODE)
+        found = dut.number(*HEARTBEAT_TIME)
+    finally:
+        dut.write(*HEARTBEAT_TIME, before)
+        _command(dut, _STORE, b"save")
+    if found != _TRIAL_MS:
+        raise Deviation(f"1017h is {found} after the reset; {_TRIAL_MS} was stored")
+
+
+@STORAGE.check(
+    "7.5.2.14", "after restore and a reset the defaults of the EDS are there", Impact.STORE
+)
+def restore(dut: DeviceUnderTest) -> None:
+    """Store another 1017h, restore, reset: the default shows after the reset, not before."""
+    heartbeat = dut.writable(*HEARTBEAT_TIME)
+    if heartbeat.is_open:
+        raise NotApplicable("the EDS gives 1017h no default")
+    default = int(heartbeat.default)
+    _check_ability(dut, _STORE)
+    _check_ability(dut, _RESTORE)
+    dut.write(*HEARTBEAT_TIME, _TRIAL_MS)
+    _command(dut, _STORE, b"save")
+    _command(dut, _RESTORE, b"load")
+    at_once = dut.number(*HEARTBEAT_TIME)
+    dut.boot(NmtCommand.RESET_NODE)
+    found = dut.number(*HEARTBEAT_TIME)
+    if found != default:
+        raise Deviation(f"1017h is {found} after restore and reset; {default} by the EDS")
+    if at_once != _TRIAL_MS:
+        raise Deviation(f"1017h was {at_once} before the reset; {_TRIAL_MS} is right")
+
+
+@STORAGE.check(
+    "CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself", Impact.STORE
+)
+def self_start(dut: DeviceUnderTest) -> None:
+    """Store 1F80h with bit 2 clear, reset the node, look; then with bit 2 set."""
+    dut.writable(_STARTUP)
+    _check_ability(dut, _STORE)
+    dut.need_operational()
+    before = dut.number(_STARTUP)
+    try:
+        for bit, right in ((0, NmtState.OPERATIONAL), (_NO_SELF_START, NmtState.PRE_OPERATIONAL)):
+            value = before & ~_NO_SELF_START | bit
+            try:
+                dut.write(_STARTUP, 0, value)
+            except Refused as refused:
+                raise NotApplicable(f"the device does not take {value:X}h: {refused}") from None
+            _command(dut, _STORE, b"save")
+            dut.reset(NmtCommand.RESET_NODE)
+            with dut.watched():
+                dut.expect_state(right, f"boot-up with 1F80h = {value:X}h")
+    finally:
+        dut.rest()
+        dut.write(_STARTUP, 0, before)
+        _command(dut, _STORE, b"save")
+
+
+def _ability(dut: DeviceUnderTest, index: int) -> str:
+    dut.variable(index, _ALL)
+    found = dut.number(index, _ALL)
+    if found & ~3:
+        raise Deviation(f"{index:04X}h.01 is {found:08X}h; bits 0 and 1 only")
+    return f"{found:X}h"
+
+
+def _check_ability(dut: DeviceUnderTest, index: int) -> None:
+    dut.variable(index, _ALL)
+    if not dut.number(index, _ALL) & _ON_COMMAND:
+        raise NotApplicable(f"{index:04X}h.01 says that the device does not do it on command")
+
+
+def _command(dut: DeviceUnderTest, index: int, signature: bytes) -> None:
+    """Send a signature in PRE-OPERATIONAL: in OPERATIONAL a device may refuse it.
+
+    Raises:
+        Deviation: it is not confirmed.
+    """
+    dut.rest()
+    dut.sdo.send(download_request(index, _ALL, signature))
+    answer = dut.sdo.answer(timeout=_PATIENCE)
+    if answer is None or answer[0] != 0x60:
+        said = "no answer" if answer is None else answer.hex(" ").upper()
+        raise Deviation(f"{signature.decode()} to {index:04X}h.01: {said}; 60 ... is right")

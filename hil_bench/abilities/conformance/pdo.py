@@ -4,11 +4,12 @@ A PDO is disabled, changed and enabled again (CiA 301, 7.5.2.35 to 7.5.2.38).
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from hil_bench.abilities.conformance.device import DeviceUnderTest, is_data
+from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.abilities.conformance.wire import is_data
 from hil_bench.canopen_device.frame import Frame
 
 RPDOS, TPDOS = range(0x1400, 0x1600), range(0x1800, 0x1A00)
@@ -32,6 +33,16 @@ class Entry:
     index: int
     subindex: int
     bits: int
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """The object's index and sub-index."""
+        return self.index, self.subindex
+
+    @property
+    def raw(self) -> int:
+        """The same as a mapping has it."""
+        return self.index << 16 | self.subindex << 8 | self.bits
 
 
 class Pdo:
@@ -102,10 +113,10 @@ class Pdo:
         """
         data = b""
         for entry in self.entries:
-            variable = self._dut.objects.find(entry.index, entry.subindex)
+            variable = self._dut.objects.find(*entry.key)
             if entry.bits % 8 or variable is None or not variable.access.readable:
                 raise NotApplicable(f"what PDO {self.index:04X}h carries cannot all be read")
-            data += self._dut.sdo.upload(entry.index, entry.subindex)
+            data += self._dut.sdo.upload(*entry.key)
         return data
 
     def _write(self, values: Mapping[int, int]) -> None:
@@ -119,15 +130,34 @@ def first_pdo(dut: DeviceUnderTest, among: range, *subindices: int) -> Pdo:
     Raises:
         NotApplicable: there is none.
     """
+    pdo = find_pdo(dut, among, *subindices)
+    if pdo is None:
+        what = "RPDO" if among is RPDOS else "TPDO"
+        needed = ", ".join(f"{sub:02X}" for sub in (COB_ID, *subindices))
+        raise NotApplicable(f"no {what} with a mapping lets sub-indices {needed} be written")
+    return pdo
+
+
+def find_pdo(
+    dut: DeviceUnderTest, among: range, *subindices: int, mapping: Iterable[int] = ()
+) -> Pdo | None:
+    """Return the first PDO that carries something and has these objects to be changed, else None.
+
+    Args:
+        dut: the device.
+        among: indices of communication parameters.
+        subindices: of its communication parameters, beside the COB-ID.
+        mapping: sub-indices of its mapping.
+    """
     for index in dut.objects.indices(among):
-        variables = [dut.objects.find(index, sub) for sub in (COB_ID, *subindices)]
+        keys = [(index, sub) for sub in (COB_ID, *subindices)]
+        keys += [(index + TO_MAPPING, sub) for sub in mapping]
+        variables = [dut.objects.find(*key) for key in keys]
         if all(variable is not None and variable.access.writable for variable in variables):
             pdo = Pdo(dut, index)
             if pdo.entries:
                 return pdo
-    what = "RPDO" if among is RPDOS else "TPDO"
-    needed = ", ".join(f"{sub:02X}" for sub in (COB_ID, *subindices))
-    raise NotApplicable(f"no {what} with a mapping lets sub-indices {needed} be written")
+    return None
 
 
 def expect_length(pdo: Pdo, data: bytes) -> None:

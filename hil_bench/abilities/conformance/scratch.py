@@ -3,11 +3,12 @@
 import contextlib
 from collections.abc import Callable, Iterator
 
-from hil_bench.abilities.conformance.device import DeviceUnderTest, place
-from hil_bench.abilities.conformance.sdo_client import code_text
+from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.abilities.conformance.wire import code_text
 from hil_bench.canopen_device.datatypes import VISIBLE_STRING
 from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.config.objects import name_object
 
 _HARMLESS = ((0x1017, 0), (0x1015, 0), (0x100C, 0), (0x1016, 1))
 """Times that may be changed for a moment without anything moving."""
@@ -21,13 +22,12 @@ _NO_SUCH_TEXT = frozenset(
 @contextlib.contextmanager
 def restored(dut: DeviceUnderTest, variable: Variable) -> Iterator[None]:
     """Restore an object that is written meanwhile, whatever transfer is then under way."""
-    key = variable.index, variable.subindex
-    before = dut.sdo.upload(*key)
+    before = dut.sdo.upload(*variable.key)
     try:
         yield
     finally:
         dut.sdo.abort()
-        dut.sdo.download(*key, before)
+        dut.sdo.download(*variable.key, before)
 
 
 @contextlib.contextmanager
@@ -76,7 +76,7 @@ def long_scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
 @contextlib.contextmanager
 def unchanged(dut: DeviceUnderTest, variable: Variable) -> Iterator[None]:
     """Judge that an object still holds what it held."""
-    before = dut.number(variable.index, variable.subindex)
+    before = dut.number(*variable.key)
     yield
     expect_number(dut, variable, before)
 
@@ -98,7 +98,7 @@ def write_what_fits(
         NotApplicable: it took neither the text nor the beginning of it, nor what is there already.
         Refused: an abort that says nothing about the text.
     """
-    present = dut.sdo.upload(variable.index, variable.subindex)
+    present = dut.sdo.upload(*variable.key)
     refusals = []
     for raw in (wish, wish[:15], wish[:8], present):
         if not raw:
@@ -112,7 +112,7 @@ def write_what_fits(
             refusals.append(f"{len(raw)} bytes: {code_text(refused.code)}")
         else:
             return raw
-    name = place(variable.index, variable.subindex)
+    name = name_object(*variable.key)
     raise NotApplicable(f"{name} takes no text of this suite ({', '.join(refusals)})")
 
 
@@ -122,11 +122,10 @@ def expect_text(dut: DeviceUnderTest, variable: Variable, right: bytes) -> None:
     Raises:
         Deviation: something else.
     """
-    found = dut.sdo.upload(variable.index, variable.subindex)
+    found = dut.sdo.upload(*variable.key)
     is_filled = variable.data_type is VISIBLE_STRING and found.rstrip(b"\0") == right.rstrip(b"\0")
     if found != right and not is_filled:
-        name = place(variable.index, variable.subindex)
-        raise Deviation(f"{name}: other bytes are read than were written")
+        raise Deviation(f"{name_object(*variable.key)}: other bytes are read than were written")
 
 
 def expect_number(dut: DeviceUnderTest, variable: Variable, right: int) -> None:
@@ -135,7 +134,6 @@ def expect_number(dut: DeviceUnderTest, variable: Variable, right: int) -> None:
     Raises:
         Deviation: another one.
     """
-    key = variable.index, variable.subindex
-    found = dut.number(*key)
+    found = dut.number(*variable.key)
     if found != right:
-        raise Deviation(f"{place(*key)} is {found}; {right} is right")
+        raise Deviation(f"{name_object(*variable.key)} is {found}; {right} is right")

@@ -3,7 +3,7 @@
 from binascii import crc_hqx
 
 from hil_bench.abilities.conformance.check import Chapter, Impact
-from hil_bench.abilities.conformance.device import DeviceUnderTest, place
+from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.scratch import (
     expect_text,
     long_scratch,
@@ -11,9 +11,10 @@ from hil_bench.abilities.conformance.scratch import (
     unchanged,
     write_what_fits,
 )
-from hil_bench.abilities.conformance.sdo_client import Bounds, code_text, shown
-from hil_bench.abilities.conformance.sdo_upload_checks import long_object
+from hil_bench.abilities.conformance.sdo_checks import long_object
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.abilities.conformance.wire import Bounds, code_text, shown, wrong
+from hil_bench.config.objects import name_object
 
 # The client side of SDO block transfers, which can also get them wrong (CiA 301, 7.2.4.3.8).
 
@@ -40,7 +41,7 @@ class BlockUpload:
         if answer[0] >> 5 == 2:
             raise NotApplicable("the device answers a block upload by a plain one")
         self.key = long_object(dut)[:2]
-        self.name = place(*self.key)
+        self.name = name_object(*self.key)
         self.has_crc = False
         self.size: int | None = None
 
@@ -58,7 +59,7 @@ class BlockUpload:
         request = self.request(block_size)
         answer = self._dut.sdo.exchange(request)
         if answer[0] & 0xF9 != 0xC0 or answer[1:4] != request[1:4]:
-            raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
+            raise Deviation(wrong(request, answer, "C6 or C2 ... is right"))
         self.has_crc = bool(answer[0] & 4)
         self.size = int.from_bytes(answer[4:], "little") if answer[0] & 2 else None
         self._dut.sdo.send(bytes([0xA3, *bytes(7)]))
@@ -127,7 +128,7 @@ class BlockDownload:
     """
 
     def __init__(self, dut: DeviceUnderTest, key: tuple[int, int]) -> None:
-        self.name = place(*key)
+        self.name = name_object(*key)
         self.block_size = 0
         self._dut = dut
         self._key = key
@@ -143,7 +144,7 @@ class BlockDownload:
         answer = self._dut.sdo.exchange(request)
         self._check_abort(answer)
         if answer[0] & 0xFB != 0xA0 or answer[1:4] != request[1:4] or not 1 <= answer[4] <= 127:
-            raise Deviation(f"{shown(request)}: answer {shown(answer)}; A4 or A0 ... is right")
+            raise Deviation(wrong(request, answer, "A4 or A0 ... is right"))
         self.block_size = answer[4]
         return bool(answer[0] & 4)
 
@@ -219,7 +220,7 @@ class BlockDownload:
 _NOTHING_CONFIRMED = b"\xa2\x00"
 """Of a sub-block: all its segments are to be sent again (CiA 301, 7.2.4.3.10, ackseq 0)."""
 
-CHAPTER = Chapter("SDO block transfer")
+BLOCKS = Chapter("SDO block transfer", impact=Impact.READ)
 
 _SPECIFIER, _BLOCK_SIZE, _SEQUENCE, _CRC = 0x05040001, 0x05040002, 0x05040003, 0x05040004
 _SHORT = (0x06070010, 0x06070012, 0x06070013, _SPECIFIER)
@@ -229,7 +230,7 @@ _DATA = bytes(number * 7 % 95 + 32 for number in range(100))
 """Printable, of 15 segments, the last of 2 bytes."""
 
 
-@CHAPTER.check("7.2.4.3.13", "a block upload brings the same bytes, with the right CRC")
+@BLOCKS.check("7.2.4.3.13", "a block upload brings the same bytes, with the right CRC")
 def upload(dut: DeviceUnderTest) -> str:
     """Upload the longest object in the largest sub-blocks."""
     client = BlockUpload(dut)
@@ -238,21 +239,21 @@ def upload(dut: DeviceUnderTest) -> str:
     return f"{client.name}, {len(data)} bytes, {'with' if client.has_crc else 'without'} CRC"
 
 
-@CHAPTER.check("7.2.4.3.14", "the client may change the block size with each confirmation")
+@BLOCKS.check("7.2.4.3.14", "the client may change the block size with each confirmation")
 def block_size_change(dut: DeviceUnderTest) -> None:
     """Upload in sub-blocks of one, two and three segments."""
     client = BlockUpload(dut)
     _expect_same(dut, client, client.run([1, 2, 3, 127]))
 
 
-@CHAPTER.check("7.2.4.3.14", "segments that the client has missed are sent again")
+@BLOCKS.check("7.2.4.3.14", "segments that the client has missed are sent again")
 def lost_segments(dut: DeviceUnderTest) -> None:
     """Confirm nothing the first time, then one segment fewer than came."""
     client = BlockUpload(dut)
     _expect_same(dut, client, client.run([127], lost=[127, 1]))
 
 
-@CHAPTER.check("7.2.4.3.13", "a block size of 0 or 128 aborts with 0504 0002h")
+@BLOCKS.check("7.2.4.3.13", "a block size of 0 or 128 aborts with 0504 0002h")
 def wrong_block_size(dut: DeviceUnderTest) -> None:
     """Begin two uploads with impossible sub-blocks."""
     client = BlockUpload(dut)
@@ -260,7 +261,7 @@ def wrong_block_size(dut: DeviceUnderTest) -> None:
         dut.sdo.expect_abort(client.request(size), _BLOCK_SIZE)
 
 
-@CHAPTER.check(
+@BLOCKS.check(
     "7.2.4.3.14", "confirming a segment that was not sent aborts, or confirms what was sent"
 )
 def sequence_beyond(dut: DeviceUnderTest) -> str:
@@ -278,7 +279,7 @@ def sequence_beyond(dut: DeviceUnderTest) -> str:
     return code_text(dut.sdo.judge_abort(request, answer, (_SEQUENCE, _SPECIFIER)))
 
 
-@CHAPTER.check("7.2.4.3.17", "an abort ends a block upload without an answer")
+@BLOCKS.check("7.2.4.3.17", "an abort ends a block upload without an answer")
 def upload_abort(dut: DeviceUnderTest) -> None:
     """Abort after the initiation, then ask for a start."""
     client = BlockUpload(dut)
@@ -287,7 +288,7 @@ def upload_abort(dut: DeviceUnderTest) -> None:
     dut.sdo.expect_abort(bytes([0xA3, *bytes(7)]), _SPECIFIER)
 
 
-@CHAPTER.check("7.2.4.3.13", "a plain upload takes its place up to the threshold only")
+@BLOCKS.check("7.2.4.3.13", "a plain upload takes its place up to the threshold only")
 def protocol_switch(dut: DeviceUnderTest) -> str:
     """Begin block uploads of 1000h with the thresholds 0 (none) and four bytes."""
     request = bytes([0xA4, 0x00, 0x10, 0, 127, 0, 0, 0])
@@ -297,7 +298,7 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
         dut.sdo.judge_abort(request, answer, UNSUPPORTED)
         raise NotApplicable("the device has no block upload")
     if answer[0] >> 5 != 6:
-        raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
+        raise Deviation(wrong(request, answer, "C6 or C2 ... is right"))
     request = bytes([0xA4, 0x00, 0x10, 0, 127, 4, 0, 0])
     answer = dut.sdo.exchange(request)
     dut.sdo.abort()
@@ -305,33 +306,33 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
         return "switches"
     if answer[0] >> 5 == 6:
         return "goes on as block upload"
-    raise Deviation(f"{shown(request)}: answer {shown(answer)}; 43 ... or C6 ... is right")
+    raise Deviation(wrong(request, answer, "43 ... or C6 ... is right"))
 
 
-@CHAPTER.check("7.2.4.3.9", "a block download with CRC is taken and read back", Impact.WRITE)
+@BLOCKS.check("7.2.4.3.9", "a block download with CRC is taken and read back", Impact.WRITE)
 def download(dut: DeviceUnderTest) -> str:
     """Write a long object, as much as it takes."""
     with long_scratch(dut) as variable:
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         raw = write_what_fits(dut, variable, _DATA, client.run)
         expect_text(dut, variable, raw)
         return f"{client.name}, {len(raw)} bytes, sub-blocks of {client.block_size}"
 
 
-@CHAPTER.check("7.2.4.3.10", "after a lost segment the rest is asked for again", Impact.WRITE)
+@BLOCKS.check("7.2.4.3.10", "after a lost segment the rest is asked for again", Impact.WRITE)
 def download_lost(dut: DeviceUnderTest) -> None:
     """Leave out the third segment of a sub-block once, or the last one of fewer."""
     with long_scratch(dut) as variable:
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         raw = write_what_fits(dut, variable, _DATA, lambda raw: client.run(raw, leave_out=3))
         expect_text(dut, variable, raw)
 
 
-@CHAPTER.check("7.2.4.3.16", "a wrong CRC aborts with 0504 0004h and changes nothing", Impact.WRITE)
+@BLOCKS.check("7.2.4.3.16", "a wrong CRC aborts with 0504 0004h and changes nothing", Impact.WRITE)
 def wrong_crc(dut: DeviceUnderTest) -> None:
     """Write a number with one bit of its CRC wrong."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         if not client.begin(variable.data_type.size):
             raise NotApplicable("the device takes no CRC")
         raw = bytes([7, *bytes(variable.data_type.size - 1)])
@@ -339,18 +340,18 @@ def wrong_crc(dut: DeviceUnderTest) -> None:
         dut.sdo.expect_abort(client.end_request(raw, crc_hqx(raw, 0) ^ 1), _CRC)
 
 
-@CHAPTER.check("7.2.4.3.11", "fewer bytes than announced abort", Impact.WRITE)
+@BLOCKS.check("7.2.4.3.11", "fewer bytes than announced abort", Impact.WRITE)
 def shorter_than_announced(dut: DeviceUnderTest) -> str:
     """End a block download one byte short; the object keeps its value, no clause names the code."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         client.begin(variable.data_type.size)
         raw = bytes(variable.data_type.size - 1)
         client.send_all(raw)
         return code_text(dut.sdo.expect_abort(client.end_request(raw, crc_hqx(raw, 0)), *_SHORT))
 
 
-@CHAPTER.check(
+@BLOCKS.check(
     "7.2.4.3.10", "segment number 0 aborts with 0504 0003h, or counts for nothing", Impact.WRITE
 )
 def segment_zero(dut: DeviceUnderTest) -> None:
@@ -359,7 +360,7 @@ def segment_zero(dut: DeviceUnderTest) -> None:
     It may also ask for the first again when its own time has passed (a confirmation of number 0).
     """
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         client.begin(variable.data_type.size)
         request = bytes(8)
         dut.sdo.send(request)
@@ -369,11 +370,11 @@ def segment_zero(dut: DeviceUnderTest) -> None:
             dut.sdo.judge_abort(request, answer, (_SEQUENCE, _SPECIFIER))
 
 
-@CHAPTER.check("7.2.4.3.17", "an aborted block download changes nothing", Impact.WRITE)
+@BLOCKS.check("7.2.4.3.17", "an aborted block download changes nothing", Impact.WRITE)
 def download_abort(dut: DeviceUnderTest) -> None:
     """Abort after the last segment."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, variable.key)
         client.begin(variable.data_type.size)
         raw = b"\x07".ljust(variable.data_type.size, b"\0")
         client.send_all(raw)

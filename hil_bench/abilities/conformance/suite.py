@@ -5,20 +5,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from hil_bench.abilities.conformance import (
-    emcy_checks,
-    error_control_checks,
-    lss_checks,
+    error_checks,
     nmt_checks,
-    object_dictionary_checks,
-    pdo_mapping_checks,
-    pdo_parameter_checks,
-    rpdo_checks,
-    sdo_block_checks,
-    sdo_download_checks,
-    sdo_upload_checks,
-    storage_checks,
-    sync_checks,
-    tpdo_checks,
+    pdo_checks,
+    pdo_configuration_checks,
+    sdo_checks,
 )
 from hil_bench.abilities.conformance.check import Chapter, Check, Degree, Impact
 from hil_bench.abilities.conformance.device import (
@@ -27,27 +18,28 @@ from hil_bench.abilities.conformance.device import (
     fall_after,
     is_there,
 )
+from hil_bench.abilities.conformance.lss_checks import LSS
+from hil_bench.abilities.conformance.object_dictionary_checks import OBJECTS
+from hil_bench.abilities.conformance.sdo_block_checks import BLOCKS
+from hil_bench.abilities.conformance.sync_checks import SYNC
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.canopen_device.nmt import NmtCommand
 
-CHAPTERS = tuple(
-    module.CHAPTER
-    for module in (
-        nmt_checks,
-        object_dictionary_checks,
-        sdo_upload_checks,
-        sdo_download_checks,
-        sdo_block_checks,
-        error_control_checks,
-        tpdo_checks,
-        rpdo_checks,
-        pdo_parameter_checks,
-        pdo_mapping_checks,
-        sync_checks,
-        emcy_checks,
-        storage_checks,
-        lss_checks,
-    )
+CHAPTERS = (
+    nmt_checks.NMT,
+    OBJECTS,
+    sdo_checks.UPLOAD,
+    sdo_checks.DOWNLOAD,
+    BLOCKS,
+    error_checks.ERRORS,
+    pdo_checks.TPDO,
+    pdo_checks.RPDO,
+    pdo_configuration_checks.PARAMETERS,
+    pdo_configuration_checks.MAPPING,
+    SYNC,
+    error_checks.EMCY,
+    nmt_checks.STORAGE,
+    LSS,
 )
 """All checks, by subject. NMT comes first: the reset sets the values that the others restore."""
 

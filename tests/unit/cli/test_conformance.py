@@ -49,7 +49,7 @@ def test_a_report_of_the_virtual_bench_says_the_command_that_repeats_it(
     more, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        "hil_bench.abilities.conformance.verbs.run_suite",
         lambda _dut, _allowed: iter(()),
     )
     monkeypatch.chdir(tmp_path)
@@ -69,7 +69,7 @@ def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, caps
         if is_interrupted:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.conformance.run_suite", run_suite)
+    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.run_suite", run_suite)
     written = ["conformance", "--virtual", "--node-id", "1", "--write"]
     assert main(written) == (130 if is_interrupted else 0)
     assert "node 1 was reset, to its power-on values\n" in capsys.readouterr().err
@@ -134,7 +134,7 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, cli):
         *[Result("TPDO", check, Outcome.NOT_RUN, cause)] * 21,
     ]
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        "hil_bench.abilities.conformance.verbs.run_suite",
         lambda _dut, _allowed: iter(results),
     )
     out, err = cli(["conformance", "--virtual", "--node-id", "1", *quiet], 1)
@@ -148,7 +148,7 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, cli):
 def test_a_recommendation_is_no_reason_for_exit_code_1(monkeypatch, cli):
     result = Result("RPDO", CHAPTERS[0].checks[0], Outcome.NOT_FOLLOWED, "no EMCY")
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        "hil_bench.abilities.conformance.verbs.run_suite",
         lambda _dut, _allowed: iter([result]),
     )
     assert "not followed    required" in cli("conformance --virtual --node-id 1").out

@@ -155,14 +155,17 @@ SAYS = {
     "SDO download": {
         "another object in a confirmation": (
             (
-                "expedited without_size wrong_length segmented_short segmented_without_size "
-                "segmented_long toggle more_than_announced fewer_than_announced "
-                "announced_wrong client_abort further_channel"
+                "download_expedited without_size wrong_length segmented_short "
+                "segmented_without_size segmented_long download_toggle more_than_announced "
+                "fewer_than_announced announced_wrong download_client_abort further_channel"
             ),
             answers("60", 1, 1),
         ),
         "a reserved bit in a confirmation": (
-            "expedited without_size toggle more_than_announced fewer_than_announced client_abort",
+            (
+                "download_expedited without_size download_toggle more_than_announced "
+                "fewer_than_announced download_client_abort"
+            ),
             answers("601710", 0, 1),
         ),
         "wrong toggle": (

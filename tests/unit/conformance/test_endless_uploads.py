@@ -3,8 +3,8 @@
 import pytest
 
 from hil_bench.abilities.conformance.sdo_block_checks import BlockUpload
-from hil_bench.abilities.conformance.sdo_client import MOST_BYTES
 from hil_bench.abilities.conformance.verdicts import Deviation
+from hil_bench.abilities.conformance.wire import MOST_BYTES
 
 TEXT = (0x2020, 0)  # VISIBLE_STRING "abc"
 
@@ -44,7 +44,7 @@ def test_an_upload_without_end_breaks_its_clause(laboratory, announced, segment,
 
 
 def test_one_that_is_slow_beyond_all_bounds_too(laboratory, monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.conformance.sdo_client.LONGEST_TRANSFER", 0.05)
+    monkeypatch.setattr("hil_bench.abilities.conformance.wire.LONGEST_TRANSFER", 0.05)
     laboratory.says = endless()
     with pytest.raises(Deviation, match=r"^no last segment within 0\.05 s$"):
         laboratory.dut.sdo.upload(*TEXT)

@@ -59,7 +59,7 @@ def test_writing_leaves_what_is_stored_alone(laboratory):
 def test_a_value_is_restored_where_the_check_fails(laboratory):
     # The answer to reading back 0x1017 is always 7 ms: the download check fails half way.
     laboratory.says = begun_otherwise(ANSWER, "4b171000", "4b171000 07000000")
-    assert "expedited" in laboratory.failed_checks("SDO download")
+    assert "download_expedited" in laboratory.failed_checks("SDO download")
     assert laboratory.node.object_dictionary.variable(0x1017).value == 7  # as it said it was
 
 

@@ -1,19 +1,34 @@
-"""The mapping procedure and what may be mapped (CiA 301, 7.5.2.36 and 7.5.2.38)."""
+"""PDO parameters, the mapping procedure and what may be mapped (CiA 301, 7.5.2.35 to 7.5.2.38)."""
 
 import contextlib
 from collections.abc import Iterator
 
-from hil_bench.abilities.conformance.check import Chapter, Impact
-from hil_bench.abilities.conformance.device import DeviceUnderTest, place
-from hil_bench.abilities.conformance.pdo import COB_ID, INVALID, RPDOS, TO_MAPPING, TPDOS, Pdo
-from hil_bench.abilities.conformance.pdo_parameter_checks import codes_text, expect_abort_and_keep
-from hil_bench.abilities.conformance.sdo_client import download_request
-from hil_bench.abilities.conformance.tpdo_checks import SYNC
+from hil_bench.abilities.conformance.check import Chapter
+from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.pdo import (
+    COB_ID,
+    INHIBIT_TIME,
+    INVALID,
+    RPDOS,
+    TPDOS,
+    TYPE,
+    Entry,
+    Pdo,
+    find_pdo,
+    first_pdo,
+)
+from hil_bench.abilities.conformance.pdo_checks import SYNC
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.abilities.conformance.wire import code_text, download_request
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.config.objects import name_object
 
-CHAPTER = Chapter("PDO mapping")
+PARAMETERS = Chapter("PDO parameters")
+MAPPING = Chapter("PDO mapping")
+
+_RESTRICTED = (0x000, 0x001, 0x07F, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701, 0x7FF)
+"""Some of the restricted identifiers (7.3.5)."""
 
 _NO_OBJECT, _NO_SUBINDEX = 0x06020000, 0x06090011
 _NOT_MAPPABLE, _PDO_LENGTH = 0x06040041, 0x06040042
@@ -22,9 +37,63 @@ _DUMMY = 0x00050008
 _LONGEST = 64
 
 
-@CHAPTER.check(
-    "7.5.2.36", "a mapping is written with the PDO disabled and sub-index 0 at 0", Impact.WRITE
-)
+@PARAMETERS.check("7.5.2.35", "the identifier of a valid PDO cannot be changed")
+def identifier_of_valid(dut: DeviceUnderTest) -> str:
+    """Write another identifier while the PDO exists: any abort is right."""
+    codes: set[int] = set()
+    for pdo in _each_kind(dut):
+        with pdo.configured({}):
+            other = pdo.cob_id & ~INVALID ^ 0x400
+            codes |= dut.expect_kept(pdo.index, COB_ID, [other])
+    return _codes_text(codes)
+
+
+@PARAMETERS.check("7.3.5", "restricted identifiers abort")
+def restricted(dut: DeviceUnderTest) -> str:
+    """Give a PDO the identifiers of NMT, SDO, error control and so on."""
+    codes: set[int] = set()
+    for pdo in _each_kind(dut):
+        with pdo.disabled():
+            for can_id in _RESTRICTED:
+                cob_id = pdo.cob_id & ~INVALID & ~0x7FF | can_id
+                codes |= dut.expect_kept(pdo.index, COB_ID, [cob_id])
+    return _codes_text(codes)
+
+
+@PARAMETERS.check("7.5.2.37", "the inhibit time of a valid TPDO cannot be changed")
+def inhibit_time_of_valid(dut: DeviceUnderTest) -> str:
+    """Write it while the PDO exists: any abort is right."""
+    pdo = first_pdo(dut, TPDOS, INHIBIT_TIME)
+    with pdo.configured({}):
+        before = dut.number(pdo.index, INHIBIT_TIME)
+        return _codes_text(dut.expect_kept(pdo.index, INHIBIT_TIME, [before + 1]))
+
+
+def _each_kind(dut: DeviceUnderTest) -> list[Pdo]:
+    """Return the first RPDO and the first TPDO whose type can be changed.
+
+    Raises:
+        NotApplicable: there is neither.
+    """
+    pdos, why = [], ""
+    for among in (RPDOS, TPDOS):
+        try:
+            pdos.append(first_pdo(dut, among, TYPE))
+        except NotApplicable as reason:
+            why = str(reason)
+    if not pdos:
+        raise NotApplicable(why)
+    return pdos
+
+
+def _codes_text(codes: set[int]) -> str:
+    return ", ".join(map(code_text, sorted(codes)))
+
+
+# The mapping procedure, and what may be mapped.
+
+
+@MAPPING.check("7.5.2.36", "a mapping is written with the PDO disabled and sub-index 0 at 0")
 def procedure(dut: DeviceUnderTest) -> str:
     """Write the present mapping anew."""
     names = []
@@ -37,30 +106,28 @@ def procedure(dut: DeviceUnderTest) -> str:
     return ", ".join(names)
 
 
-@CHAPTER.check("7.5.2.36", "an entry cannot be written while sub-index 0 is not 0", Impact.WRITE)
+@MAPPING.check("7.5.2.36", "an entry cannot be written while sub-index 0 is not 0")
 def entry_of_complete(dut: DeviceUnderTest) -> str:
     """Write the first entry of a complete mapping: any abort is right."""
-    codes = set()
+    codes: set[int] = set()
     for pdo in _each_mappable(dut):
         with pdo.disabled():
-            codes.add(expect_abort_and_keep(dut, pdo.mapping, 1, _raw(pdo, 0) ^ 0x100))
-    return codes_text(codes)
+            codes |= dut.expect_kept(pdo.mapping, 1, [pdo.entries[0].raw ^ 0x100])
+    return _codes_text(codes)
 
 
-@CHAPTER.check("7.5.2.36", "the mapping of a valid PDO cannot be changed", Impact.WRITE)
+@MAPPING.check("7.5.2.36", "the mapping of a valid PDO cannot be changed")
 def mapping_of_valid(dut: DeviceUnderTest) -> str:
     """Write 0 to sub-index 0 while the PDO exists: any abort is right."""
-    codes = set()
+    codes: set[int] = set()
     for pdo in _each_mappable(dut):
         with pdo.configured({}):
-            codes.add(expect_abort_and_keep(dut, pdo.mapping, 0, 0))
-    return codes_text(codes)
+            codes |= dut.expect_kept(pdo.mapping, 0, [0])
+    return _codes_text(codes)
 
 
-@CHAPTER.check(
-    "7.5.2.36",
-    "mapping an object that is not there aborts with 0602 0000h or 0604 0041h",
-    Impact.WRITE,
+@MAPPING.check(
+    "7.5.2.36", "mapping an object that is not there aborts with 0602 0000h or 0604 0041h"
 )
 def no_object(dut: DeviceUnderTest) -> None:
     """Map C0DEh, and a sub-index that is not there."""
@@ -70,7 +137,7 @@ def no_object(dut: DeviceUnderTest) -> None:
             mapping.expect_abort(0x1018FE20, _NO_OBJECT, _NO_SUBINDEX, _NOT_MAPPABLE)
 
 
-@CHAPTER.check("7.2.4.3.17", "mapping what cannot be mapped aborts with 0604 0041h", Impact.WRITE)
+@MAPPING.check("7.2.4.3.17", "mapping what cannot be mapped aborts with 0604 0041h")
 def not_mappable(dut: DeviceUnderTest) -> None:
     """Map an object that the EDS excludes."""
     variable = next(
@@ -88,17 +155,17 @@ def not_mappable(dut: DeviceUnderTest) -> None:
             mapping.expect_abort(_entry(variable), _NOT_MAPPABLE)
 
 
-@CHAPTER.check("7.2.4.3.17", "mapping with a wrong length aborts", Impact.WRITE)
+@MAPPING.check("7.2.4.3.17", "mapping with a wrong length aborts")
 def wrong_length(dut: DeviceUnderTest) -> str:
     """Map the first object with eight bits more than it has: any abort is right."""
-    codes = set()
+    codes: set[int] = set()
     for pdo in _each_mappable(dut):
         with _opened(dut, pdo) as mapping:
-            codes.add(mapping.expect_abort(_raw(pdo, 0) + 8))
-    return codes_text(codes)
+            codes.add(mapping.expect_abort(pdo.entries[0].raw + 8))
+    return _codes_text(codes)
 
 
-@CHAPTER.check("7.2.4.3.17", "more than 64 bits abort with 0604 0042h", Impact.WRITE)
+@MAPPING.check("7.2.4.3.17", "more than 64 bits abort with 0604 0042h")
 def too_many_bits(dut: DeviceUnderTest) -> str:
     """Map the longest object again and again."""
     tried = []
@@ -115,41 +182,40 @@ def too_many_bits(dut: DeviceUnderTest) -> str:
     return ", ".join(tried)
 
 
-@CHAPTER.check("7.5.2.36", "sub-index 0 cannot exceed the number of entries", Impact.WRITE)
+@MAPPING.check("7.5.2.36", "sub-index 0 cannot exceed the number of entries")
 def count_beyond(dut: DeviceUnderTest) -> str:
     """Write 65: any abort is right."""
-    codes = set()
+    codes: set[int] = set()
     for pdo in _each_mappable(dut):
         with _opened(dut, pdo) as mapping:
             codes.add(mapping.expect_count_abort(65))
-    return codes_text(codes)
+    return _codes_text(codes)
 
 
-@CHAPTER.check("7.5.2.36", "a dummy entry takes bits of an RPDO and nothing else", Impact.WRITE)
+@MAPPING.check("7.5.2.36", "a dummy entry takes bits of an RPDO and nothing else")
 def dummy(dut: DeviceUnderTest) -> str:
     """Map an UNSIGNED8 that is nowhere (0005h) before the first object, send the RPDO."""
     pdo, variable = _dummy_candidate(dut)
-    key = variable.index, variable.subindex
+    key = variable.key
     before = dut.sdo.upload(*key)
     with _opened(dut, pdo):
         try:
             dut.write(pdo.mapping, 1, _DUMMY)
         except Refused as refused:
             raise NotApplicable(f"the device has no dummy entries: {refused}") from None
-        dut.write(pdo.mapping, 2, _raw(pdo, 0))
+        dut.write(pdo.mapping, 2, pdo.entries[0].raw)
         dut.write(pdo.mapping, 0, 2)
         dut.write(pdo.index, COB_ID, pdo.cob_id & ~INVALID)
         right = bytes([before[0] ^ 1]) + before[1:]
         try:
             with dut.operational():
-                dut.wire.send(Frame(pdo.can_id, b"\xff" + right), SYNC)
-                dut.wire.wait(dut.settling)
+                dut.tell(Frame(pdo.can_id, b"\xff" + right), SYNC)
                 found = dut.sdo.upload(*key)
                 dut.sdo.download(*key, before)
         finally:
             dut.write(pdo.index, COB_ID, pdo.cob_id | INVALID)
     if found != right:
-        raise Deviation(f"{place(*key)} holds {found.hex(' ')}; {right.hex(' ')} is right")
+        raise Deviation(f"{name_object(*key)} holds {found.hex(' ')}; {right.hex(' ')} is right")
     return f"{pdo.mapping:04X}h"
 
 
@@ -160,7 +226,7 @@ def _dummy_candidate(dut: DeviceUnderTest) -> tuple[Pdo, Variable]:
         NotApplicable: there is none.
     """
     for pdo in _each_mappable(dut):
-        variable = dut.objects.find(pdo.entries[0].index, pdo.entries[0].subindex)
+        variable = dut.objects.find(*pdo.entries[0].key)
         if (
             pdo.index in RPDOS
             and dut.objects.find(pdo.mapping, 2)
@@ -223,16 +289,8 @@ def _each_mappable(dut: DeviceUnderTest) -> list[Pdo]:
     Raises:
         NotApplicable: there is neither.
     """
-    pdos = []
-    for among in (RPDOS, TPDOS):
-        for index in dut.objects.indices(among):
-            keys = ((index, COB_ID), (index + TO_MAPPING, 0), (index + TO_MAPPING, 1))
-            variables = [dut.objects.find(*key) for key in keys]
-            if all(v is not None and v.access.writable for v in variables):
-                pdo = Pdo(dut, index)
-                if pdo.entries:
-                    pdos.append(pdo)
-                    break
+    found = [find_pdo(dut, among, mapping=(0, 1)) for among in (RPDOS, TPDOS)]
+    pdos = [pdo for pdo in found if pdo]
     if not pdos:
         raise NotApplicable("no PDO has a mapping that can be changed")
     return pdos
@@ -240,21 +298,16 @@ def _each_mappable(dut: DeviceUnderTest) -> list[Pdo]:
 
 def _restore_mapping(dut: DeviceUnderTest, pdo: Pdo) -> None:
     dut.write(pdo.mapping, 0, 0)
-    for number in range(len(pdo.entries)):
-        dut.write(pdo.mapping, number + 1, _raw(pdo, number))
+    for number, entry in enumerate(pdo.entries, start=1):
+        dut.write(pdo.mapping, number, entry.raw)
     dut.write(pdo.mapping, 0, len(pdo.entries))
 
 
-def _raw(pdo: Pdo, number: int) -> int:
-    entry = pdo.entries[number]
-    return entry.index << 16 | entry.subindex << 8 | entry.bits
-
-
 def _entry(variable: Variable) -> int:
-    return variable.index << 16 | variable.subindex << 8 | variable.data_type.bits
+    return Entry(*variable.key, variable.data_type.bits).raw
 
 
 def _longest(dut: DeviceUnderTest, pdo: Pdo) -> Variable:
     """Return the longest of the objects that the PDO carries already: these can be mapped."""
-    variables = [dut.variable(entry.index, entry.subindex) for entry in pdo.entries]
+    variables = [dut.variable(*entry.key) for entry in pdo.entries]
     return max(variables, key=lambda variable: variable.data_type.bits)

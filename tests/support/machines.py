@@ -9,7 +9,6 @@ SOUND = (EXAMPLES / "real_sensors.toml").read_text(encoding="utf-8")
 
 SWAPPED = SOUND.replace("P_A", "P_?").replace("P_B", "P_A").replace("P_?", "P_B")
 WRONG_REVISION = f'{SOUND}\n[nodes.position.objects]\n"0x1018.03" = 0x00020001\n'
-REVERSED_POSITION = f'{SOUND}\n[nodes.position.objects]\n"0x6000" = 8\n'
 
 
 def with_fault(kind: str, target: str) -> str:

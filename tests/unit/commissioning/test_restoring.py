@@ -166,19 +166,18 @@ def interrupt_at_the_end(machine):
     machine.when_it_moves(arm)
 
 
-@pytest.mark.parametrize("is_started", [False, True], ids=["pre-operational", "operational"])
 @pytest.mark.parametrize(
-    ("happens", "ended"),
+    ("happens", "is_started", "ended"),
     [
-        (lambda _machine: None, [Verdict.PASSED, Verdict.PASSED, Verdict.PASSED]),
-        (leave_a_limit, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
-        (interrupt_in_motion, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
-        (interrupt_twice, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
-        (interrupt_at_the_end, [Verdict.PASSED, Verdict.PASSED, Verdict.PASSED]),
+        (lambda _machine: None, False, [Verdict.PASSED, Verdict.PASSED, Verdict.PASSED]),
+        (leave_a_limit, True, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
+        (interrupt_in_motion, False, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
+        (interrupt_twice, True, [Verdict.PASSED, Verdict.STOPPED, Verdict.NOT_RUN]),
+        (interrupt_at_the_end, True, [Verdict.PASSED, Verdict.PASSED, Verdict.PASSED]),
     ],
     ids=["passed", "limit", "interrupted", "interrupted twice", "interrupted at the end"],
 )
-def test_however_it_ends_settings_and_states_are_as_before(machine, happens, ended, is_started):
+def test_however_it_ends_settings_and_states_are_as_before(machine, happens, is_started, ended):
     machine.set_up_theirs(is_started=is_started)
     before, states = machine.settings(), machine.states()
     assert states == [NmtState.OPERATIONAL if is_started else NmtState.PRE_OPERATIONAL] * 4

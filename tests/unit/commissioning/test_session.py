@@ -5,15 +5,7 @@ import re
 
 import can
 import pytest
-from support.machines import (
-    AIR,
-    OIL,
-    REVERSED_POSITION,
-    SOUND,
-    SWAPPED,
-    WRONG_REVISION,
-    with_fault,
-)
+from support.machines import SOUND, SWAPPED, WRONG_REVISION, with_fault
 
 from hil_bench import VirtualBench, load_config
 from hil_bench.abilities.commissioning.measures import Verdict
@@ -21,7 +13,6 @@ from hil_bench.abilities.commissioning.plan import StepKind, load_plan
 from hil_bench.abilities.commissioning.session import Console, commission
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_state_machine import FAULT_STATES
-from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
 from hil_drivers import Network
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
@@ -131,10 +122,6 @@ def test_swapped_pressure_sensors_are_named(machine):
     assert times[StepKind.SENSORS] == pytest.approx(0.3, abs=0.05)  # as the plan has it
 
 
-def test_a_reversed_position_sensor_is_named(machine):
-    assert names(machine(REVERSED_POSITION).commission()) == ["position sensor reversed"]
-
-
 def test_a_wrong_revision_is_named_and_nothing_moves(machine):
     tested = machine(WRONG_REVISION)
     found = tested.commission(confirm=lambda: pytest.fail("asked to move"))
@@ -156,70 +143,11 @@ def test_another_mapping_is_named_and_other_settings_are_noted(machine):
     assert note.startswith("node 2 (pressure_a): 0x1017.00 (Producer heartbeat time) is 500; 0 by ")
 
 
-def test_a_valve_of_the_other_polarity_is_named(machine):
-    assert names(machine(with_fault("invert", "valve")).commission()) == ["valve inverted"]
-
-
-class CrossedHoses:
-    """A plant whose A and B are exchanged behind the valve; the spool shows nothing of it."""
-
-    def __init__(self, plant):
-        self._plant = plant
-
-    def __getattr__(self, name):
-        return getattr(self._plant, name)
-
-    def drive(self, command, steps):
-        output = self._plant.drive(-command, steps)
-        seen = PlantOutput(*output)
-        return seen._replace(nu=-seen.nu)
-
-
-def test_crossed_hoses_are_named(machine):
-    tested = machine()
-    axis = dataclasses.replace(tested.axis, plant=CrossedHoses(tested.axis.plant))
-    tested.bench.bench.axes = (axis,)
-    assert names(tested.commission()) == ["valve inverted"]
-
-
-def test_a_stuck_position_sensor_is_named(machine):
-    assert names(machine(with_fault("freeze", "position")).commission()) == [
-        "position sensor stuck"
-    ]
-
-
-@pytest.mark.parametrize(("sensor", "port"), [("pressure_a", "P_A"), ("pressure_b", "P_B")])
-def test_a_stuck_pressure_sensor_is_named(machine, sensor, port):
-    found = machine(with_fault("freeze", sensor)).commission()
+def test_a_stuck_pressure_sensor_is_named(machine):
+    found = machine(with_fault("freeze", "pressure_a")).commission()
     assert names(found) == ["pressure sensor stuck"]
     (finding,) = found.results[2].findings  # of the first motion
-    assert re.match(rf"{port} is \d+\.\d+ bar in all \d+ samples, while the pos", finding.evidence)
-
-
-def test_a_bench_without_pressure_is_named(machine):
-    tested = machine("[plant.axis1]\nsupply_pressure_bar = 0.001\ntank_pressure_bar = 0\n")
-    assert names(tested.commission()) == ["no supply pressure"]
-
-
-def test_a_spool_that_stays_is_named(machine):
-    assert names(machine(with_fault("stick", "valve")).commission()) == ["valve does not follow"]
-
-
-def test_a_piston_that_is_held_is_named(machine):
-    """600 kN of friction against the 50 kN of 100 bar on 50 cm²."""
-    held = "[plant.axis1]\ncoulomb_friction_n = 600000\nstatic_friction_n = 600000\n"
-    assert names(machine(held).commission()) == ["axis blocked"]
-
-
-CHIRP_PLAN = PLAN.replace("[sensors]\nduration_s = 0.3\n", "") + "[chirp]\n"
-
-
-@pytest.mark.parametrize(
-    ("air", "expected"), [("", []), (AIR, ["air in the oil"])], ids=["none", "air"]
-)
-def test_air_in_the_oil_is_named(machine, air, expected):
-    found = machine(OIL + air, OIL, plan=CHIRP_PLAN).commission()
-    assert names(found) == expected
+    assert re.match(r"P_A is \d+\.\d+ bar in all \d+ samples, while the pos", finding.evidence)
 
 
 LEAKAGE_PLAN = PLAN + "[leakage]\nduration_s = 1\n"
@@ -230,35 +158,28 @@ def test_a_leaking_chamber_is_named(machine):
     assert "leakage" in names(machine(leaking, plan=LEAKAGE_PLAN).commission())
 
 
-@pytest.mark.parametrize(
-    ("limit", "problem"),
-    [
-        ("position_mm = [-150, 5]", "position 5."),
-        ("speed_mm_s = 20", "speed "),
-        ("pressure_bar = [0, 52]", "pressure at B "),
-        ("time_s = 0.5", "time 0.5 s is beyond its limit of 0.5 s"),
-    ],
-)
-def test_leaving_a_limit_closes_the_valve_at_once_and_says_which(machine, limit, problem):
-    tested = machine(plan=f"{PLAN}{limit}\n" if "position" not in limit else PLAN)
-    if "position" in limit:
-        # A plan of 5 mm is refused beforehand; the machine's valve opens further than it should.
-        plan = tested.plan
-        limits = dataclasses.replace(plan.steps[2].limits, position=(-0.15, 0.005))
-        steps = (*plan.steps[:2], dataclasses.replace(plan.steps[2], limits=limits))
-        tested.plan = dataclasses.replace(plan, steps=steps)
-    found = tested.commission()
-    result = found.results[-1]
+def test_leaving_a_limit_closes_the_valve_at_once_and_says_which(machine):
+    """A plan of 5 mm is refused beforehand; the machine's valve opens further than it should."""
+    tested = machine()
+    plan = tested.plan
+    limits = dataclasses.replace(plan.steps[2].limits, position=(-0.15, 0.005))
+    steps = (*plan.steps[:2], dataclasses.replace(plan.steps[2], limits=limits))
+    tested.plan = dataclasses.replace(plan, steps=steps)
+    result = tested.commission().results[-1]
     assert result.verdict is Verdict.STOPPED
-    assert problem in result.problem
-    assert "beyond its limit of " in result.problem
-    assert result.problem.endswith("; the valve was closed")
+    assert result.problem.startswith("position 5.")
+    assert result.problem.endswith(" is beyond its limit of 5 mm; the valve was closed")
     assert tested.is_closed()
-    signals = tested.bench.signals
-    if "position" in limit:
-        # Two periods of 2 ms until it is seen and commanded, the spool's 3 ms, 65 mm/s or less
-        # after the start's oscillation.
-        assert signals["axis1.position"].max() < 5.0e-3 + 1.5e-3
+    # Two periods of 2 ms until it is seen and commanded, the spool's 3 ms, 65 mm/s or less
+    # after the start's oscillation.
+    assert tested.bench.signals["axis1.position"].max() < 5.0e-3 + 1.5e-3
+
+
+def test_a_motion_ends_with_the_time_of_its_plan(machine):
+    tested = machine(plan=f"{PLAN}time_s = 0.5\n")
+    problem = "time 0.5 s is beyond its limit of 0.5 s; the valve was closed"
+    assert tested.commission().results[-1].problem == problem
+    assert tested.is_closed()
 
 
 def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
@@ -292,7 +213,7 @@ def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkey
     assert tested.is_closed()
 
 
-@pytest.mark.parametrize("node_id", [1, 2, 4])
+@pytest.mark.parametrize("node_id", [1, 4])
 def test_a_node_that_reboots_in_motion_closes_the_valve_at_once(machine, node_id):
     tested = machine(plan=LEAKAGE_PLAN)
     reset = can.Message(arbitration_id=0, data=[129, node_id], is_extended_id=False)
@@ -313,11 +234,6 @@ def test_a_node_that_reboots_in_motion_closes_the_valve_at_once(machine, node_id
 @pytest.mark.parametrize(
     ("kind", "target", "problem"),
     [
-        (
-            "break_wire",
-            "position",
-            "position is not valid by the status of its sensor; the valve was closed",
-        ),
         (
             "break_wire",
             "pressure_a",

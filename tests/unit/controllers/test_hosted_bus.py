@@ -1,10 +1,11 @@
-"""The bus that a transport hosts, with clients on real loopback sockets in the same thread.
+"""What the bench hears and says on the bus that it hosts, with clients on real loopback sockets.
+
+The rules that it keeps with its clients are tested in tests/unit/transports/test_socketcand_hub.py.
 
 The bus does nothing but inside its own calls, so a client's `hear` lets it work until the words are
 there. What clients say is what python-can 4.6 and socketcand's doc/protocol.md have.
 """
 
-import re
 import socket
 import threading
 import time
@@ -13,13 +14,9 @@ import can
 import pytest
 from support.patience import GUARD
 
-from hil_bench.abilities.common.reception import ROOM
-from hil_bench.abilities.common.socketcand_hub import MOST_BAD
 from hil_bench.abilities.controllers.process import hosted_bus
-from hil_bench.abilities.controllers.process.hosted_bus import MAX_CLIENTS, HostedBus
+from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.outside.transports.transport import TransportCounters
 
 
@@ -163,41 +160,6 @@ def test_who_comes_is_seen_to_while_the_only_client_speaks_or_is_silent(bus, joi
         bus.wait(GUARD)
 
 
-def test_another_channel_is_refused_with_the_one_there_is(connect):
-    client = connect()
-    client.hear()
-    client.say(b"< open vcan7 >")
-    assert client.hear() == b"< error could not open bus; this hub has can0 >"
-    client.say(b"< open can0 >")
-    assert client.hear() == b"< ok >"
-
-
-@pytest.mark.parametrize("bad", [b"< send 123 2 1 >", b"< send 800 0 >", b"<>", b"\xff\x00>"])
-def test_a_bad_command_is_answered_and_the_client_stays(bus, join, bad):
-    client = join()
-    client.say(bad)
-    assert client.hear() == b"< error unknown command >"
-    client.say(b"< send 001 0 >")
-    assert receive(bus, 1) == [Frame(0x001)]
-
-
-@pytest.mark.parametrize("early", [b"< rawmode >", b"< send 123 0 >", b"< open >", b"< open a b >"])
-def test_commands_out_of_turn_are_refused(connect, early):
-    client = connect()
-    client.hear()
-    client.say(early)
-    assert client.hear() == b"< error unknown command >"
-
-
-def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else(bus, join):
-    client, other = join(), join()
-    client.say(b"< send " + b"1" * MAX_COMMAND)
-    assert client.hear() is None
-    other.say(b"< send 001 0 >")
-    assert receive(bus, 1) == [Frame(0x001)]
-    assert bus.clients == 1
-
-
 def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(bus, join, monkeypatch):
     monkeypatch.setattr(hosted_bus, "MAX_BACKLOG", 10_000)
     join()  # and never reads again
@@ -211,75 +173,6 @@ def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(bus,
         if bus.clients == 1:
             return
     pytest.fail("still there after 200,000 frames")
-
-
-def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(bus, join, monkeypatch):
-    monkeypatch.setattr(hosted_bus, "JOIN_DELAY", 3_600)
-    client = join()
-    bus.send([Frame(0x123)])
-    bus.wait(0.0)
-    with pytest.raises(BlockingIOError):
-        client._socket.recv(100)
-    client.say(b"< send 001 0 >")
-    assert client.hear() == b"< frame 123 12.345678  >"
-
-
-def test_held_back_frames_follow_without_a_word_from_the_client(bus, join, monkeypatch):
-    monkeypatch.setattr(hosted_bus, "JOIN_DELAY", 0.001)
-    client = join()
-    bus.send([Frame(0x123)])
-    assert client.hear() == b"< frame 123 12.345678  >"
-
-
-def test_a_client_that_leaves_is_forgotten(bus, join):
-    stays = join()
-    for _ in range(2 * MAX_CLIENTS):
-        join().close()
-    stays.say(b"< send 001 0 >")
-    assert receive(bus, 1) == [Frame(0x001)]
-    bus.send([Frame(0x123)])
-    assert bus.clients == 1
-
-
-def test_more_clients_than_there_is_room_for_are_turned_away(connect, join):
-    for _ in range(MAX_CLIENTS):
-        join()
-    late = connect()
-    assert late.hear() == b"< hi >"
-    late.say(b"< open can0 >")
-    assert late.hear() == b"< error too many clients >"
-    assert late.hear() is None
-
-
-def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(bus, connect, join):
-    idlers = [connect() for _ in range(ROOM + 1)]
-    client = join()
-    assert idlers[0].hear() == b"< hi >"
-    assert idlers[0].hear() is None
-    bus.send([Frame(0x123)])
-    assert client.hear() == b"< frame 123 12.345678  >"
-
-
-def test_a_client_that_sends_nothing_but_nonsense_is_cut_off(bus, join):
-    client, other = join(), join()
-    client.say((MOST_BAD - 1) * b"\xff>" + b"< send 001 0 >" + (MOST_BAD - 1) * b"< send 7 9 >")
-    assert receive(bus, 1) == [Frame(0x001)]
-    assert other.hear() == b"< frame 001 12.345678  >"
-    assert bus.clients == 2
-    client.say(b"x>")
-    for _ in range(2 * MOST_BAD - 1):
-        assert client.hear() == b"< error unknown command >"
-    assert client.hear() is None
-    assert bus.clients == 1
-
-
-def test_a_remote_request_of_python_can_is_left_unanswered(bus, join):
-    """python-can 4.6 writes it without bytes, and takes any "error" for the loss of its bus."""
-    client = join()
-    client.say(b"< send 701 1  >< send 601 1 40 >")
-    assert receive(bus, 1) == [Frame(0x601, b"\x40")]
-    bus.send([Frame(0x123)])
-    assert client.hear() == b"< frame 123 12.345678  >"
 
 
 def test_python_can_joins_it(bus):
@@ -301,14 +194,6 @@ def test_python_can_joins_it(bus):
         bus.send([Frame(0x581, b"\x43")])
         message = peer.recv(GUARD)
         assert (message.arbitration_id, bytes(message.data)) == (0x581, b"\x43")
-
-
-def test_a_port_in_use_is_said_in_one_line(bus):
-    expected = (
-        f"hub 127.0.0.1:{bus.port}: the port is in use, perhaps by another hub; port 0 takes a free"
-    )
-    with pytest.raises(BusError, match=re.escape(expected)):
-        HostedBus(port=bus.port)
 
 
 def test_a_closed_bus_is_closed_again_without_harm(bus, join):
@@ -341,10 +226,3 @@ def test_each_channel_is_a_bus_of_its_own(two_buses):
     assert first.hear() == b"< frame 701 1.000000 00 >"  # and so nothing of 0x181 before it
     assert second.hear() == third.hear() == b"< frame 702 1.000000 00 >"
     assert bus.description == f"hub 127.0.0.1:{bus.port} can0 can1"
-
-
-def test_a_channel_that_is_not_there_is_told_with_those_there_are(two_buses):
-    client = two_buses[1][0]
-    client.hear()
-    client.say(b"< open can2 >")
-    assert client.hear() == b"< error could not open bus; this hub has can0, can1 >"

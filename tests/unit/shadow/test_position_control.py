@@ -17,8 +17,7 @@ MACHINE = """
 load_n = 20000
 internal_leakage_l_min_bar = 0.02
 """
-MODE_9 = '"0x6043" = 9'
-WITH_INTEGRAL = f'{MODE_9}, "0x2600.02" = 300'
+WITH_INTEGRAL = '"0x6043" = 9, "0x2600.02" = 300'
 
 
 @pytest.fixture
@@ -97,9 +96,8 @@ def test_a_spool_that_sticks_shows(load):
     assert worst(shadow, "spool_position") > 0.2
 
 
-@pytest.mark.parametrize("objects", [MODE_9, WITH_INTEGRAL])
-def test_a_twin_that_joins_later_waits_for_the_axis_set_point(load, objects):
-    config = load(objects)
+def test_a_twin_that_joins_later_waits_for_the_axis_set_point(load):
+    config = load(WITH_INTEGRAL)
     frames = life(config)
     third = setpoints(frames)[3]
     before = [each for each in frames if each.timestamp < third]

@@ -43,6 +43,12 @@ def machine_frames(config, *, fault="", is_synchronous=False):
         return [message_of(logged) for logged in machine.frames]
 
 
+@pytest.fixture(scope="module")
+def sound():
+    """The frames of a sound machine, which nobody changes."""
+    return tuple(machine_frames(load_config()))
+
+
 def follow(frames, config):
     shadow = Shadow(config, horizon=0.25)
     for message in frames:
@@ -56,9 +62,9 @@ def worst(windows, quantity):
 
 
 @pytest.mark.long
-def test_the_twin_of_a_sound_machine_stays_beside_it():
+def test_the_twin_of_a_sound_machine_stays_beside_it(sound):
     config = load_config()
-    windows = follow(machine_frames(config), config)
+    windows = follow(sound, config)
 
     assert len(windows) == 6  # in 1.8 s less 0.12 s of joining and settling, each 0.25 s
     assert all(
@@ -126,9 +132,7 @@ def test_a_leak_shows_in_the_motion_under_load(load_bench):
     assert 0.7e-3 < worst(windows, "position") < 2e-3
 
 
-def test_frames_of_others_and_silence_do_no_harm():
-    config = load_config()
-    frames = machine_frames(config)
+def test_frames_of_others_and_silence_do_no_harm(sound):
     garbage = [
         can.Message(timestamp=0.5, arbitration_id=0x1234567, is_extended_id=True, data=b"abc"),
         can.Message(timestamp=0.5, is_error_frame=True),
@@ -137,9 +141,9 @@ def test_frames_of_others_and_silence_do_no_harm():
             timestamp=0.5, arbitration_id=0x184, is_extended_id=False, is_remote_frame=True
         ),
     ]
-    later = [can.Message(**{**_fields(m), "timestamp": m.timestamp + 100.0}) for m in frames]
-    shadow = Shadow(config, horizon=0.25)
-    for message in (*frames[: len(frames) // 2], *garbage, *later):
+    later = [can.Message(**{**_fields(m), "timestamp": m.timestamp + 100.0}) for m in sound]
+    shadow = Shadow(load_config(), horizon=0.25)
+    for message in (*sound[: len(sound) // 2], *garbage, *later):
         shadow.take(message)
 
     # Windows go on after the pause, and none spans it.
@@ -148,16 +152,14 @@ def test_frames_of_others_and_silence_do_no_harm():
     assert worst(list(shadow.windows), "position") < 0.5e-3
 
 
-def test_without_sensors_there_is_nothing_to_compare():
-    config = load_config()
-    frames = [m for m in machine_frames(config) if m.arbitration_id != 0x182]
-    assert follow(frames, config) == []
+def test_without_sensors_there_is_nothing_to_compare(sound):
+    frames = [m for m in sound if m.arbitration_id != 0x182]
+    assert follow(frames, load_config()) == []
 
 
-def test_samples_are_what_was_measured_beside_the_twin():
-    config = load_config()
-    shadow = Shadow(config, horizon=0.25)
-    for message in machine_frames(config):
+def test_samples_are_what_was_measured_beside_the_twin(sound):
+    shadow = Shadow(load_config(), horizon=0.25)
+    for message in sound:
         shadow.take(message)
     positions = [sample for sample in shadow.samples if sample.quantity == "position"]
     assert positions == sorted(positions)

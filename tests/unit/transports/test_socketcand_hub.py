@@ -1,97 +1,161 @@
-"""The hub over real loopback sockets, in the test's own event loop.
+"""The two servers of socketcand's protocol keep the same rules: the hub, and the hosted bus.
 
-What clients write and read is what python-can 4.6 and socketcand's doc/protocol.md have;
-python-can's own client is the peer in test_hub_process.py.
+Clients are real loopback sockets in the same thread, and a server does nothing but in `serve`. What
+clients write and read is what python-can 4.6 and socketcand's doc/protocol.md have; python-can's
+own client is the peer in test_hub_process.py.
 """
 
 import asyncio
-import contextlib
 import re
+import socket
+import time
 
 import pytest
+from support.patience import GUARD
 
-from hil_bench.abilities.common import socketcand_hub as protocol
+from hil_bench.abilities.common import socketcand_hub
 from hil_bench.abilities.common.reception import ROOM
 from hil_bench.abilities.common.socketcand_hub import MOST_BAD
-from hil_bench.abilities.hub import server as socketcand_hub
-from hil_bench.abilities.hub.server import MAX_CLIENTS, Hub, HubCounters
+from hil_bench.abilities.controllers.process import hosted_bus
+from hil_bench.abilities.hub import server as hub_server
+from hil_bench.abilities.hub.server import Hub
 from hil_bench.errors import BusError
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
-pytestmark = pytest.mark.anyio
-
-TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")
+TIME_STAMP = re.compile(rb"(< (?:fd)?frame [0-9A-F]+ )\d+\.\d{6} ")
 
 
 class Client:
-    def __init__(self, reader, writer):
-        self.reader = reader
-        self.writer = writer
+    def __init__(self, server):
+        self._server = server
+        self.socket = socket.create_connection(("127.0.0.1", server.port))
+        self.socket.setblocking(False)
+        self._rest = b""
 
-    async def say(self, text):
-        self.writer.write(text)
-        await self.writer.drain()
+    def say(self, text):
+        self.socket.sendall(text)
 
-    async def hear(self):
-        """Return the next message, the time stamp of a frame left out."""
-        async with asyncio.timeout(10):
-            message = await self.reader.readuntil(b">")
-        return TIME_STAMP.sub(rb"\1", message)
-
-    async def hear_end(self):
-        """Wait until the hub has closed the connection."""
-        async with asyncio.timeout(10):
+    def read(self):
+        """Return more bytes, none at the end of the connection; let the server work until then."""
+        deadline = time.monotonic() + GUARD
+        while True:
+            assert time.monotonic() < deadline
+            self._server.serve()
             try:
-                while await self.reader.read(65_536):
-                    pass
+                return self.socket.recv(65_536)
+            except BlockingIOError:
+                continue
             except ConnectionResetError:
-                pass
+                return b""
+
+    def hear(self):
+        """Return the next message, the time stamp of a frame left out; None at the end."""
+        while b">" not in self._rest:
+            data = self.read()
+            if not data:
+                return None
+            self._rest += data
+        message, _, self._rest = self._rest.partition(b">")
+        return TIME_STAMP.sub(rb"\1", message + b">")
+
+    def join(self, channel=b"can0"):
+        assert self.hear() == b"< hi >"
+        self.say(b"< open " + channel + b" >")
+        assert self.hear() == b"< ok >"
+        self.say(b"< rawmode >")
+        assert self.hear() == b"< ok >"
+        return self
 
 
-class Place:
-    """A hub and ways to join it."""
+class HostedServer:
+    """The bus that a transport hosts, whose bench hears all and says nothing."""
 
-    def __init__(self, hub, port):
-        self.hub = hub
-        self.port = port
-        self.clients = []
+    delays, most_clients = hosted_bus, hosted_bus.MAX_CLIENTS
 
-    async def connect(self):
-        self.clients.append(Client(*await asyncio.open_connection("127.0.0.1", self.port)))
-        return self.clients[-1]
+    def __init__(self, channels):
+        self.bus = hosted_bus.HostedBus(channels=channels)
+        self.port = self.bus.port
 
-    async def join(self, channel=b"can0"):
-        client = await self.connect()
-        assert await client.hear() == b"< hi >"
-        await client.say(b"< open " + channel + b" >")
-        assert await client.hear() == b"< ok >"
-        await client.say(b"< rawmode >")
-        assert await client.hear() == b"< ok >"
-        return client
+    def serve(self):
+        self.bus.wait(0.0)
+        self.bus.receive(1000)
+
+    def check(self, **counters):
+        pass  # it counts what concerns the bench
+
+    def open_another(self):
+        hosted_bus.HostedBus(port=self.port)
+
+    def close(self):
+        self.bus.close()
 
 
-@contextlib.asynccontextmanager
-async def a_hub(**options):
-    hub = Hub(**options)
-    server = await hub.start("127.0.0.1", 0)
-    place = Place(hub, server.sockets[0].getsockname()[1])
-    try:
-        yield place
-    finally:
-        for client in place.clients:
-            client.writer.close()
-        server.close()
+class HubServer:
+    """The hub, in an event loop that goes round once at a time."""
+
+    delays, most_clients = socketcand_hub, hub_server.MAX_CLIENTS
+    now = 0
+
+    def __init__(self, channels):
+        self.runner = asyncio.Runner()
+        self.hub = Hub(channels, clock=lambda: self.now)
+        self.server = self.runner.run(self.hub.start("127.0.0.1", 0))
+        self.port = self.server.sockets[0].getsockname()[1]
+
+    def serve(self):
+        self.runner.run(asyncio.sleep(0))
+
+    def check(self, **counters):
+        assert {name: getattr(self.hub.counters, name) for name in counters} == counters
+
+    def open_another(self):
+        self.runner.run(Hub().start("127.0.0.1", self.port))
+
+    def close(self):
+        self.server.close()
+        for _ in range(30):  # until it has closed the connections whose clients have
+            self.serve()
+        self.runner.close()
 
 
 @pytest.fixture
-def options():
-    return {}
+def channels():
+    return ("can0",)
+
+
+@pytest.fixture(params=[HostedServer, HubServer])
+def server(request, channels):
+    made = request.param(channels)
+    yield made
+    made.close()
 
 
 @pytest.fixture
-async def place(options):
-    async with a_hub(**options) as place:
-        yield place
+def hub():
+    made = HubServer(("can0",))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def connect():
+    clients = []
+
+    def connect_one(server):
+        clients.append(Client(server))
+        return clients[-1]
+
+    yield connect_one
+    for client in clients:
+        client.socket.close()
+
+
+@pytest.fixture
+def join(connect):
+    return lambda server, channel=b"can0": connect(server).join(channel)
+
+
+TWO_CHANNELS = pytest.mark.parametrize("channels", [("can0", "can1")])
 
 
 @pytest.mark.parametrize(
@@ -107,53 +171,50 @@ async def place(options):
         (b"< send 1FFFFFFF 0  >", b"< frame 1FFFFFFF  >"),
     ],
 )
-async def test_a_frame_reaches_the_others_and_not_its_sender(place, sent, heard):
-    sender, first, second = [await place.join() for _ in range(3)]
-    await sender.say(sent)
-    assert await first.hear() == heard
-    assert await second.hear() == heard
-    await first.say(b"< send 001 0 >")
-    assert await sender.hear() == b"< frame 001  >"  # the first thing it hears
-    assert place.hub.counters == HubCounters(connections=3, frames=2)
+def test_a_frame_reaches_the_others_and_not_its_sender(server, join, sent, heard):
+    sender, first, second = [join(server) for _ in range(3)]
+    sender.say(sent)
+    assert first.hear() == second.hear() == heard
+    first.say(b"< send 001 0 >")
+    assert sender.hear() == b"< frame 001  >"  # the first thing it hears
+    server.check(connections=3, frames=2, bad_commands=0)
 
 
-async def test_a_frame_carries_the_time_in_seconds_and_microseconds(place, monkeypatch):
-    monkeypatch.setattr(socketcand_hub.time, "time_ns", lambda: 1_700_000_000_000_042_999)
-    sender, listener = await place.join(), await place.join()
-    await sender.say(b"< send 123 1 1 >")
-    async with asyncio.timeout(10):
-        message = await listener.reader.readuntil(b">")
-    assert message == b"< frame 123 1700000000.000042 01 >"
+def test_a_frame_carries_the_time_in_seconds_and_microseconds(hub, join, monkeypatch):
+    monkeypatch.setattr(hub_server.time, "time_ns", lambda: 1_700_000_000_000_042_999)
+    sender, listener = join(hub), join(hub)
+    sender.say(b"< send 123 1 1 >")
+    assert listener.read() == b"< frame 123 1700000000.000042 01 >"
 
 
-async def test_frames_keep_their_order_however_they_are_cut_up(place):
-    sender, listener = await place.join(), await place.join()
+def test_frames_keep_their_order_however_they_are_cut_up(server, join):
+    sender, listener = join(server), join(server)
     stream = b"".join(b"< send %03x 0  >" % n for n in range(200))
     for start in range(0, len(stream), 7):
-        await sender.say(stream[start : start + 7])
+        sender.say(stream[start : start + 7])
     for n in range(200):
-        assert await listener.hear() == b"< frame %03X  >" % n
-    assert place.hub.counters.frames == 200
+        assert listener.hear() == b"< frame %03X  >" % n
+    server.check(frames=200)
 
 
-@pytest.mark.parametrize("options", [{"channels": ("can0", "can1")}])
-async def test_channels_are_separate_buses(place):
-    left, right = await place.join(b"can0"), await place.join(b"can1")
-    listener = await place.join(b"can1")
-    await left.say(b"< send 001 0 >")
-    await right.say(b"< send 002 0 >")
-    assert await listener.hear() == b"< frame 002  >"
+@TWO_CHANNELS
+def test_channels_are_separate_buses(server, join):
+    left, right, listener = (join(server, name) for name in (b"can0", b"can1", b"can1"))
+    left.say(b"< send 001 0 >< bad >")
+    assert left.hear() == b"< error unknown command >"  # so it has been heard
+    right.say(b"< send 002 0 >")
+    assert listener.hear() == b"< frame 002  >"
 
 
-@pytest.mark.parametrize("options", [{"channels": ("can0", "can1")}])
-async def test_a_channel_that_is_not_there_is_refused_with_those_that_are(place):
-    client = await place.connect()
-    await client.hear()
-    await client.say(b"< open vcan7 >")
-    assert await client.hear() == b"< error could not open bus; this hub has can0, can1 >"
-    await client.say(b"< open can1 >")
-    assert await client.hear() == b"< ok >"
-    assert place.hub.counters.bad_commands == 1
+@TWO_CHANNELS
+def test_a_channel_that_is_not_there_is_refused_with_those_that_are(server, connect):
+    client = connect(server)
+    client.hear()
+    client.say(b"< open vcan7 >")
+    assert client.hear() == b"< error could not open bus; this hub has can0, can1 >"
+    client.say(b"< open can1 >")
+    assert client.hear() == b"< ok >"
+    server.check(bad_commands=1)
 
 
 @pytest.mark.parametrize(
@@ -176,162 +237,156 @@ async def test_a_channel_that_is_not_there_is_refused_with_those_that_are(place)
         b"\xff\x00>",
     ],
 )
-async def test_a_bad_command_is_answered_and_the_client_stays(place, bad):
-    client, listener = await place.join(), await place.join()
-    await client.say(bad)
-    assert await client.hear() == b"< error unknown command >"
-    await client.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
-    assert place.hub.counters == HubCounters(connections=2, frames=1, bad_commands=1)
+def test_a_bad_command_is_answered_and_the_client_stays(server, join, bad):
+    client, listener = join(server), join(server)
+    client.say(bad)
+    assert client.hear() == b"< error unknown command >"
+    client.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
+    server.check(frames=1, bad_commands=1)
 
 
-async def test_a_remote_frame_of_python_can_is_dropped_without_an_error(place):
-    # python-can writes the length of what is asked for, and no bytes; an error would end its bus.
-    client, listener = await place.join(), await place.join()
-    await client.say(b"< send 701 1  >")
-    await client.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
-    await listener.say(b"< send 002 0 >")
-    assert await client.hear() == b"< frame 002  >"
-    assert place.hub.counters == HubCounters(connections=2, frames=2, bad_commands=1)
+def test_a_remote_frame_of_python_can_is_dropped_without_an_error(server, join):
+    """python-can 4.6 writes the length of what it asks for, and no bytes; an error ends its bus."""
+    client, listener = join(server), join(server)
+    client.say(b"< send 701 1  >< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
+    listener.say(b"< send 002 0 >")
+    assert client.hear() == b"< frame 002  >"
+    server.check(frames=2, bad_commands=1)
 
 
 @pytest.mark.parametrize("early", [b"< rawmode >", b"< send 123 0 >", b"< open >", b"< open a b >"])
-async def test_commands_out_of_turn_are_refused(place, early):
-    client = await place.connect()
-    await client.hear()
-    await client.say(early)
-    assert await client.hear() == b"< error unknown command >"
+def test_commands_out_of_turn_are_refused(server, connect, early):
+    client = connect(server)
+    client.hear()
+    client.say(early)
+    assert client.hear() == b"< error unknown command >"
 
 
-async def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else(place):
-    client, other, listener = [await place.join() for _ in range(3)]
-    await client.say(b"< send " + b"1" * MAX_COMMAND)
-    await client.hear_end()
-    await other.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
-    counters = place.hub.counters
-    assert (counters.bad_commands, counters.dropped_clients) == (1, 1)
+def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else(server, join):
+    client, other, listener = [join(server) for _ in range(3)]
+    client.say(b"< send " + b"1" * MAX_COMMAND)
+    assert client.hear() is None
+    other.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
+    server.check(bad_commands=1, dropped_clients=1)
 
 
 @pytest.mark.long
-async def test_a_client_that_does_not_read_is_cut_off_and_others_lose_nothing(place, monkeypatch):
-    monkeypatch.setattr(socketcand_hub, "MAX_BACKLOG", 10_000)
+def test_a_client_that_does_not_read_is_cut_off_and_others_lose_nothing(hub, join, monkeypatch):
+    monkeypatch.setattr(hub_server, "MAX_BACKLOG", 10_000)
     frames = 2_000
-    sender, slow, listener = [await place.join() for _ in range(3)]
-    slow.writer.transport.pause_reading()
-    n = 0
-    while not place.hub.counters.dropped_clients:
-        await sender.say(b"".join(b"< send 123 1 %x >" % (k % 256) for k in range(frames)))
+    sender, _slow, listener = [join(hub) for _ in range(3)]
+    for _ in range(1_000):
+        sender.say(b"".join(b"< send 123 1 %x >" % (k % 256) for k in range(frames)))
         for k in range(frames):
-            assert await listener.hear() == b"< frame 123 %02X >" % (k % 256)
-        n += 1
-        assert n < 1_000, "the kernel's buffers cannot hold 100 MB"
-    assert place.hub.counters.dropped_clients == 1
+            assert listener.hear() == b"< frame 123 %02X >" % (k % 256)
+        if hub.hub.counters.dropped_clients:
+            break
+    hub.check(dropped_clients=1)
 
 
-async def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(place, monkeypatch):
-    monkeypatch.setattr(protocol, "JOIN_DELAY", 3_600)
-    sender, listener = await place.join(), await place.connect()
-    for words in (b"< open can0 >", b"< rawmode >"):
-        await listener.hear()
-        await listener.say(words)
-    while len(place.hub.bus("can0")) < 2:
-        await asyncio.sleep(0)
+def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(server, join, monkeypatch):
+    """python-can takes all that there is, and compares it with "< ok >"."""
+    monkeypatch.setattr(server.delays, "JOIN_DELAY", 3_600)
+    sender, listener = join(server), join(server)
     # Twice there and back: what the first frames brought has then reached the listener's end.
     for command in (b"< send 001 0 >< bad >", b"< send 002 0 >< bad >"):
-        await sender.say(command)
-        assert await sender.hear() == b"< error unknown command >"
-    # python-can takes all that there is, and compares it with this.
-    assert await listener.reader.read(256) == b"< ok >"
-    await listener.say(b"< send 003 0 >")  # only now may frames follow
-    assert await listener.hear() == b"< frame 001  >"
-    assert await listener.hear() == b"< frame 002  >"
-    assert await sender.hear() == b"< frame 003  >"
+        sender.say(command)
+        assert sender.hear() == b"< error unknown command >"
+    with pytest.raises(BlockingIOError):
+        listener.socket.recv(256)
+    listener.say(b"< send 003 0 >")  # only now may frames follow
+    assert listener.hear() == b"< frame 001  >"
+    assert listener.hear() == b"< frame 002  >"
+    assert sender.hear() == b"< frame 003  >"
 
 
-async def test_held_back_frames_follow_without_a_word_from_the_client(place, monkeypatch):
-    monkeypatch.setattr(protocol, "JOIN_DELAY", 0.001)
-    sender, listener = await place.join(), await place.join()
-    await sender.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
+def test_held_back_frames_follow_without_a_word_from_the_client(server, join, monkeypatch):
+    monkeypatch.setattr(server.delays, "JOIN_DELAY", 0.001)
+    sender, listener = join(server), join(server)
+    sender.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
 
 
-async def test_a_client_that_leaves_is_forgotten(place):
-    stays = await place.join()
-    for _ in range(3 * MAX_CLIENTS):
-        client = await place.join()
-        client.writer.close()
-        await client.writer.wait_closed()
-    await stays.say(b"< send 001 0 >")
-    await (await place.join()).say(b"< send 002 0 >")
-    assert await stays.hear() == b"< frame 002  >"
-    assert place.hub.counters.connections == 3 * MAX_CLIENTS + 2
+def test_a_client_that_leaves_is_forgotten(server, join):
+    stays = join(server)
+    for _ in range(2 * server.most_clients):
+        join(server).socket.close()
+    join(server).say(b"< send 002 0 >")
+    assert stays.hear() == b"< frame 002  >"
+    server.check(connections=2 * server.most_clients + 2)
 
 
-async def test_thousands_of_connections_that_say_nothing_do_no_harm(place):
-    for _ in range(3_000):
-        _, writer = await asyncio.open_connection("127.0.0.1", place.port)
-        writer.transport.abort()
-    sender, listener = await place.join(), await place.join()
-    await sender.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
+def test_more_clients_than_there_is_room_for_are_turned_away(server, connect, join):
+    for _ in range(server.most_clients):
+        join(server)
+    late = connect(server)
+    assert late.hear() == b"< hi >"
+    late.say(b"< open can0 >")
+    assert late.hear() == b"< error too many clients >"
+    assert late.hear() is None
 
 
 @pytest.mark.parametrize("word", [b"", b"< open can0 >", b"garbage", b"\xff>"])
-async def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(place, word):
-    idlers = [await place.connect() for _ in range(ROOM + 9)]
+def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(server, connect, join, word):
+    idlers = [connect(server) for _ in range(ROOM + 9)]
     for idler in idlers:
-        await idler.say(word)
-    sender, listener = await place.join(), await place.join()
+        idler.say(word)
+    sender, listener = join(server), join(server)
     for idler in idlers[:9]:
-        await idler.hear_end()
-    await sender.say(b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
-    assert place.hub.counters.dropped_clients >= 9
+        while idler.hear():
+            pass
+    sender.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
 
 
-async def test_who_does_not_join_in_time_goes_and_a_silent_listener_stays():
+def test_a_client_that_sends_nothing_but_nonsense_is_cut_off(server, join):
+    client, listener = join(server), join(server)
+    client.say((MOST_BAD - 1) * b"\xff>" + b"< send 001 0 >" + (MOST_BAD - 1) * b"< send 7 9 >")
+    assert listener.hear() == b"< frame 001  >"
+    client.say(b"< send 002 0 >" + MOST_BAD * b"x>")
+    answers = [client.hear() for _ in range(3 * MOST_BAD - 1)]
+    assert answers == (3 * MOST_BAD - 2) * [b"< error unknown command >"] + [None]
+    assert listener.hear() == b"< frame 002  >"
+    server.check(dropped_clients=1)
+
+
+def test_a_port_in_use_is_said_in_one_line(server):
+    with pytest.raises(BusError) as caught:
+        server.open_another()
+    assert str(caught.value) == (
+        f"hub 127.0.0.1:{server.port}: the port is in use, perhaps by another hub; "
+        "port 0 takes a free one"
+    )
+
+
+def test_thousands_of_connections_that_say_nothing_do_no_harm(hub, join):
+    for _ in range(3_000):
+        socket.create_connection(("127.0.0.1", hub.port)).close()
+        hub.serve()
+    sender, listener = join(hub), join(hub)
+    sender.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
+
+
+def test_who_does_not_join_in_time_goes_and_a_silent_listener_stays(hub, connect, join):
     """5 s are those of `reception.PATIENCE`; the listener says nothing for an hour."""
-    now = 0
-    async with a_hub(clock=lambda: now) as place:
-        listener, idler = await place.join(), await place.connect()
-        assert await idler.hear() == b"< hi >"
-        now += 4_999_999_999
-        place.hub.waiting.look()
-        sender = await place.join()
-        assert place.hub.counters.dropped_clients == 0
-        now += 1
-        place.hub.waiting.look()
-        await idler.hear_end()
-        now += 3_600_000_000_000
-        place.hub.waiting.look()
-        await sender.say(b"< send 001 0 >")
-        assert await listener.hear() == b"< frame 001  >"
-    assert place.hub.counters.dropped_clients == 1
-
-
-async def test_a_client_that_sends_nothing_but_nonsense_is_cut_off(place):
-    client, listener = await place.join(), await place.join()
-    await client.say((MOST_BAD - 1) * b"\xff>" + b"< send 001 0 >")
-    assert await listener.hear() == b"< frame 001  >"
-    await client.say(MOST_BAD * b"< send 7 9 >" + b"< send 002 0 >")
-    await client.hear_end()
-    await (await place.join()).say(b"< send 003 0 >")
-    assert await listener.hear() == b"< frame 003  >"
-    assert place.hub.counters.dropped_clients == 1
-
-
-async def test_more_clients_than_there_is_room_for_are_turned_away(place):
-    for _ in range(MAX_CLIENTS):
-        await place.join()
-    late = await place.connect()
-    assert await late.hear() == b"< hi >"
-    await late.say(b"< open can0 >")
-    assert await late.hear() == b"< error too many clients >"
-    await late.hear_end()
-    place.clients[0].writer.close()
-    await place.clients[0].writer.wait_closed()
+    listener, idler = join(hub), connect(hub)
+    assert idler.hear() == b"< hi >"
+    hub.now += 4_999_999_999
+    hub.hub.waiting.look()
+    sender = join(hub)
+    hub.check(dropped_clients=0)
+    hub.now += 1
+    hub.hub.waiting.look()
+    assert idler.hear() is None
+    hub.now += 3_600_000_000_000
+    hub.hub.waiting.look()
+    sender.say(b"< send 001 0 >")
+    assert listener.hear() == b"< frame 001  >"
+    hub.check(dropped_clients=1)
 
 
 @pytest.mark.parametrize("name", ["", "can 0", "a" * 16, "can0>", "kän"])
@@ -340,15 +395,6 @@ def test_a_channel_without_a_proper_name_is_refused(name):
         Hub((name,))
 
 
-async def test_a_port_in_use_is_said_in_one_line(place):
-    with pytest.raises(BusError) as caught:
-        await Hub().start("127.0.0.1", place.port)
-    assert str(caught.value) == (
-        f"hub 127.0.0.1:{place.port}: the port is in use, perhaps by another hub; "
-        "port 0 takes a free one"
-    )
-
-
-async def test_an_address_that_is_not_this_machines_is_said():
+def test_an_address_that_is_not_this_machines_is_said():
     with pytest.raises(BusError, match=r"^hub 192\.0\.2\.1:0: "):  # RFC 5737: nobody's
-        await Hub().start("192.0.2.1", 0)
+        asyncio.run(Hub().start("192.0.2.1", 0))

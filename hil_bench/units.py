@@ -134,9 +134,7 @@ _MINUTE, _HOUR = 60.0, 3600.0
 _SPELLED: Mapping[str, Mapping[str, float]] = {
     "-": {"-": 1.0, COUNT: 1.0, "%": 1e-2},
     "s": {
-        "s": 1.0,
-        "sec": 1.0,
-        "second": 1.0,
+        **dict.fromkeys(("s", "sec", "second", "Second", "seconds", "Seconds"), 1.0),
         "ms": 1e-3,
         "us": 1e-6,
         "ns": 1e-9,

@@ -15,6 +15,7 @@ from hil_bench.abilities.recording.reading import (
     in_own_units,
     read_columns,
 )
+from hil_bench.abilities.recording.table_heads import RAW_UNITS
 from hil_bench.config.document import read_document
 from hil_bench.config.settings import Key, Problems, read_table
 from hil_bench.config.values import describe, find_nearest, number, text
@@ -26,11 +27,6 @@ _FILES = "files"
 _MEASURED = ".measured"
 _FULL_SCALE = (Unit("V", "_v", 0.1), Unit("mA", "_ma", 0.05))
 """Units of a command: 10 V and 20 mA are the full opening, where nothing else is said."""
-
-_RAW = frozenset(
-    {"a", "ma", "ua", "v", "mv", "uv", "kv", "volt", "volts", "count", "counts", "lsb"}
-)
-"""Units of what no gain has made a quantity of, in small letters."""
 
 CHANNELS = (
     TIME,
@@ -250,7 +246,7 @@ def check_units(units: Mapping[str, str], mapped: Mapped) -> None:
         given = read_unit(symbol)
         if (column.gain, column.offset) != (1.0, 0.0) or given == SiUnit(ONE.symbol):
             continue
-        if symbol.casefold() in _RAW and symbol.casefold() != column.unit.symbol.casefold():
+        if symbol.casefold() in RAW_UNITS and symbol.casefold() != column.unit.symbol.casefold():
             is_command = _UNITS[quantity] == "-" and symbol in {each.symbol for each in _FULL_SCALE}
             right = f"give it in {symbol}" if is_command else "give gain and offset"
             raise ConfigError(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from hil_bench.abilities.common.identifiers import function_of
-from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
+from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.plot import has_axis, plot_frames, plot_result, plot_signals
@@ -15,6 +15,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.block_file import READ_LOGS
 from hil_bench.outside.recording.channels import TIME, Recording, Span, recording_channels
 
 _EXAMPLES = """\
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     path = _beside(args.recording) if args.output is None else _picture(args.output)
     title = args.recording.name.encode(errors="backslashreplace").decode()
     is_traffic = False
-    if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
+    if args.frames or args.recording.suffix.lower() in READ_LOGS:
         _plot_frames(args, path, title)
     else:
         recording = read_recording(args.recording)

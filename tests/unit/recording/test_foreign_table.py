@@ -9,8 +9,14 @@ from scipy.io import savemat
 from support.tables import from_text
 
 from hil_bench.abilities.recording import reading
-from hil_bench.abilities.recording.reading import read_columns
+from hil_bench.abilities.recording.reading import (
+    as_recording,
+    in_own_units,
+    read_columns,
+    read_recording,
+)
 from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import recording_channels
 
 
 def write(directory, text):
@@ -83,6 +89,37 @@ def test_what_is_no_table_is_refused_in_a_line(tmp_path, text, complaint):
         read_columns(write(tmp_path, f"{text}\n" if text else ""))
 
     assert "\n" not in str(error.value)
+
+
+@from_text("text", "expected")
+def test_a_table_has_its_names_units_and_times_where_its_tool_has_them(tmp_path, text, expected):
+    """In the manner of files of those tools: the second row is at 0.5 s, and its first value 3."""
+    columns, units = read_columns(write(tmp_path, f"{text}\n".replace("~", "")))
+    recording = as_recording(columns, units)
+    channels = recording_channels(recording)
+    assert recording_channels(in_own_units(recording))[0] == ("time", "s")
+    shown = ", ".join(f"{name} {unit or '-'}" for name, unit in channels[1:])
+    assert f"time - {shown}" == expected
+    assert in_own_units(recording)["time"][:2].tolist() == [-0.5, 0.5]
+    assert recording[channels[1].name][:2].tolist() == [2.0, 3.0]
+
+
+def test_a_time_of_the_clock_is_refused_with_what_would_be_right(tmp_path):
+    text = "No,Time,p [bar]\n1,12:00:00.0,3\n2,12:00:00.1,4\n"
+    with pytest.raises(ConfigError, match=r"its time, Time, is no number .* 43201.5 for 12:00:01"):
+        read_recording(write(tmp_path, text))
+
+
+def test_a_table_that_begins_as_ours_may_be_in_another_code(tmp_path):
+    path = tmp_path / "rig.csv"
+    path.write_bytes("time,T\ns,°C\n0,20\n".encode("latin-1"))
+    assert recording_channels(read_recording(path))[1] == ("T", "°C")
+
+
+def test_a_log_of_frames_is_no_table(make_file):
+    path = make_file("bus.log", "(1.0) can0 123#11\n")
+    with pytest.raises(ConfigError, match=r"holds no signals.* 'hil-bench decode .*bus.log"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize(

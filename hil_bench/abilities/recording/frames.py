@@ -27,7 +27,7 @@ from hil_bench.abilities.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.abilities.recording.mdf_reader import ForeignMdfError, read_mdf
 from hil_bench.abilities.recording.text_readers import TEXT_READERS, CompleteLines, Reader
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside import messages as can_messages
 from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile, CandumpFile
@@ -42,6 +42,7 @@ _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 """An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
 
 
+_SHOWN = 100  # characters of a reader's complaint, which may quote its file
 _LARGEST_CONTAINER = 64 << 20
 """Of a BLF file, unpacked [byte]; Vector's and python-can's have 128 KiB."""
 
@@ -176,6 +177,38 @@ class LeftOut:
     ending: str = ""
     channels: dict[str, int] = field(default_factory=dict)
 
+    def words(self) -> list[str]:
+        """Return a phrase for each kind of what was left out."""
+        found = []
+        if self.error_frames:
+            found.append(f"{self.error_frames} error frames, which say nothing of a node")
+        if self.bad_lengths:
+            found.append(f"{self.bad_lengths} frames of a length that no DLC has left out")
+        if self.dropped:
+            found.append(f"{self.dropped} frames were lost by candump, says the log")
+        if self.damaged_lines:
+            first = f"line {self.first_damaged} is no frame of its format"
+            more = self.damaged_lines - 1
+            found.append(
+                f"{first}, nor are {more} more; left out" if more else f"{first}; left out"
+            )
+        if self.channels:
+            others = printable(", ".join(f"{n} of {name}" for name, n in self.channels.items()))
+            found.append(
+                f"frames of other channels left out ({others}); a log of each is read alone"
+            )
+        if self.ending:
+            found.append(f"ends early: {self.ending}")
+        return found
+
+
+_FORMS = {
+    ".log": "not one line is one of candump -L",
+    ".asc": 'it does not begin as Vector\'s tools write it, with "date" or "base"',
+    ".trc": "it does not begin as PEAK's tools write it, with ;",
+}
+"""Why a text is no log, by its suffix."""
+
 
 def read_frames(
     path: Path,
@@ -219,26 +252,39 @@ def read_frames(
                 messages = _one_channel(messages, left_out)
             yield from map(logged_frame_of, messages)
             return
-        lines = CompleteLines(file, candump=suffix == ".log")
+        lines, seen = CompleteLines(file, suffix), 0
         messages = _messages(path, TEXT_READERS[suffix], lines, left_out, errors=errors)
         if is_one_channel:
             messages = _one_channel(messages, left_out)
         for message in messages:
             if errors:
                 yield from lines.take_errors()
+            seen += 1
             logged = logged_frame_of(message)
             is_silent = suffix == ".log" and not lines.says_direction
             yield logged._replace(is_received=None) if is_silent else logged
         if errors:
-            yield from lines.take_errors()
-        if lines.damaged and lines.damaged == lines.number:
-            right = "; what it shows on a terminal is no log: record with candump -l"
-            what = f"{path}: is no log of frames: not one line is one of candump -L"
-            raise ConfigError(f"{what}{right if lines.on_screen else ''}")
-        left_out.dropped = lines.dropped
-        left_out.ending = left_out.ending or lines.ending
-        left_out.error_frames += lines.error_frames
-        left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged
+            for logged in lines.take_errors():
+                seen += 1
+                yield logged
+        _close(path, lines, seen, left_out)
+
+
+def _close(path: Path, lines: CompleteLines, seen: int, left_out: LeftOut) -> None:
+    """Count what a text log has beside its frames.
+
+    Raises:
+        ConfigError: it has none, and is no log.
+    """
+    if not seen and not lines.error_frames and not lines.is_of_form():
+        right = "SavvyCAN converts the logs of many tools"
+        if lines.on_screen:
+            right = "what it shows on a terminal is no log: record with candump -l"
+        raise ConfigError(f"{path}: is no log of frames: {_FORMS[path.suffix.lower()]}; {right}")
+    left_out.dropped = lines.dropped
+    left_out.ending = left_out.ending or lines.ending
+    left_out.error_frames += lines.error_frames
+    left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged
 
 
 def _read_mf4(path: Path, left_out: LeftOut, *, errors: bool) -> Iterator[LoggedFrame]:
@@ -335,8 +381,12 @@ def _messages(
             message = next(messages)
         except StopIteration:
             return
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
         except Exception as error:  # python-can's readers raise what their parsing meets
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            reason = printable((str(error).splitlines() or [type(error).__name__])[0])[:_SHOWN]
+            if isinstance(source, CompleteLines) and not source.is_of_form():
+                reason = _FORMS[path.suffix.lower()]
             if is_empty:
                 raise ConfigError(f"{path}: is no log of frames: {reason}") from None
             left_out.ending = f"what follows cannot be read ({reason})"

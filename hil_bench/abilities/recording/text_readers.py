@@ -12,6 +12,7 @@ from can.io.trc import TRCReader
 from can.util import dlc2len
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
 from hil_bench.frame import CLASSICAL_DATA, ERROR_FLAG, FD_LENGTHS
 from hil_bench.outside.recording.channels import LoggedFrame
 
@@ -29,6 +30,12 @@ _LINE = re.compile(
     re.IGNORECASE,
 )
 """A line of a candump log. One of CAN FD has a second # and a digit of flags, as `Frame.fd`."""
+
+_FIRST = {
+    ".asc": re.compile(r"\ufeff?\s*(date|base|//|(no )?internal|begin)\b", re.IGNORECASE),
+    ".trc": re.compile(r"\ufeff?\s*;"),
+}
+"""How the first line of a text log begins, by its suffix."""
 
 _DROPS = re.compile(r"DROPCOUNT: dropped (\d{1,10}) CAN frames? on .* socket ")
 """The line of `candump -d` where its socket could not keep up, by can-utils 2020 and newer."""
@@ -67,16 +74,22 @@ class CompleteLines(io.TextIOWrapper):
     ending = ""
     error_frames = damaged = first_damaged = on_screen = dropped = number = 0
 
-    def __init__(self, file: IO[bytes], *, candump: bool) -> None:
+    def __init__(self, file: IO[bytes], suffix: str) -> None:
         """Read a file.
 
         Args:
             file: the log.
-            candump: whether each line is to be one of candump -L; any is right otherwise.
+            suffix: of its name; in a ``.log`` each line is to be one of candump -L.
         """
         super().__init__(file, encoding="utf-8", errors="replace")
-        self._form = _LINE if candump else None
+        self._form = _LINE if suffix == ".log" else None
+        self._first = _FIRST.get(suffix)
+        self._begins = True
         self._errors: list[LoggedFrame] = []
+
+    def is_of_form(self) -> bool:
+        """Return True if the lines so far may be those of such a log, though without frames."""
+        return self._begins and (self._form is None or not self.damaged)
 
     def take_errors(self) -> list[LoggedFrame]:
         """Return the error frames that were left out since the last call."""
@@ -93,8 +106,10 @@ class CompleteLines(io.TextIOWrapper):
         while True:
             line = super().__next__()
             self.number += 1
+            if self.number == 1 and self._first is not None:
+                self._begins = self._first.match(line) is not None
             if not line.endswith("\n"):
-                self.ending = "its last line is cut off"
+                self.ending = "its last line has no line end, and is left out"
                 raise StopIteration
             if _ERROR_FRAME.match(line):
                 self.error_frames += 1
@@ -158,6 +173,14 @@ class AscReader(ASCReader):
     def __init__(self, lines: CompleteLines) -> None:
         super().__init__(lines)
         self._lines = lines
+
+    def _extract_header(self) -> None:
+        super()._extract_header()
+        if self.timestamps_format == "relative":
+            raise ConfigError(
+                "its times are relative, each to the line before; export it with absolute ones, or "
+                "write absolute in its header where they are"
+            )
 
     def _process_classic_can_frame(self, line: str, msg_kwargs: dict[str, Any]) -> can.Message:
         try:

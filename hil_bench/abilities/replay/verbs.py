@@ -17,7 +17,7 @@ from hil_bench.abilities.common.progress import (
     shown_work,
 )
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
-from hil_bench.abilities.recording.frames import message_of, read_frames
+from hil_bench.abilities.recording.frames import LeftOut, message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.replay import drive as drives
@@ -114,7 +114,9 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         BusError: the bus was lost.
     """
     direction = drives.FrameDirection(args.frames)
-    recorded = list(read_frames(args.recording))
+    left_out = LeftOut()
+    recorded = list(read_frames(args.recording, left_out))
+    warn_of([f"{args.recording}: {what}" for what in left_out.words()])
     if not recorded:
         raise NothingSeenError(f"{args.recording}: has no frames to play")
     if direction is not drives.FrameDirection.ALL and any(

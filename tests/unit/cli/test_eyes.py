@@ -188,7 +188,7 @@ def test_a_log_that_is_cut_off_says_so(folder, cli):
     path = folder / "t.log"
     path.write_bytes(path.read_bytes()[:-5])
     shown = cli("decode t.log")
-    assert "t.log: ends early: its last line is cut off" in shown.err
+    assert "t.log: ends early: its last line has no line end, and is left out" in shown.err
     assert len(shown.out.splitlines()) == 7
 
 
@@ -200,7 +200,7 @@ def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder,
     shown, said = cli("decode t.log")
     assert "! error while receiving" in shown
     assert "CAN FD     BRS 2 bytes [AA BB]" in shown
-    assert "line 13 is no frame of candump -L; left out" in said  # no DLC says 9 bytes
+    assert "line 13 is no frame of its format; left out" in said  # no DLC says 9 bytes
 
 
 def test_the_name_of_another_channel_cannot_write_on_the_terminal(folder, capsys):

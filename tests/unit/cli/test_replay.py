@@ -62,6 +62,15 @@ def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(make_file, monkeypatch, cl
     assert bytes(message.data) == bytes(range(12))
 
 
+def test_what_a_log_has_beside_its_frames_is_not_sent_and_said(make_file, monkeypatch, cli):
+    monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
+    path = make_file("f.log", "(0.0) can0 123#01\n(0.1) can0 12\n(0.2) can0 124#01")
+    shown = cli(["replay", str(path), "-i", "virtual", "-c", "test_replay"])
+    assert shown.out.startswith("1 of 1 frames")
+    assert "f.log: line 2 is no frame of its format; left out" in shown.err
+    assert "f.log: ends early: its last line has no line end, and is left out" in shown.err
+
+
 def test_a_candump_log_does_not_say_who_sent_a_frame(run_mf4, cli):
     path = run_mf4.with_name("run.log")
     with VirtualBench(record=path) as bench:

@@ -203,4 +203,4 @@ def test_a_candump_log_has_flags_of_the_kernel_too_and_no_length_without_a_dlc()
     frames, left_out = read("c.log")
     assert frames == [Frame(0x123, b"\xaa", fd=FDF | BRS), Frame(0x123, fd=FDF | ESI)]
     assert (left_out.damaged_lines, left_out.first_damaged) == (3, 2)
-    assert left_out.ending == "its last line is cut off"
+    assert left_out.ending == "its last line has no line end, and is left out"

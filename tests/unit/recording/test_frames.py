@@ -252,6 +252,38 @@ def test_frames_that_candump_has_lost_are_counted(tmp_path):
     assert (left_out.dropped, left_out.damaged_lines) == (3, 0)
 
 
+RELATIVE = b"""date Sat Sep 30 10:06:13 PM 2017
+base hex  timestamps relative
+no internal events logged
+0.1 1 100 Rx d 1 01
+0.1 1 100 Rx d 1 02
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        (
+            "scope.trc",
+            b"#9000000357WAVEDESC\x00\xf3\x9b" * 9 + b"\n a\n",
+            "not begin as PEAK's tools",
+        ),
+        ("scope.trc", b"\x00\xf3\x9b TEXT @ 2 @ 64\n", "not begin as PEAK's tools"),
+        ("notes.asc", b"hello\nworld\n", "not begin as Vector's tools"),
+        (
+            "bus.asc",
+            RELATIVE,
+            "its times are relative, each to the line before; export it with absolute ones",
+        ),
+    ],
+)
+def test_a_log_in_another_form_is_refused_in_a_line(make_file, name, content, reason):
+    """LeCroy's oscilloscopes have .trc, too. Vector's relative times restart with each line."""
+    with pytest.raises(ConfigError, match=reason) as caught:
+        list(read_frames(make_file(name, content)))
+    assert str(caught.value).isprintable()
+
+
 @pytest.mark.parametrize(
     ("line", "ending"),
     [
@@ -260,7 +292,11 @@ def test_frames_that_candump_has_lost_are_counted(tmp_path):
             "; what it shows on a terminal is no log: record with candump -l",
         ),
         (" (1690000000.2)  can0  TX - -  18FEF100   [2]  11 22   '.\"'", "record with candump -l"),
-        ("[1] of 123", "is one of candump -L"),
+        (
+            "[1] of 123",
+            "not one line is one of candump -L; SavvyCAN converts the logs of many tools",
+        ),
+        ("***BUSMASTER Ver 2.0.0***\n\n14:8:19:5240 Rx 1 0x123 s 1 11", "of many tools"),
     ],
 )
 def test_a_file_without_a_line_of_candump_is_refused(make_file, line, ending):

@@ -106,9 +106,9 @@ def run(args: argparse.Namespace) -> int:
             count = _write(args, decoder, read, ending)
         else:
             count, language = _print(args, decoder, frames)
+    eyes_arguments.print_losses(args, left_out)
     if not count:
         raise NothingSeenError(f"{args.log}: has no frames to decode")
-    eyes_arguments.print_losses(args, left_out)
     if language is not None:
         eyes_arguments.say_language(args, load_bench_config(args), language, count)
     return ending.code

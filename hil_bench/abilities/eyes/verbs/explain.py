@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
     with shown_work(args, Work("explain", unit="frames")) as work:
         found = explain(counted(work, frames), nodes, bitrate, ecus, config.bus.speedup)
     if not found.frames:
+        eyes_arguments.print_losses(args, left_out)
         raise NothingSeenError(f"{args.log}: has no frames to explain")
     if left_out.dropped:
         lost = f"{left_out.dropped} frames were lost by its recorder; what is missing may be theirs"

@@ -17,7 +17,7 @@ from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
 from hil_bench.cli.parser import positive
 from hil_bench.cli.results import warn_of
-from hil_bench.errors import ConfigError, printable
+from hil_bench.errors import ConfigError
 
 _SHOWN = f"--eds alone, else {BUILT_IN}"
 _NOT_ASSUMED = "the nodes of --eds alone"
@@ -169,22 +169,5 @@ def check_nodes(names: Sequence[str], decoder: Decoder) -> None:
 
 def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
     """Say on standard error what of a log was not read."""
-    found = []
-    if left_out.error_frames:
-        found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
-    if left_out.bad_lengths:
-        found.append(f"{left_out.bad_lengths} frames of a length that no DLC has left out")
-    if left_out.dropped:
-        found.append(f"{left_out.dropped} frames were lost by candump, says the log")
-    if left_out.damaged_lines:
-        form = {".log": "candump -L", ".asc": "ASC"}[args.log.suffix.lower()]
-        told = f"line {left_out.first_damaged} is no frame of {form}"
-        more = left_out.damaged_lines - 1
-        found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
-    if left_out.channels:
-        others = printable(", ".join(f"{n} of {name}" for name, n in left_out.channels.items()))
-        found.append(f"frames of other channels left out ({others}); a log of each is read alone")
-    if left_out.ending:
-        found.append(f"ends early: {left_out.ending}")
-    for what in () if args.quiet else found:
+    for what in () if args.quiet else left_out.words():
         print(f"hil-bench: {args.log}: {what}", file=sys.stderr)

@@ -44,6 +44,14 @@ def test_setpoints_count_in_full_openings(recording):
     assert [record.rows_in(1e-3 * rows) for rows in (0, 9, 10, 11, 500)] == [10, 10, 10, 11, 500]
 
 
+def test_the_interval_is_that_of_all_rows_where_times_are_rounded(recording):
+    """A double at 1.7e9 s goes in steps of 2^-22 s: each row is 0.99993 or 1.00017 ms later."""
+    recording["time"] += 1.7e9
+    recording["time"][2000:] += 1.0  # a gap is none of them
+    found = AxisRecord.of(recording, "lift", FULL_OPENING).interval
+    assert found == pytest.approx(1e-3, rel=1e-6)
+
+
 def test_noise_is_that_which_was_added_whatever_the_motion_does():
     source = np.random.default_rng(3)
     motion = np.abs(np.linspace(-1.0, 1.0, 20_000))

@@ -106,7 +106,7 @@ class ControllerError(HilBenchError, RuntimeError):
 
 
 class ControllerFileError(ConfigError, ControllerError):
-    """The file of a controller is missing, or is no program of its kind: nothing has run."""
+    """A controller cannot begin: its file is missing or of another kind, or what it needs here."""
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from hil_bench.abilities.controllers.program.exchange import RING, Exchange
 from hil_bench.abilities.controllers.program.executable import find_fault
 from hil_bench.abilities.controllers.program.kind import KIND
 from hil_bench.config.settings import Given, Origin, Problems, convert, read_table
-from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.errors import ConfigError, ControllerError, ControllerFileError
 
 X86_64, AARCH64, PT_LOAD, PT_INTERP = 62, 183, 1, 3
 
@@ -193,6 +193,13 @@ def test_a_library_that_another_user_may_have_put_there_is_not_loaded(
 def test_a_user_without_a_home_hears_what_to_set(monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME")
     with pytest.raises(ConfigError, match=r"no home directory .*; set XDG_CACHE_HOME to a folder"):
+        preload.find_library()
+
+
+def test_a_cache_that_cannot_be_used_is_no_failed_controller(no_library):
+    """`test` ends with 2 at it, as at a controller's file that is missing."""
+    (no_library / "cache").write_text("a file")
+    with pytest.raises(ControllerFileError, match="cache/hil-bench: cannot be written: Not a dir"):
         preload.find_library()
 
 

@@ -5,7 +5,8 @@ import os
 import platform
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -15,12 +16,26 @@ from hil_bench.abilities.controllers.program.compile import (
     CompilerError,
     compile_library,
 )
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, ControllerFileError, about_file
 
 INSTALLED = Path(__file__).with_name("_preload.so")
 """The library of a wheel that was built with the compiled core."""
 
 
+@contextmanager
+def _before_it_runs() -> Iterator[None]:
+    """Have what is wrong here as a controller that cannot begin, and not as one that failed.
+
+    Raises:
+        ControllerFileError: something is.
+    """
+    try:
+        yield
+    except ConfigError as error:
+        raise ControllerFileError(str(error)) from None
+
+
+@_before_it_runs()
 def find_library() -> Path:
     """Return the library, compiled now where no wheel or earlier run has brought it."""
     if INSTALLED.exists():
@@ -28,6 +43,7 @@ def find_library() -> Path:
     return _loadable(compiled_once(f"program-{_digest()}", "program", compile_library))
 
 
+@_before_it_runs()
 def compiled_once(
     name: str, kind: str, compile_to: Callable[[Path], None], needs: str = "gcc"
 ) -> Path:
@@ -40,7 +56,8 @@ def compiled_once(
         needs: what is to be installed where that cannot be.
 
     Raises:
-        ConfigError: there is no compiler, it refuses, or others may write in the folder.
+        ConfigError: a `ControllerFileError`, as there is no compiler, it refuses, the folder
+            cannot be written, or others may write in it.
     """
     folder = cache_folder()
     library = folder / f"{name}.so"

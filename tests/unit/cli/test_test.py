@@ -87,6 +87,7 @@ def test_a_failure_stands_in_the_junit_file(tmp_path):
     main(["test", path, "--junit", str(tmp_path / "j.xml"), "-q"])
     (suite,) = ET.parse(tmp_path / "j.xml").getroot()  # noqa: S314 - our own
     assert (suite.get("tests"), suite.get("failures")) == ("1", "1")
+    assert (suite.get("time"), suite.find("testcase").get("time")) == ("0.020", "0.020")
     assert suite.find("testcase/failure").get("message").startswith("failed: first violated at 0 s")
 
 

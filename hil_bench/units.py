@@ -183,6 +183,7 @@ _SPELLED: Mapping[str, Mapping[str, float]] = {
         "hPa": 1e2,
         "kPa": 1e3,
         "MPa": 1e6,
+        "GPa": 1e9,
         "N/m2": 1.0,
         "N/mm2": 1e6,
         "mbar": 1e2,

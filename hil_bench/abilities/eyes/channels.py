@@ -228,7 +228,7 @@ def _key(sight: Sight, reading: Reading) -> _Key:
 
 def _si_symbol(symbol: str) -> str:
     """Return the unit of a value times its unit's factor; CiA 303-2 has prefixes, as in hbar."""
-    found = read_unit(symbol) or read_unit(symbol[1:])
+    found = read_unit(symbol) or read_unit(symbol[1:]) or read_unit(symbol.removeprefix("da"))
     return symbol if found is None else found.symbol
 
 

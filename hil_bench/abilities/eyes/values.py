@@ -45,7 +45,9 @@ _CELSIUS: Final = units.Unit("°C", "_c")
 _PSI: Final = units.Unit("psi", "_psi", 6894.757293168361)
 _PASCAL: Final = 0x22
 _BASES: Final = {0x4E: units.BAR, 0xAB: _PSI, 0x2D: _CELSIUS, _PASCAL: units.Unit("Pa", "_pa")}
-_PREFIXES: Final = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}
+_PREFIXES: Final = dict(
+    zip((-9, -6, -3, -2, -1, 0, 1, 2, 3, 6, 9), (*"nµmcd", "", "da", *"hkMG"), strict=True)
+)
 
 _REAL_PROCESS: Final = {0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149}
 _INTEGER_FORMATS: Final = (0x1000, 0x2000, 0x3000)

@@ -8,6 +8,7 @@ import pytest
 from support.sdo_frames import MS
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from hil_bench.abilities.eyes.channels import _si_symbol
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
 from hil_bench.abilities.eyes.frame_words import error_text, lss_text, meaning_of
 from hil_bench.abilities.eyes.known_node import KnownNode
@@ -118,13 +119,18 @@ def shown(objects, index, subindex=0):
     return None if scale is None else (scale.factor, scale.unit.symbol, scale.offset)
 
 
+PREFIXES = {-9: "n", -6: "µ", -3: "m", -2: "c", -1: "d", 0: ""}
+PREFIXES |= {1: "da", 2: "h", 3: "k", 6: "M", 9: "G"}
+"""SI Brochure, 9th edition, table 7."""
+
+
 # CiA 303-2: 4E bar, AB psi, 2D degree Celsius, 22 pascal; the highest byte is a power of ten.
 @pytest.mark.parametrize("code", [0x4E, 0xAB, 0x2D, 0x22])
 @pytest.mark.parametrize("power", range(-9, 10))
 def test_a_measured_value_has_its_unit_with_the_prefix(code, power):
     symbol = {0x4E: "bar", 0xAB: "psi", 0x2D: "°C", 0x22: "Pa"}[code]
     base = {0x4E: 1e5, 0xAB: 6894.757293168361, 0x2D: 1.0, 0x22: 1.0}[code]
-    prefix = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}.get(power)
+    prefix = PREFIXES.get(power)
     word = (power & 0xFF) << 24 | code << 16
     objects = Objects({(0x1000, 0): 0x30194, (0x6131, 2): word, (0x6132, 2): 3})
     scale = scale_of(objects, 0x6130, 2)
@@ -132,6 +138,7 @@ def test_a_measured_value_has_its_unit_with_the_prefix(code, power):
     if scale is not None:
         assert (scale.factor, scale.offset, scale.unit.symbol) == (1.0, 0.0, prefix + symbol)
         assert scale.unit.factor == pytest.approx(base * 10.0**power)
+        assert _si_symbol(prefix + symbol) == ("°C" if code == 0x2D else "Pa")
     integer = scale_of(objects, 0x9130, 2)
     assert integer.factor == pytest.approx(1e-3)
     assert integer.unit.symbol == ("-" if prefix is None else prefix + symbol)
@@ -191,7 +198,7 @@ MOTION = {(0x6600, 2): 1, (0x6600, 3): -6}
         (ROTARY | LINEAR | {(0x1000, 0): 0x20196}, 0x6004, (1 / 4096, "rev", 0.0)),
         # 408: a value with a unit of its own is no part of the reference
         (VALVE | {(0x6381, 2): 0x4E, (0x6381, 3): -3}, 0x6381, (1.0, "mbar", 0.0)),
-        (VALVE | {(0x6380, 2): 0x4E, (0x6380, 3): -1}, 0x6380, None),
+        (VALVE | {(0x6380, 2): 0x4E, (0x6380, 3): -4}, 0x6380, None),
         (VALVE | {(0x6301, 2): 1, (0x6301, 3): -6}, 0x6301, (1e-3, "mm", 0.0)),
     ],
 )  # fmt: skip

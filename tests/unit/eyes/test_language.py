@@ -97,6 +97,20 @@ def test_eight_bytes_at_the_identifier_of_an_emcy_are_none_by_themselves():
     assert explained(frame, known=[KnownNode(0x21, "valve")]).findings
 
 
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        (Frame(0x000, bytes(8)), "2 with 000, the first at {} s: is no NMT message of 2 bytes"),
+        (Frame(0x080, bytes(2)), "2 with 080, the first at {} s: 2 bytes, 0 or 1 are right"),
+    ],
+)
+def test_messages_to_all_nodes_of_another_length_are_wrong_where_canopen_is_spoken(frame, said):
+    (finding,) = explained(Frame(0x705, b"\x05"), frame, frame).findings
+    assert finding.cause is Cause.WRONG_LENGTH
+    assert finding.text == said.format(f"{finding.sights[0].now * 1e-9:.3f}")
+    assert not explained(*PDOS, frame, frame).findings
+
+
 def test_a_request_without_an_answer_is_a_dead_node_and_no_foreign_bus():
     (finding,) = explained(*[Frame(0x605, bytes.fromhex("4000100000000000"))] * 3).findings
     assert finding.cause is Cause.NO_BOOT_UP

@@ -189,6 +189,37 @@ class ErrorFrames:
             yield finding(Cause.ERROR_FRAMES, "", self._sights, text + first.problem)
 
 
+class WrongLengths:
+    """Keeps messages to all nodes that are none by their length: of NMT, and SYNC.
+
+    The identifiers of a node's own services may be those of a device that is no CANopen.
+    """
+
+    hears = frozenset({Service.NMT, Service.SYNC})
+
+    def __init__(self) -> None:
+        self._sights: dict[int, Evidence] = {}
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        if sight.problem and not sight.frame.is_remote:
+            self._sights.setdefault(sight.frame.can_id, Evidence()).append(sight)
+
+    def pause(self, length: int) -> None:
+        """Nothing of it depends on the time."""
+
+    def findings(self, _end: int) -> Iterator[Finding]:
+        """Yield a finding for each identifier that has some.
+
+        Yields:
+            The findings.
+        """
+        for can_id, sights in self._sights.items():
+            first = sights[0]
+            text = f"{sights.total} with {can_id:03X}, the first at {seconds(first.now)}: "
+            yield finding(Cause.WRONG_LENGTH, first.node, sights, text + first.problem)
+
+
 class Emergencies:
     """Keeps the history of EMCY."""
 

@@ -4,7 +4,13 @@ from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple
 
 from hil_bench.abilities.eyes.decoder import Decoder
-from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Language, Load
+from hil_bench.abilities.eyes.explain.bus import (
+    Emergencies,
+    ErrorFrames,
+    Language,
+    Load,
+    WrongLengths,
+)
 from hil_bench.abilities.eyes.explain.finding import Cause, Finding, Watch, more, seconds
 from hil_bench.abilities.eyes.explain.hypotheses import fewest
 from hil_bench.abilities.eyes.explain.j1939 import LongTransfers, Requests, TroubleCodes
@@ -153,6 +159,7 @@ class Explainer:
             ProcessData(self._decoder),
             PdoSettings(self._decoder),
             ErrorFrames(),
+            WrongLengths(),
             Syncs(self._decoder),
             Emergencies(),
             Addresses(),

@@ -91,6 +91,11 @@ class Cause(Enum):
         "SAE J1939-81",
         "give one of them another preferred address",
     )
+    WRONG_LENGTH = (
+        "messages of a length that CANopen does not have",
+        "CiA 301, 7.2",
+        "find who sends this identifier; a device may ignore such a message",
+    )
     ERROR_FRAMES = (
         "error frames",
         "ISO 11898-1",

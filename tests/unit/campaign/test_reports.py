@@ -15,7 +15,14 @@ from support.campaigns import REST, margin_of, run_result, write_rest
 from hil_bench import errors
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, Verdict, read_campaign
-from hil_bench.abilities.campaign.reports import LARGEST, beyond, bin_margins, replay, svg_of
+from hil_bench.abilities.campaign.reports import (
+    LARGEST,
+    Replay,
+    beyond,
+    bin_margins,
+    replay,
+    svg_of,
+)
 from hil_bench.abilities.campaign.snapshot import perform
 from hil_bench.abilities.campaign.summary import smallest_margin, summarise, worst_runs
 from hil_bench.abilities.common.figure_style import STYLE
@@ -85,6 +92,8 @@ def test_without_its_libraries_a_verb_says_what_to_install(verb, tmp_path, monke
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_the_verdicts_are_printed_before_a_report_that_fails(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    not_drawn = Replay(b"", "not drawn here")
+    monkeypatch.setattr("hil_bench.abilities.campaign.reports.replay", lambda *_: not_drawn)
     (tmp_path / "report.html").symlink_to("gone/report.html")  # seen only when it is written
     words = [str(write_rest(tmp_path, CLOSE)), "--runs=2", "--jobs=0", "--report=report.html"]
     assert main([verb, *words]) == 1  # R-1 fails, whatever becomes of the report

@@ -54,10 +54,9 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
         assert str(tmp_path / "new" / name) in out
 
 
-@pytest.mark.parametrize("sensors", ["canopen", "modbus"])
-def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch, sensors):
+def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo.draw", lambda *_: (None, "none"))
-    words = ["--duration", "3", "--sensors", sensors, str(MACHINES / "drum.toml")]
+    words = ["--duration", "3", "--sensors", "modbus", str(MACHINES / "drum.toml")]
     assert demo(tmp_path, *words) == 0
     recording = read_recording(tmp_path / "demo.csv")
     turns = recording["axis1.angle"] / (2.0 * np.pi)
@@ -119,14 +118,6 @@ def test_the_bus_log_reads_back(tmp_path, capsys):
     # controller's heartbeats of 50 ms; 0x1400.05, the RPDO's time-out: 100 ms, the drivers' own.
     assert (0x601, bytes.fromhex("23161001c8007f00")) in frames
     assert (0x601, bytes.fromhex("2b00140564000000")) in frames
-
-
-@pytest.mark.usefixtures("no_plot")
-def test_the_same_configuration_gives_the_same_bytes(tmp_path):
-    for run in ("first", "second"):
-        assert demo(tmp_path / run, "--duration", "0.5") == 0
-    for name in ("demo.csv", "demo.log"):
-        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
 
 
 @pytest.mark.usefixtures("no_plot")

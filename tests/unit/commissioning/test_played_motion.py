@@ -9,7 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind, expected_speed
+from hil_bench.abilities.commissioning.plan import (
+    SETTLING,
+    Limits,
+    Step,
+    StepKind,
+    expected_speed,
+)
 from hil_bench.abilities.commissioning.procedure import Procedure
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
 from hil_bench.abilities.commissioning.sweeps import Triangle, dead_band, leakage, ramp, sensors
@@ -96,9 +102,10 @@ def measured():
         rig=Machine(axis.parameters),
         axis=axis,
         parameters=axis.parameters,
-        go_to=lambda _position: None,
         dead_zone=0.0,
     )
+    measured_from = []
+    procedure.go_to = measured_from.append
     procedure.force = lambda trace: Procedure.force(procedure, trace)
 
     def measure(do, kind, **values):
@@ -111,6 +118,7 @@ def measured():
         return {each.name: each for each in result.measures}
 
     measure.machine, measure.procedure = procedure.rig, procedure
+    measure.begins = measured_from
     return measure
 
 
@@ -445,6 +453,9 @@ def test_a_chirp_finds_a_mode_and_what_it_says_of_the_oil(measured, share):
     values = {"opening": 0.3, "amplitude": 0.05, "start": 20.0, "end": 120.0, "duration": 4.0}
     values |= {"frequency_tolerance": 0.15, "smallest_damping": 0.05}
     found = measured(chirp, StepKind.CHIRP, **values)
+    # Half the way, of 4 s and the settling before, short of the middle of -0.15 to 0.15 m.
+    way = (4.0 + SETTLING) * expected_speed(0.3, load_config().axes[0].parameters)
+    assert measured.begins == [pytest.approx(-0.5 * way)]
     frequency = found["eigenfrequency"]
     assert frequency.value == pytest.approx(share * sheet, rel=0.02)
     # At mid-stroke, where it ends up, the sheet's frequency hardly changes.

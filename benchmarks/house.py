@@ -9,36 +9,28 @@ Lines are those of Python that have code: no blank line, comment or docstring. T
 import argparse
 import ast
 import re
-import tokenize
 import tomllib
 from pathlib import Path
 
 import occasion
 
 ROOT = Path(__file__).parents[1]
-_NO_CODE = {
-    tokenize.COMMENT,
-    tokenize.NL,
-    tokenize.NEWLINE,
-    tokenize.INDENT,
-    tokenize.DEDENT,
-    tokenize.ENCODING,
-    tokenize.ENDMARKER,
-}
 
 
 def count_lines(path: Path) -> int:
     """Return the lines of a file that have code."""
-    with tokenize.open(path) as file:
-        text = file.read()
-    lines = set[int]()
-    for token in tokenize.generate_tokens(iter(text.splitlines(keepends=True)).__next__):
-        if token.type not in _NO_CODE:
-            lines |= {*range(token.start[0], token.end[0] + 1)}
+    text = path.read_text(encoding="utf-8")
+    shown = enumerate(map(str.strip, text.splitlines()), start=1)
+    lines = {number for number, line in shown if line and not line.startswith("#")}
+    docstrings = set[int]()
     for node in ast.walk(ast.parse(text)):
-        value = node.value if isinstance(node, ast.Expr) else None
-        if isinstance(value, ast.Constant) and isinstance(value.value, str):
-            lines -= {*range(value.lineno, (value.end_lineno or value.lineno) + 1)}
+        if isinstance(node, ast.Constant | ast.JoinedStr) and node.end_lineno != node.lineno:
+            lines |= {*range(node.lineno, node.end_lineno + 1)}  # blank lines of a text, too
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            value = node.value
+            if isinstance(value.value, str):
+                docstrings |= {*range(value.lineno, value.end_lineno + 1)}
+    lines -= docstrings
     return len(lines)
 
 

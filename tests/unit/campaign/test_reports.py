@@ -96,6 +96,7 @@ def test_the_verdicts_are_printed_before_a_report_that_fails(verb, tmp_path, mon
     monkeypatch.setattr("hil_bench.abilities.campaign.reports.replay", lambda *_: not_drawn)
     (tmp_path / "report.html").symlink_to("gone/report.html")  # seen only when it is written
     words = [str(write_rest(tmp_path, CLOSE)), "--runs=2", "--jobs=0", "--report=report.html"]
+    words += ["--method=random"] * (verb == "falsify")
     assert main([verb, *words]) == 1  # R-1 fails, whatever becomes of the report
     said = capsys.readouterr()
     assert "R-1: " in said.out

@@ -1,5 +1,6 @@
 """What the documents hold: fenced blocks, commands, inline code, links and headings."""
 
+import functools
 import re
 import shlex
 from collections.abc import Iterator
@@ -115,6 +116,7 @@ def split(line: str) -> Iterator[list[str]]:
             words = []
 
 
+@functools.cache
 def inline_code() -> list[tuple[str, str]]:
     """Return document and text of each piece of code between two backquotes."""
     return [

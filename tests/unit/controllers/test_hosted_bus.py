@@ -6,58 +6,18 @@ The bus does nothing but inside its own calls, so a client's `hear` lets it work
 there. What clients say is what python-can 4.6 and socketcand's doc/protocol.md have.
 """
 
-import socket
 import threading
 import time
 
 import can
 import pytest
+from support.hub_client import Client
 from support.patience import GUARD
 
 from hil_bench.abilities.controllers.process import hosted_bus
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.transports.transport import TransportCounters
-
-
-class Client:
-    def __init__(self, bus):
-        self._bus = bus
-        self._socket = socket.create_connection((bus.host, bus.port))
-        self._socket.setblocking(False)
-        self._rest = b""
-
-    def say(self, text):
-        self._socket.sendall(text)
-
-    def hear(self):
-        """Return the next message; None where the bus has cut the connection."""
-        deadline = time.monotonic() + GUARD
-        while b">" not in self._rest:
-            assert time.monotonic() < deadline
-            self._bus.wait(0.0)
-            try:
-                data = self._socket.recv(65_536)
-            except BlockingIOError:
-                continue
-            except ConnectionResetError:
-                return None
-            if not data:
-                return None
-            self._rest += data
-        message, _, self._rest = self._rest.partition(b">")
-        return message + b">"
-
-    def join(self, channel=b"can0"):
-        assert self.hear() == b"< hi >"
-        self.say(b"< open " + channel + b" >")
-        assert self.hear() == b"< ok >"
-        self.say(b"< rawmode >")
-        assert self.hear() == b"< ok >"
-        return self
-
-    def close(self):
-        self._socket.close()
 
 
 @pytest.fixture
@@ -72,7 +32,7 @@ def connect(bus):
     clients = []
 
     def connect_one():
-        clients.append(Client(bus))
+        clients.append(Client(bus.port, lambda: bus.wait(0.0)))
         return clients[-1]
 
     yield connect_one
@@ -154,8 +114,8 @@ def test_who_comes_is_seen_to_while_the_only_client_speaks_or_is_silent(bus, joi
             assert bus.wait(GUARD if speaks else 0.001) is speaks
             if speaks:
                 bus.receive(1)
-        newcomer._socket.settimeout(GUARD)
-        assert newcomer._socket.recv(100) == b"< hi >"
+        newcomer.socket.settimeout(GUARD)
+        assert newcomer.socket.recv(100) == b"< hi >"
         newcomer.close()
         bus.wait(GUARD)
 
@@ -200,13 +160,13 @@ def test_a_closed_bus_is_closed_again_without_harm(bus, join):
     client = join()
     bus.close()
     bus.close()
-    assert client._socket.recv(1) == b""
+    assert client.socket.recv(1) == b""
 
 
 @pytest.fixture
 def two_buses():
     hosted = HostedBus(channels=("can0", "can1"), clock=lambda: 1_000_000_000)
-    clients = [Client(hosted) for _ in range(3)]
+    clients = [Client(hosted.port, lambda: hosted.wait(0.0)) for _ in range(3)]
     yield hosted, clients
     for client in clients:
         client.close()

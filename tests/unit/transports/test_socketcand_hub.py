@@ -8,10 +8,9 @@ own client is the peer in test_hub_process.py.
 import asyncio
 import re
 import socket
-import time
 
 import pytest
-from support.patience import GUARD
+from support import hub_client
 
 from hil_bench.abilities.common import socketcand_hub
 from hil_bench.abilities.common.reception import ROOM
@@ -25,46 +24,12 @@ from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 TIME_STAMP = re.compile(rb"(< (?:fd)?frame [0-9A-F]+ )\d+\.\d{6} ")
 
 
-class Client:
-    def __init__(self, server):
-        self._server = server
-        self.socket = socket.create_connection(("127.0.0.1", server.port))
-        self.socket.setblocking(False)
-        self._rest = b""
-
-    def say(self, text):
-        self.socket.sendall(text)
-
-    def read(self):
-        """Return more bytes, none at the end of the connection; let the server work until then."""
-        deadline = time.monotonic() + GUARD
-        while True:
-            assert time.monotonic() < deadline
-            self._server.serve()
-            try:
-                return self.socket.recv(65_536)
-            except BlockingIOError:
-                continue
-            except ConnectionResetError:
-                return b""
+class Client(hub_client.Client):
+    """Leaves the time stamps of frames out."""
 
     def hear(self):
-        """Return the next message, the time stamp of a frame left out; None at the end."""
-        while b">" not in self._rest:
-            data = self.read()
-            if not data:
-                return None
-            self._rest += data
-        message, _, self._rest = self._rest.partition(b">")
-        return TIME_STAMP.sub(rb"\1", message + b">")
-
-    def join(self, channel=b"can0"):
-        assert self.hear() == b"< hi >"
-        self.say(b"< open " + channel + b" >")
-        assert self.hear() == b"< ok >"
-        self.say(b"< rawmode >")
-        assert self.hear() == b"< ok >"
-        return self
+        message = super().hear()
+        return message and TIME_STAMP.sub(rb"\1", message)
 
 
 class HostedServer:
@@ -142,12 +107,12 @@ def connect():
     clients = []
 
     def connect_one(server):
-        clients.append(Client(server))
+        clients.append(Client(server.port, server.serve))
         return clients[-1]
 
     yield connect_one
     for client in clients:
-        client.socket.close()
+        client.close()
 
 
 @pytest.fixture
@@ -313,7 +278,7 @@ def test_held_back_frames_follow_without_a_word_from_the_client(server, join, mo
 def test_a_client_that_leaves_is_forgotten(server, join):
     stays = join(server)
     for _ in range(2 * server.most_clients):
-        join(server).socket.close()
+        join(server).close()
     join(server).say(b"< send 002 0 >")
     assert stays.hear() == b"< frame 002  >"
     server.check(connections=2 * server.most_clients + 2)

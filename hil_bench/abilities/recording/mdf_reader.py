@@ -65,7 +65,12 @@ def read_mdf(path: Path) -> MdfContent:
             f"{path}: is cut off or damaged: it ends after {len(content)} bytes, where a block "
             "should be; give the whole recording"
         ) from None
-    except (ValueError, struct.error, zlib.error, OverflowError) as error:
+    except zlib.error as error:
+        raise ConfigError(
+            f"{path}: is cut off or damaged: a block of its data does not unpack ({error}); "
+            "give the recording as it was written"
+        ) from None
+    except (ValueError, struct.error, OverflowError) as error:
         raise ForeignMdfError(path, str(error)) from None
 
 
@@ -104,19 +109,22 @@ class _Reader:
         """
         if not self._content.startswith(b"MDF     4."):
             raise ValueError("it does not begin as MDF 4")
-        signals = np.zeros(0, dtype=recording_dtype([TIME]))
+        signals: Recording | None = None
         frames: list[LoggedFrame] = []
         for group in self._chain(self._block(mdf.IDENTIFICATION_SIZE, b"##HD").links[0], b"##DG"):
             cg = self._block(group.links[1], b"##CG")
             _, _, flags, _, _, size, _ = mdf.CG_DATA.unpack_from(cg.data)
             if flags & mdf.BUS_EVENT:
                 frames += self._frames(cg, group.links[2], size)
+            elif signals is not None:
+                raise ValueError("it has several groups of signals")
             else:
                 channels = self._channels(cg.links[1], size)
                 dtype = recording_dtype(channels)
                 signals = self._records(group.links[2], dtype)
         frames.sort(key=lambda logged: logged.now)
-        return MdfContent(signals, frames)
+        nothing = np.zeros(0, dtype=recording_dtype([TIME]))
+        return MdfContent(nothing if signals is None else signals, frames)
 
     def _channels(self, address: int, size: int) -> list[Channel]:
         channels = []
@@ -196,11 +204,11 @@ class _Reader:
         if self._unfolded > _LARGEST:
             raise ValueError(f"its data unfold to more than {_LARGEST >> 30} GiB")
         # Never more than it says, whatever a made-up file would unfold to.
-        raw = zlib.decompressobj().decompress(
-            block.data[mdf.DZ_DATA.size : mdf.DZ_DATA.size + packed], length
-        )
-        if len(raw) != length:
-            raise ValueError("a block of data is shorter than it says")
+        unpacking = zlib.decompressobj()
+        raw = unpacking.decompress(block.data[mdf.DZ_DATA.size : mdf.DZ_DATA.size + packed], length)
+        more = unpacking.decompress(unpacking.unconsumed_tail, 1)  # compares the check sum
+        if len(raw) != length or more or not unpacking.eof:
+            raise ValueError("a block of data has another length than it says")
         columns = np.frombuffer(raw, dtype=np.uint8).reshape(record, -1)
         return np.ascontiguousarray(columns.T).tobytes()
 

@@ -1,5 +1,6 @@
 """MF4 as we write and read it; `.ci/run` has asammdf and python-can read the same."""
 
+import re
 import struct
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from hil_bench import ConfigError, read_frames
 from hil_bench.abilities.recording import mdf_reader
-from hil_bench.abilities.recording.mdf_blocks import pack_block
+from hil_bench.abilities.recording.mdf_blocks import DG_DATA, pack_block
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.mdf_writer import MdfFile
 from hil_bench.abilities.recording.reading import read_recording
@@ -98,6 +99,34 @@ def test_error_frames_read_back_and_only_a_file_that_has_some_has_their_group(
 def test_a_group_of_frames_that_we_do_not_write_is_refused(path):
     path.write_bytes(path.read_bytes().replace(b"CAN_RemoteFrame\0", b"CAN_OtherXFrame\0"))
     with pytest.raises(ConfigError, match="a group of frames is none of ours"):
+        read_mdf(path)
+
+
+def test_data_that_contradict_their_check_sum_are_refused(path):
+    """RFC 1950: Adler-32 ends a block; numbers of a damaged one are anything."""
+    content = bytearray(path.read_bytes())
+    block = content.index(b"##DZ")
+    (packed,) = struct.unpack_from("<Q", content, block + 24 + 16)
+    content[block + 24 + 24 + packed - 1] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"damaged: .* does not unpack \(.*incorrect data check"):
+        read_mdf(path)
+
+
+def test_a_second_group_of_signals_is_refused(tmp_path):
+    """As of another tool, for signals of another rate: either group would hide the other."""
+    path = tmp_path / "two.mf4"
+    file = MdfFile(path, CHANNELS)
+    file.write_rows(rows(0, 10))
+    file.close()
+    content = bytearray(path.read_bytes())
+    groups = [each.start() for each in re.finditer(b"##DG", content)]
+    links = {each: struct.unpack_from("<4Q", content, each + 24) for each in groups}
+    (signals,) = (each for each in groups if links[each][2])  # has data
+    (last,) = (each for each in groups if not links[each][0])
+    content[last + 24 : last + 32] = struct.pack("<Q", len(content))
+    path.write_bytes(content + pack_block(b"##DG", (0, *links[signals][1:]), DG_DATA.pack(0, b"")))
+    with pytest.raises(ConfigError, match="it has several groups of signals"):
         read_mdf(path)
 
 

@@ -16,7 +16,9 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.units import COUNT, read_unit, si_unit
 
-_MOST_LATE: Final = 10  # ticks
+MOST_LATE: Final = 10
+"""Ticks that a value may stand behind its frame."""
+
 _LEAST_HOLD: Final = 100_000_000  # [ns]
 _HELD_INTERVALS: Final = 3
 _NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
@@ -212,7 +214,7 @@ class TickRows:
         if waiting := self._waiting[number]:
             self._last[number] = waiting.popleft()
             late = int(self._next - self._last[number].time) - self._tick
-            if late > _MOST_LATE * self._tick:
+            if late > MOST_LATE * self._tick:
                 name = self._channels.channels[number].name
                 raise ConfigError(
                     f"{name} has more values than ticks of {self._tick / 1e6:g} ms around "

@@ -168,6 +168,21 @@ def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, cli):
     assert "values stand up to 0.6 ms late" in said.err
 
 
+@pytest.mark.parametrize(("shift", "first"), [(0.0, 5000), (1.7e9, 0)])
+def test_a_log_keeps_its_time_but_for_the_date(folder, cli, shift, first):
+    """As one that a trigger began at 5 s: what came then was not seen at 0 s."""
+    write_pressures(folder / "p.log", (5e3 + 1e3 * shift, 50.0), (5002 + 1e3 * shift, 51.0))
+    for tick in ([], ["--tick", "1"]):
+        cli(["decode", "p.log", "bench.toml", "-o", "p.csv", *tick])
+        assert round(1e3 * read_recording(folder / "p.csv")["time"][0]) == first
+
+
+def test_a_log_whose_time_goes_back_is_refused(folder, cli):
+    write_pressures(folder / "p.log", (0, 50.0), (30, 51.0), (19.5, 52.0))
+    said = cli(["decode", "p.log", "bench.toml", "-o", "p.csv", "--tick", "1"], 2)
+    assert "p.log: its time goes back from 0.030000 to 0.019500 s; give the log of one" in said.err
+
+
 def test_more_values_than_ticks_are_refused(folder, capsys):
     """Ten values in 1 ms would wait ten ticks of 2 ms."""
     write_pressures(folder / "p.log", *((number * 0.1, number) for number in range(20)), (99, 0.0))

@@ -10,7 +10,7 @@ from hil_bench.abilities.common.progress import (
     counted,
     shown_work,
 )
-from hil_bench.abilities.eyes.channels import BusChannels, TickRows
+from hil_bench.abilities.eyes.channels import MOST_LATE, BusChannels, TickRows
 from hil_bench.abilities.eyes.dbc_words import DbcMessages, add_dbc_argument
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.bus import Language
@@ -94,9 +94,9 @@ def run(args: argparse.Namespace) -> int:
     left_out, ending = LeftOut(), Ending(args)
     decoder = _decoder(args)
     eyes_arguments.check_nodes(args.node, decoder)
-    frames = from_first(read_frames(args.log, left_out, errors=True))
     language: Language | None = None
     is_writing = _is_writing(args)
+    frames = from_first(read_frames(args.log, left_out, errors=True), dates_alone=is_writing)
     with shown_work(args, Work("decode", unit="frames"), prints=not is_writing) as work:
         frames = counted(work, frames)
         if is_writing:
@@ -239,10 +239,17 @@ def _take_frames(
 def _take_ticks(
     args: argparse.Namespace, channels: BusChannels, seen: _Seen, append: _Append
 ) -> None:
-    """Append rows at even ticks."""
+    """Append rows at even ticks.
+
+    Raises:
+        ConfigError: the log has values that would stand too late, or its time goes back.
+    """
     tick, last = round(args.tick * 1e6), 0
     ticks = TickRows(channels, tick)
     for now, sights in seen:
+        if now < last - MOST_LATE * tick:
+            back = f"its time goes back from {last / 1e9:.6f} to {now / 1e9:.6f} s"
+            raise ConfigError(f"{args.log}: {back}; give the log of one clock, in its order")
         last = max(last, now)
         for row in ticks.rows(now):
             append(row)

@@ -69,6 +69,10 @@ class Event(Protocol):
         """The event itself, as "begins"."""
 
     @property
+    def note(self) -> str:
+        """Further words on the thing, behind its name; empty for none."""
+
+    @property
     def content(self) -> Mapping[str, object]:
         """The event for programs, without its time."""
 

@@ -47,12 +47,15 @@ def event_spans(bench: Bench, now: float) -> list[Span]:
     """
     spans: list[Span] = []
     for log in bench.events.values():
-        begun: dict[str, float] = {}
+        begun: dict[str, Event] = {}
         for event in log:
-            time = event.time * 1e-9
             if event.is_begin:
-                begun[event.name] = time
+                begun[event.name] = event
             elif event.name in begun:
-                spans.append(Span(begun.pop(event.name), time, event.name))
-        spans += [Span(start, now, name) for name, start in begun.items()]
+                spans.append(_span(begun.pop(event.name), event.time * 1e-9))
+        spans += [_span(event, now) for event in begun.values()]
     return spans
+
+
+def _span(begin: Event, end: float) -> Span:
+    return Span(begin.time * 1e-9, end, f"{begin.name}{begin.note}")

@@ -125,22 +125,28 @@ class FaultEvent(NamedTuple):
 
     Attributes:
         time: bench time [ns].
-        kind: of the fault.
-        target: of the fault.
+        fault: the fault.
         is_begin: whether it began.
-        is_idle: whether it has ended without having changed anything.
     """
 
     time: int
-    kind: str
-    target: str
+    fault: Fault
     is_begin: bool
-    is_idle: bool = False
+
+    @property
+    def kind(self) -> str:
+        """The kind of the fault."""
+        return self.fault.kind
 
     @property
     def verb(self) -> str:
         """The event in a verb: it begins or ends."""
-        return "begins" if self.is_begin else f"ends{NOTHING_CHANGED * self.is_idle}"
+        return "begins" if self.is_begin else f"ends{self.note}"
+
+    @property
+    def note(self) -> str:
+        """That the fault has changed nothing so far, else empty."""
+        return NOTHING_CHANGED * self.fault.is_idle
 
     @property
     def what(self) -> str:
@@ -150,12 +156,12 @@ class FaultEvent(NamedTuple):
     @property
     def name(self) -> str:
         """The kind and the target."""
-        return f"{self.kind} {self.target}"
+        return f"{self.fault.kind} {self.fault.target}"
 
     @property
     def content(self) -> Mapping[str, object]:
         """The event for programs, without its time."""
-        return {"kind": self.kind, "target": self.target, "begins": self.is_begin}
+        return {"kind": self.kind, "target": self.fault.target, "begins": self.is_begin}
 
 
 class FaultSchedule:
@@ -273,16 +279,16 @@ class FaultSchedule:
             fault.begins = self._now
         fault.effect.begin(self._now)
         fault.is_active = True
-        self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=True))
+        self.events.append(FaultEvent(self._now, fault, is_begin=True))
 
     def _end(self, fault: Fault) -> None:
         self._faults.remove(fault)
         if fault.is_active:
             fault.is_active = False
             fault.effect.end(self._now)
-            event = FaultEvent(self._now, fault.kind, fault.target, False, fault.is_idle)
+            event = FaultEvent(self._now, fault, is_begin=False)
             self.events.append(event)
-            if event.is_idle:
+            if fault.is_idle:
                 self._idle[event.name] = None
 
     def _set_due(self) -> None:

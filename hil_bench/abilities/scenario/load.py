@@ -222,8 +222,9 @@ def load_requirements(path: str | os.PathLike[str]) -> records.RequirementsFile:
     The file is a scenario, or holds nothing but ``duration_s``, ``[[expect]]`` and
     ``[parameters]``.
     """
-    document, problems = _read(Path(path))
-    return read_requirements(document, problems)
+    file = Path(path)
+    document, problems = _read(file)
+    return read_requirements(file, document, problems)
 
 
 def _read(file: Path) -> tuple[Document, records.LocatedProblems]:

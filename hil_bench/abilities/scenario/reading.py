@@ -54,23 +54,31 @@ def read_scenario(
 
 
 def read_requirements(
-    document: Document, problems: records.LocatedProblems
+    path: Path, document: Document, problems: records.LocatedProblems
 ) -> records.RequirementsFile:
     """Return the requirements of a document.
 
     Args:
-        document: the tables; of a scenario, all else is left out.
+        path: its file.
+        document: the tables; of a scenario, all else but its faults is left out.
         problems: to be noted.
     """
     check_tables(document, (*(key.name for key in schema.HEAD_KEYS), *_TABLES), problems)
     parameters = _read_parameters(document, problems)
-    expectations = _read_expectations(Tables(document, problems), problems)
+    file = Tables(document, problems)
+    expectations = _read_expectations(file, problems)
+    faults = [
+        f"{step['fault']} {step.get('target', '')}"
+        for _, step in file.listed("step")
+        if "fault" in step
+    ]
     head = {name: document[name] for name in (schema.DURATION_KEY.name,) if name in document}
     settings = read_table("", head, (schema.DURATION_KEY,) if head else (), problems)
     problems.raise_any()
     duration = settings[schema.DURATION_KEY.name].value if head else None
-    values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
-    return records.RequirementsFile(expectations, values, duration)
+    return records.RequirementsFile(
+        path, expectations, tuple(parameters.values()), duration, tuple(dict.fromkeys(faults))
+    )
 
 
 class StepReader:

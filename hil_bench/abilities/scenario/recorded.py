@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.faults.fault import FaultConfig
+from hil_bench.abilities.faults.fault import NOTHING_CHANGED, FaultConfig
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import SET_POINT
 from hil_bench.abilities.recording.quantities import check_quantities
 from hil_bench.abilities.recording.reading import given_units
@@ -136,7 +136,13 @@ class Judged(NamedTuple):
 
 
 def judge_with_trace(
-    requirements: Path, signals: Recording, source: str, start: float | None = None
+    requirements: Path,
+    signals: Recording,
+    source: str,
+    start: float | None = None,
+    *,
+    given: Mapping[str, float] | None = None,
+    faults: Sequence[str] = (),
 ) -> Judged:
     """Judge each requirement of a file by a recording; return the recording on its ticks too.
 
@@ -146,14 +152,26 @@ def judge_with_trace(
         source: how messages name it.
         start: when the run begins on the recording's clock [s]; None for 0 where the file states a
             duration, else for the first row.
+        given: values of parameters, in their own units, that win over the file's.
+        faults: those of the recording, as the labels of its events have them.
 
     What cannot be judged, by its unit for one, raises a `ConfigError`.
     """
-    expectations, parameters, duration = load_requirements(requirements)
+    file = load_requirements(requirements)
+    parameters = resolve.parameter_values(file, given)
     vocabulary = nodes.channel_vocabulary(recording_channels(signals), parameters)
-    trace = lay_on_ticks(signals, source, start, duration)
-    longest = math.inf if duration is None else duration
-    compiled = resolve.compile_texts(expectations, vocabulary, longest, trace.tick_ns)
+    trace = lay_on_ticks(signals, source, start, file.duration)
+    longest = math.inf if file.duration is None else file.duration
+    compiled = resolve.compile_texts(file.expectations, vocabulary, longest, trace.tick_ns)
+    idle = [each.removesuffix(NOTHING_CHANGED) for each in faults if each.endswith(NOTHING_CHANGED)]
+    trace = trace._replace(
+        idle=[f"the fault {each} has changed nothing" for each in dict.fromkeys(idle)],
+        remarks=[
+            f"the recording does not show the fault {each}"
+            for each in file.faults
+            if not {each, each + NOTHING_CHANGED} & {*faults}
+        ],
+    )
     check_columns(compiled, signals, source)
     return Judged([judge_trace(each, trace) for each in compiled], trace)
 

@@ -196,14 +196,18 @@ class RequirementsFile(NamedTuple):
     """The requirements of a file, for any run.
 
     Attributes:
+        path: the file.
         expectations: one or more.
-        parameters: the SI value of each parameter.
+        parameters: in the order of the file.
         duration: of the run of which they speak [s]; None where the file does not say it.
+        faults: kind and target of the faults of that run, as in ``drop_supply axis1``.
     """
 
+    path: Path
     expectations: tuple[Expectation, ...]
-    parameters: dict[str, float]
+    parameters: tuple[Parameter, ...]
     duration: float | None
+    faults: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

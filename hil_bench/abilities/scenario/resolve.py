@@ -95,12 +95,13 @@ class Requirement(NamedTuple):
 
 
 def parameter_values(
-    scenario: records.Scenario, given: Mapping[str, float] | None = None
+    scenario: records.Scenario | records.RequirementsFile,
+    given: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return the SI value of each parameter.
 
     Args:
-        scenario: which has them.
+        scenario: the file that has them.
         given: values in the parameters' own units that win over the file's.
 
     Raises:

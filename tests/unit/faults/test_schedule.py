@@ -169,10 +169,10 @@ def test_what_began_and_ended_is_kept(schedule):
     _, other = add(schedule, at=0.002)
     run(schedule, 1, 2, 3)
     other.clear()
-    assert [(time // MS, is_begin) for time, _, _, is_begin, _ in schedule.events] == [
+    assert [(time // MS, is_begin) for time, _, is_begin in schedule.events] == [
         *((1, True), (2, True), (3, False), (3, False))
     ]
-    assert {event[1:3] for event in schedule.events} == {("freeze", "sensor")}
+    assert {event.name for event in schedule.events} == {"freeze sensor"}
 
 
 def test_a_fault_says_what_it_is(schedule):

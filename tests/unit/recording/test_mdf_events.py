@@ -10,10 +10,12 @@ from hil_bench.abilities.recording.plot import Span
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli import main
 
+FREEZE = "freeze pressure_a, and has changed nothing"
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A recording of 0.2 s in which a sensor freezes and a wire breaks for good."""
+    """A recording of 0.2 s at rest, in which a sensor freezes and a wire breaks for good."""
     path = tmp_path_factory.mktemp("faults") / "run.mf4"
     bench = VirtualBench(load_config(), record=RecordingWish((path,)))
     bench.run(0.05)
@@ -27,7 +29,7 @@ def recording(tmp_path_factory):
 
 def test_a_recording_carries_its_faults(recording):
     freeze, wire = read_events(recording)
-    assert (freeze.label, wire.label) == ("freeze pressure_a", "break_wire position")
+    assert (freeze.label, wire.label) == (FREEZE, "break_wire position")
     assert freeze.end - freeze.begin == pytest.approx(0.05)
     assert wire.end == pytest.approx(0.2)  # it lasts until the recording ends
     assert len(read_recording(recording)) == 200
@@ -61,7 +63,7 @@ def test_a_damaged_chain_ends_where_it_is_damaged(recording, make_file):
     place = content.rindex(b"##EV")  # the end of the last one
     content[place : place + 4] = b"####"
     path = make_file("damaged.mf4", content)
-    assert [each.label for each in read_events(path)] == ["freeze pressure_a"]
+    assert [each.label for each in read_events(path)] == [FREEZE]
 
 
 @pytest.mark.parametrize("address", [1, 7, 1 << 40, (1 << 64) - 1])

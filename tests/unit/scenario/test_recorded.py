@@ -110,6 +110,18 @@ def test_nothing_is_violated_for_longer_than_it_was_seen(tmp_path, cli):
         assert "seen 2 of 2 s" in out
 
 
+def test_parameters_are_those_of_the_run(tmp_path, cli):
+    requirements, recording = tmp_path / "r.toml", tmp_path / "run.csv"
+    limit = "[parameters]\nlimit_bar = 250.0\n"
+    requirements.write_text(limit + PASSES.replace("250 bar", "limit_bar"))
+    recording.write_text(HEAD + "0,2e7\n1,2e7\n")
+    words = ["judge", str(requirements), str(recording)]
+    assert "R1  passed" in cli(words).out
+    assert "R1  failed" in cli([*words, "--set", "limit_bar=190"], ExitCode.CHECK_FAILED).out
+    said = cli([*words, "--set", "limt_bar=190"], ExitCode.USAGE).err
+    assert '"limt_bar" is not in [parameters]; the nearest is limit_bar' in said
+
+
 def test_a_failure_counts_before_what_is_open(tmp_path, capsys):
     assert judge(tmp_path, PASSES + OPEN, [1e5, 245e5]) == ExitCode.INCONCLUSIVE
     assert judge(tmp_path, PASSES + OPEN, [1e5, 260e5]) == ExitCode.CHECK_FAILED

@@ -1,17 +1,19 @@
 """Every kind of fault as a step: it begins at the step's tick, and ends after its time."""
 
+import json
 from types import SimpleNamespace
 
 import pytest
 from support.built_in_nodes import NODES
 from support.tables import from_text
 
-from hil_bench import ConfigError, VirtualBench
+from hil_bench import ConfigError, RecordingWish, VirtualBench
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.scenario import run
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.results import play_for_result
 from hil_bench.abilities.scenario.targets import Targets
+from hil_bench.cli.exit_codes import ExitCode
 
 KEYS = {
     "freeze": 'target = "position"',
@@ -137,16 +139,28 @@ def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, make_file, benches, kind
     ],
 )
 def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
-    tmp_path, make_file, kind, keys, is_idle
+    tmp_path, make_file, cli, kind, keys, is_idle
 ):
+    """So it is where the recording is judged, if that carries its faults; S is no signal."""
     (tmp_path / "bench.toml").write_text(BENCH)
-    path = make_file("a.scenario.toml", SCENARIO.format(kind=kind, keys=keys))
-    result = play_for_result(run.prepare(load_scenario(path)))
+    text = SCENARIO.format(kind=kind, keys=keys)
+    if kind == "stick":  # to the end of the run
+        text = text.replace("for_s = 0.01\n", "")
+    path = make_file("a.scenario.toml", text)
+    recordings = tmp_path / "a.mf4", tmp_path / "a.csv"
+    options = run.PlayOptions(record=RecordingWish(recordings))
+    result = play_for_result(run.prepare(load_scenario(path)), options)
     (limit, _) = (finding.judgement for finding in result.findings)
     assert limit.outcome == ("not exercised" if is_idle else "passed")
     target = keys.split('"')[1]
     said = f"the fault {kind} {target} has changed nothing"
     assert (limit.reason == said) == is_idle
+    signals = make_file("r.toml", text.partition('[[expect]]\nid = "S"')[0])
+    unseen = f"the recording does not show the fault {kind} {target}"
+    code = ExitCode.INCONCLUSIVE if is_idle else ExitCode.DONE
+    for recording, ended, reason in zip(recordings, (code, 0), (limit.reason, unseen), strict=True):
+        found = cli(["judge", str(signals), str(recording), "--json"], ended).out
+        assert json.loads(found)[str(recording)][0]["judgement"]["reason"] == reason
 
 
 def test_a_parameter_that_leaves_the_machine_as_it_is_is_the_variant_without_the_fault(make_file):

@@ -11,11 +11,16 @@ from hil_bench.abilities.common.progress import (
     shown_work,
 )
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
+from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.verbs import scenario_report as reports
+from hil_bench.abilities.scenario.verbs.scenario_arguments import (
+    add_parameter_argument,
+    read_parameter,
+)
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
@@ -58,6 +63,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="time of the recordings at which the run begins, in s\n"
         "(default: 0 where the requirements have duration_s, else the first row)",
     )
+    add_parameter_argument(parser)
     foreign = parser.add_argument_group("tables of other tools")
     add_column_arguments(foreign)
     foreign.add_argument(
@@ -72,6 +78,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
     reports.check_report_argument(args)
+    given = dict(read_parameter(text) for text in args.given)
     judged: dict[Path, Judged] = {}
     chapters, ending, said = [], Ending(args), set[str]()
     work = Work("judge", len(args.recordings), "recordings")
@@ -80,7 +87,11 @@ def run(args: argparse.Namespace) -> int:
             work.begin(str(path))
             try:
                 signals = _read_signals(args, path)
-                found = judge_with_trace(args.requirements, signals, str(path), args.start)
+                events = read_events(path) if path.suffix.lower() == ".mf4" else []
+                faults = [span.label for span in events]
+                found = judge_with_trace(
+                    args.requirements, signals, str(path), args.start, given=given, faults=faults
+                )
             except HilBenchError as error:  # of this one, or of the requirements
                 if str(error) not in said:
                     ending.take_error(error)
@@ -90,7 +101,8 @@ def run(args: argparse.Namespace) -> int:
             names = names_in(each.requirement.condition for each in found.findings)
             warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
             if args.report:
-                chapters.append(reports.recording_chapter(args.requirements, path, signals, found))
+                about = args.requirements, path, signals, found
+                chapters.append(reports.recording_chapter(*about, _options(args)))
     if not judged:
         return ending.code
     content = {str(path): reports.finding_content(each.findings) for path, each in judged.items()}
@@ -102,6 +114,19 @@ def run(args: argparse.Namespace) -> int:
         with ending.going_on():
             reports.write_report(args, f"Judgement by {args.requirements}", chapters)
     return ending.code
+
+
+def _options(args: argparse.Namespace) -> list[str]:
+    """Return the options that a verdict depends on, as the command line has them."""
+    words = [word for text in args.given for word in ("--set", text)]
+    words += [word for text in args.map for word in ("--map", text)]
+    for option, value in (
+        ("--start", args.start),
+        ("--columns", args.columns),
+        ("--axis", args.axis),
+    ):
+        words += [] if value is None else [option, str(value)]
+    return words
 
 
 def _read_signals(args: argparse.Namespace, path: Path) -> Recording:

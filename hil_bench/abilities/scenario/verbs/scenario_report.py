@@ -131,7 +131,7 @@ def run_chapter(
 
 
 def recording_chapter(
-    requirements: Path, path: Path, signals: Recording, judged: Judged
+    requirements: Path, path: Path, signals: Recording, judged: Judged, options: Sequence[str]
 ) -> reports.Chapter:
     """Return the chapter of a report on a recording that was judged.
 
@@ -140,6 +140,7 @@ def recording_chapter(
         path: of the recording.
         signals: what it holds.
         judged: what it says.
+        options: of the command line, by which it says so.
     """
     findings, trace = judged
     times, start = signals[TIME.name], trace.start
@@ -155,7 +156,7 @@ def recording_chapter(
         planned=trace.planned,
     )
     length = f"{times[-1] - times[0]:g} s from {times[0]:g} s, a row a {trace.tick_ns * 1e-6:g} ms"
-    words = ["hil-bench", "judge", str(requirements), str(path)]
+    words = ["hil-bench", "judge", str(requirements), str(path), *options]
     return reports.Chapter(
         str(path),
         path.name,

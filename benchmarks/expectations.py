@@ -27,10 +27,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import occasion
-from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
 from hil_bench.abilities.scenario.judgement import judge
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.monitor import AT_START, Monitor, StreamBuilder
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import PreparedScenario

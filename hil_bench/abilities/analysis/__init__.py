@@ -10,6 +10,6 @@ ABILITY = Ability(
             20,
             "analyse valve and cylinder as the paper does: numbers, tables, figures",
             "hil_bench.abilities.analysis.verbs",
-        ),
+        )
     },
 )

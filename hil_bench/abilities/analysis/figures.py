@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil_bench.abilities.analysis.frequency_response import decibel
+from hil_bench.abilities.analysis.frequency_response import RootLocus, decibel
 from hil_bench.abilities.analysis.linearisation import Frequencies, Response
 from hil_bench.abilities.analysis.operating_point import FlowPressureCurves
-from hil_bench.abilities.analysis.root_locus import RootLocus
 from hil_bench.abilities.common.figure_style import BLUE, GREY, RED
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.units import BAR

@@ -315,11 +315,7 @@ def _outputs(parameters: PlantParameters, options: PlantOptions, point: Operatin
     alpha, beta = opening_limits(parameters, options, point.spool_position)
     opening = 1.0 if beta < abs(point.spool_position) < alpha + beta else 0.0
     return np.array(
-        [
-            [1.0, 0.0, 0.0, 0.0, 0.0],
-            [0.0, 1.0, -1.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, opening, 0.0],
-        ]
+        [[1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, opening, 0.0]]
     )
 
 

@@ -151,10 +151,7 @@ def _refined(
 
 
 def _as_point(
-    parameters: PlantParameters,
-    options: PlantOptions,
-    state: npt.NDArray[np.float64],
-    load: float,
+    parameters: PlantParameters, options: PlantOptions, state: npt.NDArray[np.float64], load: float
 ) -> OperatingPoint:
     x, v, pressure_a, pressure_b, nu, _ = map(float, state)
     return OperatingPoint(
@@ -202,10 +199,7 @@ class FlowPressureCurves:
 
 
 def flow_pressure_curves(
-    parameters: PlantParameters,
-    *,
-    orifice_states: npt.ArrayLike | None = None,
-    points: int = 201,
+    parameters: PlantParameters, *, orifice_states: npt.ArrayLike | None = None, points: int = 201
 ) -> FlowPressureCurves:
     """Return Q_L = z K sqrt((P_S - sign(z) P_L) / 2) for P_L up to P_S, eq. (14).
 

@@ -5,11 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hil_bench.abilities.analysis.linear_studies import (
-    flow_pressure_study,
-    operating_points_study,
-    root_locus_study,
-)
+from hil_bench.abilities.analysis.frequency_response import root_locus
 from hil_bench.abilities.analysis.linearisation import (
     CoefficientForm,
     SecondOrderSystem,
@@ -30,19 +26,18 @@ from hil_bench.abilities.analysis.operating_point import (
     flow_pressure_curves,
     load_flow,
 )
-from hil_bench.abilities.analysis.root_locus import root_locus
 from hil_bench.abilities.analysis.simulation_statements import simulation_statements
 from hil_bench.abilities.analysis.study import (
     Study,
+    flow_pressure_study,
     measured_responses_study,
+    operating_points_study,
+    root_locus_study,
     trajectories_study,
     write_study,
 )
 from hil_bench.abilities.common.files import whole_file
-from hil_bench.errors import (
-    about_file,
-    check_replaceable,
-)
+from hil_bench.errors import about_file, check_replaceable
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 # Section IV-A: what the paper says about the linear model, checked.

@@ -126,11 +126,7 @@ def build_plant(setup: Setup) -> PlantModel:
             delay=setup.delay,
         )
     return FullOrderPlant(
-        setup.parameters,
-        options=setup.options,
-        solver=setup.solver,
-        dt=setup.dt,
-        state=setup.state,
+        setup.parameters, options=setup.options, solver=setup.solver, dt=setup.dt, state=setup.state
     )
 
 

@@ -57,10 +57,7 @@ _ANY_STEP = 1e-4
 
 
 def state_rates(
-    parameters: PlantParameters,
-    options: PlantOptions,
-    state: PlantState,
-    plant_input: PlantInput,
+    parameters: PlantParameters, options: PlantOptions, state: PlantState, plant_input: PlantInput
 ) -> Rates:
     """Return the time derivatives of the six states [m/s, m/s², Pa/s, Pa/s, m/s, m/s²].
 

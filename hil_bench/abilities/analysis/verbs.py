@@ -5,30 +5,25 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hil_bench.abilities.analysis.frequency_response import SMOOTHING, Chirp
-from hil_bench.abilities.analysis.linear_studies import (
-    flow_pressure_study,
-    linearisation_study,
-    operating_points_study,
-    root_locus_study,
-)
 from hil_bench.abilities.analysis.model_statements import run_paper
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.paper import check_paper, write_paper
 from hil_bench.abilities.analysis.simulation import Setup
 from hil_bench.abilities.analysis.study import (
     Study,
+    flow_pressure_study,
+    linearisation_study,
     measure_both_models,
     measured_responses_study,
+    operating_points_study,
+    root_locus_study,
     simulate_both_models,
     trajectories_study,
     write_study,
 )
 from hil_bench.abilities.common.arguments import add_output_argument, find_cylinder
 from hil_bench.abilities.common.files import make_directory
-from hil_bench.abilities.common.progress import (
-    Work,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, json_text, print_lines

@@ -41,10 +41,7 @@ _PANELS = (
     _Panel(
         "Spool",
         "-",
-        (
-            ("spool_setpoint", "set-point", GREY, "--"),
-            ("spool_position", "actual", BLUE, "-"),
-        ),
+        (("spool_setpoint", "set-point", GREY, "--"), ("spool_position", "actual", BLUE, "-")),
     ),
 )
 

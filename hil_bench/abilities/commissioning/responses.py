@@ -8,7 +8,7 @@ import numpy.typing as npt
 from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
-from hil_bench.abilities.commissioning.procedure import REST, Procedure
+from hil_bench.abilities.commissioning.rig import REST, Procedure
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
@@ -37,10 +37,7 @@ def steps(procedure: Procedure, step: Step) -> StepResult:
     trace = result.trace = procedure.rig.move(command, 3 * REST + 2 * duration)
     time = trace["time"]
     sheet, share = expected_speed(u, parameters), step.values["speed_tolerance"]
-    for name, sign, start in (
-        ("extending", 1.0, REST),
-        ("retracting", -1.0, 2 * REST + duration),
-    ):
+    for name, sign, start in (("extending", 1.0, REST), ("retracting", -1.0, 2 * REST + duration)):
         part = (time > start + 0.5 * duration) & (time <= start + duration)
         speed = sign * measures.slope(time[part], trace["position"][part])
         result.measures.append(

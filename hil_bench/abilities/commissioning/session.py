@@ -22,9 +22,8 @@ from hil_bench.abilities.commissioning.plan import (
     check_against,
     choose_axis,
 )
-from hil_bench.abilities.commissioning.procedure import PATIENCE, Procedure, communication
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
-from hil_bench.abilities.commissioning.rig import Rig
+from hil_bench.abilities.commissioning.rig import PATIENCE, Procedure, Rig, communication
 from hil_bench.abilities.commissioning.sweeps import dead_band, leakage, ramp, sensors
 from hil_bench.abilities.common.members import find_members
 from hil_bench.bench.configuration import BenchConfig
@@ -150,12 +149,7 @@ def commission(
     check_against(plan, axis)
     members = find_members(config, axis.name, "commissioning")
     rig = Rig(
-        network,
-        members,
-        period=plan.period,
-        recording=recording,
-        origin=origin,
-        journal=journal,
+        network, members, period=plan.period, recording=recording, origin=origin, journal=journal
     )
     sightings = discover(network, Method.SDO, patience=PATIENCE)
     nodes = [describe(network, sighting) for sighting in sightings]

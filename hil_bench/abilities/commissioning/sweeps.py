@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
-from hil_bench.abilities.commissioning.procedure import REST, Procedure, moving_mass
+from hil_bench.abilities.commissioning.rig import REST, Procedure
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
@@ -92,7 +92,8 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     parameters, values = procedure.parameters, step.values
     spool, speed = trace["spool_position"], trace["speed"]
     # What the oil's oscillation takes to move the mass is no friction, nor how a load changes.
-    inertia = moving_mass(procedure.axis) * measures.derivative(speed, trace["time"])
+    moving_mass = procedure.axis.parameters.m + procedure.axis.options.load_mass  # [kg]
+    inertia = moving_mass * measures.derivative(speed, trace["time"])
     load = _sheet_load(procedure.axis, trace)
     force = procedure.force(trace) - inertia - (load - load.mean())
     band = measures.dead_band(spool, speed)
@@ -195,10 +196,7 @@ def sensors(procedure: Procedure, step: Step) -> StepResult:
         result.measures += [
             Measure(name, float(pressure.mean()), "Pa", -2e5, 1.1 * parameters.P_S),
             Measure(
-                f"{name} noise",
-                measures.noise(time, pressure),
-                "Pa",
-                high=values["pressure_noise"],
+                f"{name} noise", measures.noise(time, pressure), "Pa", high=values["pressure_noise"]
             ),
             _drift(
                 f"{name} drift", measures.slope(time, pressure), "Pa/s", values["pressure_drift"]
@@ -239,9 +237,7 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
             Measure(f"{name} at standstill", float(trace[name].mean()), "Pa"),
             Measure(f"{name} drift", rate, "Pa/s", -limit, limit),
             Measure(
-                f"flow out of chamber {name[-1]}",
-                -rate * volume / parameters.E * 60e6,
-                "cm³/min",
+                f"flow out of chamber {name[-1]}", -rate * volume / parameters.E * 60e6, "cm³/min"
             ),
         ]
     wrong = [f"{measure.name} {measure.text()}" for measure in result.measures if measure.is_wrong]

@@ -75,9 +75,7 @@ class Result:
 
 
 def run_suite(
-    dut: DeviceUnderTest,
-    allowed: Impact = Impact.READ,
-    chapters: Iterable[Chapter] = CHAPTERS,
+    dut: DeviceUnderTest, allowed: Impact = Impact.READ, chapters: Iterable[Chapter] = CHAPTERS
 ) -> Iterator[Result]:
     """Run the checks.
 

@@ -9,10 +9,7 @@ from pathlib import Path
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.abilities.common.files import check_place, whole_file
-from hil_bench.abilities.common.progress import (
-    Work,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
@@ -27,10 +24,7 @@ from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, json_text
-from hil_bench.errors import (
-    ConfigError,
-    about_file,
-)
+from hil_bench.errors import ConfigError, about_file
 
 _EXAMPLES = """\
 examples:

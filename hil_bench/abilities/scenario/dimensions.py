@@ -60,13 +60,7 @@ _UNITS: Final = (
     MeasuredUnit(Unit("mm/s²", "_mm_s2", 1e-3), power(m=1, s=-2)),
     *(
         MeasuredUnit(unit, _PRESSURE)
-        for unit in (
-            units.PASCAL,
-            units.BAR,
-            units.MILLIBAR,
-            units.KILOPASCAL,
-            units.MEGAPASCAL,
-        )
+        for unit in (units.PASCAL, units.BAR, units.MILLIBAR, units.KILOPASCAL, units.MEGAPASCAL)
     ),
     MeasuredUnit(Unit("Pa/s", "_pa_s"), multiply(_PRESSURE, _RATE)),
     MeasuredUnit(units.BAR_PER_SECOND, multiply(_PRESSURE, _RATE)),

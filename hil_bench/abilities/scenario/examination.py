@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.build import Asked, window_ticks
-from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.monitor import Asked, Monitor, window_ticks
 from hil_bench.abilities.scenario.nodes import Atom, Condition, Window
 from hil_bench.abilities.scenario.reach import breadth, has_duration, names_in, walk
 from hil_bench.abilities.scenario.streams import Stream

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from hil_bench.abilities.common.figure_style import BLACK, BLUE, GREY, ORANGE, RED, settle_layout
 from hil_bench.abilities.recording.plot import MotionPanel, motion_panels, styled
 from hil_bench.abilities.scenario import nodes
-from hil_bench.abilities.scenario.build import Span, StreamBuilder
 from hil_bench.abilities.scenario.judgement import Evidence, show_atom, show_value, unit_of
+from hil_bench.abilities.scenario.monitor import Span, StreamBuilder
 from hil_bench.abilities.scenario.nodes import Atom, Comparison, Condition, Relation
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.values import Block, Floats, build_values
@@ -94,11 +94,7 @@ def _figure(scene: Scene) -> "Figure":
     panels = list(_panels(scene))
     figure = Figure(figsize=(9.0, 0.9 + 1.7 * sum(p.share for p in panels)), layout="constrained")
     places = figure.subplots(
-        len(panels),
-        1,
-        sharex=True,
-        squeeze=False,
-        height_ratios=[panel.share for panel in panels],
+        len(panels), 1, sharex=True, squeeze=False, height_ratios=[panel.share for panel in panels]
     )[:, 0]
     for place, panel in zip(places, panels, strict=True):
         panel.draw(place)

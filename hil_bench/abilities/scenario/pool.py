@@ -139,9 +139,7 @@ class _Worker(Generic[SpecT, ResultT]):
     """A process that does one task after the other; see `Pool`."""
 
     def __init__(
-        self,
-        perform: Callable[[SpecT], ResultT],
-        failed: Callable[[SpecT, TaskEnd, str], ResultT],
+        self, perform: Callable[[SpecT], ResultT], failed: Callable[[SpecT, TaskEnd, str], ResultT]
     ) -> None:
         self._failed = failed
         self._process = HelperProcess(_work, (perform,), name="hil-bench worker")

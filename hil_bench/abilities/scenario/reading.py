@@ -3,19 +3,113 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 from hil_bench.abilities.controllers.kinds import find_kind
-from hil_bench.abilities.faults.registry import find_fault_kind, kind_name
-from hil_bench.abilities.scenario import records, schema
+from hil_bench.abilities.controllers.power import Power
+from hil_bench.abilities.faults.kind import FaultKind
+from hil_bench.abilities.faults.registry import COMMON_KEYS, find_fault_kind, kind_name
+from hil_bench.abilities.scenario import records
 from hil_bench.abilities.scenario.dimensions import unit_of_name
 from hil_bench.abilities.scenario.parse import parse_quantity
+from hil_bench.abilities.scenario.records import NmtVerb
 from hil_bench.abilities.scenario.spreadsheet import read_course
 from hil_bench.abilities.scenario.syntax import ExpectationError
 from hil_bench.config.document import Document, Tables, check_tables, read_section
 from hil_bench.config.settings import Key, Problems, Settings, read_table
-from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
+from hil_bench.config.values import (
+    NoNumberError,
+    Value,
+    boolean,
+    choice,
+    describe,
+    find_nearest,
+    number,
+    quote,
+    text,
+    texts,
+)
 from hil_bench.errors import ConfigError
+from hil_bench.units import SECOND
+
+# The keys of a scenario file: name, unit, default; docs/scenarios.md says what each means.
+
+LONGEST_RUN = 1e6  # [s]
+
+
+def span(value: object) -> tuple[float, float]:
+    """Return lowest and highest value.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, list) or len(value) != 2:
+        raise ConfigError(f"{describe(value)} is not a range; give [lowest, highest]")
+    low, high = (number()(bound) for bound in value)
+    if low >= high:
+        raise ConfigError(f"[{low:g}, {high:g}] is empty; give [lowest, highest]")
+    return low, high
+
+
+def values_by_name(value: object) -> Mapping[str, object]:
+    """Return a table of one or more values.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, dict) or not value:
+        right = 'write it as set = { "valve.spool_setpoint" = 0.4 }'
+        raise ConfigError(f"{describe(value)} is not a table of values; {right}")
+    return value
+
+
+DURATION_KEY: Final = Key(
+    "duration_s", number(SECOND, low=1e-3, high=LONGEST_RUN), None, SECOND, example="6.0"
+)
+HEAD_KEYS: Final = (
+    Key("title", text, example='"Extends 100 mm"'),
+    Key("bench", text),
+    DURATION_KEY,
+    Key("requirement_ids", texts, ()),
+)
+CONTROLLER_KEYS: Final = (Key("firmware", texts, ()), Key("example", text, ""))
+PARAMETER_KEYS: Final = (Key("value", number(), example="100.0"), Key("range", span))
+EXPECT_KEYS: Final = (
+    Key("id", text, example='"SRS-41"'),
+    Key("that", text, example='"always axis1.P_A < 250 bar"'),
+)
+AT_KEY: Final = Key("at_s", number(SECOND, low=0.0, high=LONGEST_RUN), None, SECOND, example="0.5")
+
+_SET_KEYS: Final = (
+    Key("set", values_by_name),
+    Key("over_s", number(SECOND, low=0.0, high=LONGEST_RUN), 0.0, SECOND),
+)
+_TABLE_KEYS: Final = (Key("set", text), Key("table", text, example='"profile.csv"'))
+_TARGET_KEY: Final = Key("target", text, example='"valve"')
+
+STEP_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
+    {
+        "set": (AT_KEY, *_SET_KEYS),
+        "table": (AT_KEY, *_TABLE_KEYS),
+        "nmt": (AT_KEY, Key("nmt", choice(NmtVerb)), _TARGET_KEY),
+        "sync": (AT_KEY, Key("sync", boolean)),
+        "firmware": (AT_KEY, Key("firmware", choice(Power)), Key("target", text, "")),
+    }
+)
+"""The keys of each kind of step but a fault; the kind is one of its keys."""
+
+STEP_KINDS: Final = ("set", "fault", "nmt", "sync", "firmware")
+
+
+def fault_step_keys(kind: FaultKind) -> tuple[Key, ...]:
+    """Return the keys of a step that is a fault."""
+    common = {key.name: key for key in COMMON_KEYS}
+    named = Key("fault", kind_name)
+    return (AT_KEY, named, common["target"], common["for_s"], *kind.keys)
+
+
+# The tables to records.
 
 _TABLES = ("controller", "parameters", "step", "expect")
 
@@ -31,7 +125,7 @@ def read_scenario(
         problems: to be noted.
     """
     file = Tables(document, problems)
-    settings = file.head(schema.HEAD_KEYS, _TABLES)
+    settings = file.head(HEAD_KEYS, _TABLES)
     parameters = _read_parameters(document, problems)
     reader = StepReader(path.parent, parameters, problems)
     steps = [step for table, values in file.listed("step") for step in reader.read(table, values)]
@@ -63,7 +157,7 @@ def read_requirements(
         document: the tables; of a scenario, all else but its faults is left out.
         problems: to be noted.
     """
-    check_tables(document, (*(key.name for key in schema.HEAD_KEYS), *_TABLES), problems)
+    check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
     parameters = _read_parameters(document, problems)
     file = Tables(document, problems)
     expectations = _read_expectations(file, problems)
@@ -72,10 +166,10 @@ def read_requirements(
         for _, step in file.listed("step")
         if "fault" in step
     ]
-    head = {name: document[name] for name in (schema.DURATION_KEY.name,) if name in document}
-    settings = read_table("", head, (schema.DURATION_KEY,) if head else (), problems)
+    head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
+    settings = read_table("", head, (DURATION_KEY,) if head else (), problems)
     problems.raise_any()
-    duration = settings[schema.DURATION_KEY.name].value if head else None
+    duration = settings[DURATION_KEY.name].value if head else None
     return records.RequirementsFile(
         path, expectations, tuple(parameters.values()), duration, tuple(dict.fromkeys(faults))
     )
@@ -101,11 +195,11 @@ class StepReader:
 
     def read(self, table: str, values: Mapping[str, object]) -> list[records.Step]:
         """Return the steps of a table: several, where it sets several things."""
-        kinds = [kind for kind in schema.STEP_KINDS if kind in values]
+        kinds = [kind for kind in STEP_KINDS if kind in values]
         if len(kinds) != 1:
             wrong = f"has {' and '.join(kinds)}" if kinds else "does nothing"
             self._problems.add(
-                self._problems.place(table), f"{wrong}; give one of {', '.join(schema.STEP_KINDS)}"
+                self._problems.place(table), f"{wrong}; give one of {', '.join(STEP_KINDS)}"
             )
             return []
         place = self._problems.place(table, kinds[0])
@@ -117,8 +211,8 @@ class StepReader:
         if kind == "fault":
             return self._read_fault(table, values)
         form = "table" if kind == "set" and "table" in values else kind
-        found = self._settings(table, values, schema.STEP_KEYS[form])
-        if len(found) < len(schema.STEP_KEYS[form]):
+        found = self._settings(table, values, STEP_KEYS[form])
+        if len(found) < len(STEP_KEYS[form]):
             return []
         at = found["at_s"].value
         steps: list[records.Step]
@@ -215,7 +309,7 @@ class StepReader:
 
     def _read_fault(self, table: str, values: Mapping[str, object]) -> list[records.Step]:
         try:
-            keys = schema.fault_step_keys(find_fault_kind(kind_name(values["fault"])))
+            keys = fault_step_keys(find_fault_kind(kind_name(values["fault"])))
         except ConfigError as error:
             self._problems.add(self._problems.place(table, "fault"), error)
             return []
@@ -264,12 +358,12 @@ def _read_controller(document: Document, problems: Problems) -> records.Controll
         return (
             records.Controller(table=values) if find_kind("controller", values, problems) else None
         )
-    found = read_table("controller", values, schema.CONTROLLER_KEYS, problems)
+    found = read_table("controller", values, CONTROLLER_KEYS, problems)
     chosen = [name for name in found if found[name].value]
-    if len(found) == len(schema.CONTROLLER_KEYS) and len(chosen) != 1:
+    if len(found) == len(CONTROLLER_KEYS) and len(chosen) != 1:
         place = problems.place("controller")
         problems.add(place, "needs a controller; give kind, firmware or example")
-    if len(found) < len(schema.CONTROLLER_KEYS):
+    if len(found) < len(CONTROLLER_KEYS):
         return None
     return records.Controller(found["firmware"].value, found["example"].value)
 
@@ -279,8 +373,8 @@ def _read_parameters(document: Document, problems: Problems) -> dict[str, record
     for name, given in read_section(document, "parameters", problems).items():
         table = f"parameters.{name}"
         values = given.value if isinstance(given.value, dict) else {"value": given.value}
-        found = read_table(table, values, schema.PARAMETER_KEYS, problems)
-        if len(found) < len(schema.PARAMETER_KEYS):
+        found = read_table(table, values, PARAMETER_KEYS, problems)
+        if len(found) < len(PARAMETER_KEYS):
             continue
         value, limits = found["value"].value, found["range"].value
         if limits and not limits[0] <= value <= limits[1]:
@@ -299,8 +393,8 @@ def _read_expectations(
         right = 'give [[expect]] with id = "..." and that = "always axis1.P_A < 250 bar"'
         problems.add(problems.source, f"checks nothing; {right}")
     for table, values in tables:
-        settings = read_table(table, values, schema.EXPECT_KEYS, problems)
-        if len(settings) < len(schema.EXPECT_KEYS):
+        settings = read_table(table, values, EXPECT_KEYS, problems)
+        if len(settings) < len(EXPECT_KEYS):
             continue
         spot = problems.find(table, "that") or records.Spot(1, 1)
         name = settings["id"].value

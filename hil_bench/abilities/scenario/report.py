@@ -233,11 +233,7 @@ def make_exhibit(finding: Finding, evidence: Evidence) -> Exhibit:
     requirement, judgement = finding
     tick = evidence.tick_ns * 1e-9
     examination = Examination(
-        requirement.condition,
-        evidence.columns,
-        evidence.ticks,
-        evidence.tick_ns,
-        evidence.planned,
+        requirement.condition, evidence.columns, evidence.ticks, evidence.tick_ns, evidence.planned
     )
     spans = examination.violated_spans() if evidence.ticks else []
     violated = tuple((first * tick, (last + 1) * tick) for first, last in spans)

@@ -10,8 +10,8 @@ from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.faults.registry import COMMON_KEYS, find_fault_kind
 from hil_bench.abilities.faults.section import build_fault, check_amount, check_effect
 from hil_bench.abilities.scenario import records
-from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import unit_of_name
+from hil_bench.abilities.scenario.monitor import window_ticks
 from hil_bench.abilities.scenario.nodes import Condition, Vocabulary, Windowed
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import CERTAIN, is_certain, look_back, reach, walk

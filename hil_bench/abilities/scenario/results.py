@@ -10,11 +10,7 @@ from hil_bench.abilities.scenario.judgement import Evidence, Judgement, Requirem
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
-from hil_bench.errors import (
-    ControllerFileError,
-    HilBenchError,
-    about_file,
-)
+from hil_bench.errors import ControllerFileError, HilBenchError, about_file
 
 _EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a sign but no size
 

@@ -84,10 +84,7 @@ def _choose(
         return Chosen(PROCESS, {"command": controller.firmware})
     if controller.example:
         # canopen is slow to import, and not all scenarios have an example.
-        from hil_bench.abilities.controllers.python.examples import (  # noqa: PLC0415
-            CONTROLLERS,
-            settings_of,
-        )
+        from hil_bench.abilities.controllers.python.examples import CONTROLLERS, settings_of  # noqa: PLC0415
 
         example, settings = CONTROLLERS[controller.example], settings_of(parameters)
         return Chosen(PYTHON, {"call": lambda rig: example(rig, settings)})
@@ -313,15 +310,8 @@ def play(prepared: resolve.PreparedScenario, options: PlayOptions = PLAIN) -> Ru
     A `ConfigError` says that a step cannot do what it is to do.
     """
     config, last_tick = prepared.config, prepared.last_tick
-    with (
-        _open_bench(prepared, options) as bench,
-        driver_of(prepared, bench) as driver,
-    ):
-        stage = Stage(
-            prepared,
-            bench.session,
-            stops_at_failure=options.stops_at_failure,
-        )
+    with _open_bench(prepared, options) as bench, driver_of(prepared, bench) as driver:
+        stage = Stage(prepared, bench.session, stops_at_failure=options.stops_at_failure)
         options.halt(bench, stage, driver)
         with options.beside(bench, stage):
             ending = driver.drive(stage.director, last_tick)

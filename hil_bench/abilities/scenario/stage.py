@@ -5,10 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hil_bench.abilities.common.commands import (
-    SetObject,
-    SetPlant,
-)
+from hil_bench.abilities.common.commands import SetObject, SetPlant
 from hil_bench.abilities.controllers.power import ONLY
 from hil_bench.abilities.faults.commands import BeginFault
 from hil_bench.abilities.faults.fault import FaultConfig
@@ -237,13 +234,7 @@ class Director:
 
     overwrites: Callable[[str], bool] = staticmethod(lambda _name: False)
 
-    def __init__(
-        self,
-        plan: RunPlan,
-        session: Session,
-        targets: Targets,
-        hand: Hand,
-    ) -> None:
+    def __init__(self, plan: RunPlan, session: Session, targets: Targets, hand: Hand) -> None:
         self.is_over = False
         self.problem = ""
         self.sent = 0
@@ -380,11 +371,7 @@ class Stage:
     """
 
     def __init__(
-        self,
-        prepared: PreparedScenario,
-        session: Session,
-        *,
-        stops_at_failure: bool = False,
+        self, prepared: PreparedScenario, session: Session, *, stops_at_failure: bool = False
     ) -> None:
         config = prepared.config
         self._prepared, self._faults = prepared, session.bench.part(Faults)

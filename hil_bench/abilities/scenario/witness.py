@@ -42,9 +42,7 @@ _STATES: Mapping[str, int] = MappingProxyType(
 )
 
 
-def ecu_names(
-    ecus: Mapping[str, EcuHandle],
-) -> tuple[dict[str, str], dict[str, Mapping[str, int]]]:
+def ecu_names(ecus: Mapping[str, EcuHandle]) -> tuple[dict[str, str], dict[str, Mapping[str, int]]]:
     """Return the SI unit of each signal, and the numbers of the texts of each state."""
     signals: dict[str, str] = {}
     states: dict[str, Mapping[str, int]] = {}
@@ -204,10 +202,7 @@ class Witness:
                     yield name
 
     def _reader(
-        self,
-        name: str,
-        places: Mapping[str, int],
-        states: Mapping[str, Callable[[], str] | None],
+        self, name: str, places: Mapping[str, int], states: Mapping[str, Callable[[], str] | None]
     ) -> Callable[[Sequence[float]], float]:
         if name in places:
             place = places[name]

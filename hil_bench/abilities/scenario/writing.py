@@ -12,10 +12,7 @@ from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.faults.live import fault_table
 from hil_bench.abilities.scenario import records
 from hil_bench.abilities.scenario.load import TIME
-from hil_bench.errors import (
-    ConfigError,
-    about_file,
-)
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.units import si_unit
 
 # A scenario to a file: TOML or CSV, whichever it came from.

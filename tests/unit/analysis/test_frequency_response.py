@@ -13,9 +13,9 @@ from hil_bench.abilities.analysis.frequency_response import (
     decibel,
     estimate_response,
     measure_frequency_response,
+    root_locus,
 )
 from hil_bench.abilities.analysis.linearisation import linearise_with_valve
-from hil_bench.abilities.analysis.root_locus import root_locus
 from hil_bench.abilities.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.abilities.analysis.steady_motion import NyquistError
 from hil_bench.errors import ParameterError

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from hil_bench import errors
-from hil_bench.abilities.analysis.linear_studies import (
+from hil_bench.abilities.analysis.operating_point import find_operating_point
+from hil_bench.abilities.analysis.study import (
+    Fact,
+    Study,
     flow_pressure_study,
     linearisation_study,
+    make_table,
     operating_points_study,
     root_locus_study,
+    write_study,
 )
-from hil_bench.abilities.analysis.operating_point import find_operating_point
-from hil_bench.abilities.analysis.study import Fact, Study, make_table, write_study
 from hil_bench.errors import ConfigError, require_extra
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions

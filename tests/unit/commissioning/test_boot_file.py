@@ -6,7 +6,7 @@ import pytest
 from support.tables import from_text
 
 from device_profiles import PRESSURE_404, VALVE_408
-from hil_bench.abilities.commissioning.boot_file import load_boot_plan
+from hil_bench.abilities.commissioning.verbs.boot import load_boot_plan
 from hil_bench.errors import ConfigError
 from hil_drivers.boot_records import Loss, Slave, Start, Startup
 from hil_drivers.concise_dcf import ConciseEntry, pack_concise_dcf

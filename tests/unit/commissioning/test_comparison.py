@@ -16,7 +16,7 @@ from hil_bench.abilities.commissioning.comparison import (
 )
 from hil_bench.abilities.commissioning.measures import Verdict
 from hil_bench.abilities.commissioning.plan import Limits, Step, StepKind
-from hil_bench.abilities.commissioning.procedure import communication
+from hil_bench.abilities.commissioning.rig import communication
 
 MACHINE = """
 [plant.axis1]

@@ -16,8 +16,8 @@ from hil_bench.abilities.commissioning.plan import (
     StepKind,
     expected_speed,
 )
-from hil_bench.abilities.commissioning.procedure import Procedure
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
+from hil_bench.abilities.commissioning.rig import Procedure
 from hil_bench.abilities.commissioning.sweeps import Triangle, dead_band, leakage, ramp, sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B

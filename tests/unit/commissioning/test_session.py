@@ -203,7 +203,7 @@ def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
 
 
 def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.commissioning.procedure.APPROACH_TIME", 0.2)
+    monkeypatch.setattr("hil_bench.abilities.commissioning.rig.APPROACH_TIME", 0.2)
     tested = machine(plan=PLAN + "[dead_band]\nposition_mm = [-20, 120]\n")
     result = tested.commission().results[-1]
     assert result.verdict is Verdict.STOPPED

@@ -13,8 +13,7 @@ from support.programs import needs_compiler, surroundings_of
 from hil_bench.abilities.controllers.program import preload
 from hil_bench.abilities.controllers.program.controller import interface_names
 from hil_bench.abilities.controllers.program.exchange import RING, Exchange
-from hil_bench.abilities.controllers.program.executable import find_fault
-from hil_bench.abilities.controllers.program.kind import KIND
+from hil_bench.abilities.controllers.program.kind import KIND, find_fault
 from hil_bench.config.settings import Given, Origin, Problems, convert, read_table
 from hil_bench.errors import ConfigError, ControllerError, ControllerFileError
 

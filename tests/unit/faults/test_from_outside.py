@@ -15,7 +15,7 @@ from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.live import ctl
 from hil_bench.abilities.panel.bench_link import fault_choices
 from hil_bench.abilities.recording.mdf_blocks import read_events
-from hil_bench.abilities.scenario.schema import scenario_schema
+from hil_bench.abilities.scenario.verbs.scenario import scenario_schema
 from hil_bench.cli import main
 
 pytest_plugins = ["pytester"]

@@ -15,8 +15,7 @@ from support.expectations import (
     rtamt_margins,
 )
 
-from hil_bench.abilities.scenario.build import AT_START, StreamBuilder
-from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.monitor import AT_START, Monitor, StreamBuilder
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.values import Block
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.scenario.build import window_ticks
 from hil_bench.abilities.scenario.dimensions import find_unit
 from hil_bench.abilities.scenario.judgement import (
     RequirementOutcome,
@@ -14,7 +13,7 @@ from hil_bench.abilities.scenario.judgement import (
     show_number,
     show_reading,
 )
-from hil_bench.abilities.scenario.monitor import Monitor
+from hil_bench.abilities.scenario.monitor import Monitor, window_ticks
 from hil_bench.abilities.scenario.nodes import (
     All,
     Always,

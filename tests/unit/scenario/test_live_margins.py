@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.scenario.live_margins import LiveMargins, bands_of
 from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.resolve import Requirement
+from hil_bench.abilities.scenario.verbs.scenario_view import LiveMargins, bands_of
 
 CHANNELS = {"a.position": "m", "a.P_A": "Pa"}
 

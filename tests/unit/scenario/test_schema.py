@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.abilities.faults.registry import FAULT_KINDS
-from hil_bench.abilities.scenario.schema import scenario_schema
+from hil_bench.abilities.scenario.verbs.scenario import scenario_schema
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "scenarios").glob("*.toml"))
 

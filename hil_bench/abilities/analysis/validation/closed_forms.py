@@ -264,11 +264,7 @@ def _steady_motion(subject: Subject, sign: float) -> Iterator[ValidationCheck]:
     reason = _unsteady(subject, spool, time)
     if reason:
         yield ValidationCheck(
-            subject=subject.name,
-            name=f"speed {way}",
-            unit="m/s",
-            source=_STEADY,
-            detail=reason,
+            subject=subject.name, name=f"speed {way}", unit="m/s", source=_STEADY, detail=reason
         )
         return
     start = balanced_state(p, x=-sign * _REACH * p.h)._replace(v=0.8 * sign * speed, nu=spool)

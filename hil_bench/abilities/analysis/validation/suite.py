@@ -206,9 +206,5 @@ def _axis_checks(axis: AxisConfig, dt: float) -> Iterator[ValidationCheck]:
 
 def _without_checks(axis: AxisConfig, reason: str) -> ValidationCheck:
     return ValidationCheck(
-        subject=axis.name,
-        name="closed forms",
-        unit="-",
-        source="equations (1)-(13)",
-        detail=reason,
+        subject=axis.name, name="closed forms", unit="-", source="equations (1)-(13)", detail=reason
     )

@@ -15,10 +15,7 @@ from hil_bench.abilities.common.terminal import agrees
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.exit_codes import verdict_code
 from hil_bench.cli.results import print_lines
-from hil_bench.errors import (
-    ConfigError,
-    about_file,
-)
+from hil_bench.errors import ConfigError, about_file
 from hil_drivers import DriverError, Network
 
 

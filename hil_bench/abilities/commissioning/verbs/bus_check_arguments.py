@@ -51,8 +51,6 @@ def take_over(args: argparse.Namespace, config: BenchConfig) -> int | None:
             raise ConfigError(f"--{option}: belongs to --apply; give both")
     if not args.bus:
         return None
-    from hil_bench.abilities.commissioning.verbs.bus_check import (  # noqa: PLC0415 - talks to devices
-        check_bus,
-    )
+    from hil_bench.abilities.commissioning.verbs.bus_check import check_bus  # noqa: PLC0415 - talks to devices
 
     return check_bus(args, config)

@@ -38,10 +38,7 @@ from hil_bench.abilities.commissioning.verbs.commission_settings import (
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.abilities.common.files import make_directory
-from hil_bench.abilities.common.progress import (
-    Work,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.abilities.common.work import (
     ShownRows,

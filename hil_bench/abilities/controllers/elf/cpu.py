@@ -17,9 +17,9 @@ from hil_bench.abilities.controllers.elf.calls import (
     Exceptions,
 )
 from hil_bench.abilities.controllers.elf.cells import Cells
+from hil_bench.abilities.controllers.elf.core_view import FIRST_INTERRUPT, PENDSV, SVCALL, SYSTICK
 from hil_bench.abilities.controllers.elf.divisions import DivisionTraps
 from hil_bench.abilities.controllers.elf.engine import Engine, EngineError
-from hil_bench.abilities.controllers.elf.nvic import FIRST_INTERRUPT, PENDSV, SVCALL, SYSTICK
 
 MODELS: Final = {
     "Cortex-M0": arm.UC_CPU_ARM_CORTEX_M0,

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from hil_bench.abilities.controllers.elf.timeline import Core
+from hil_bench.abilities.controllers.elf.core_view import Core
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.canopen_device.frame import Frame
 

@@ -6,10 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_column_arguments
-from hil_bench.abilities.common.progress import (
-    Work,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.quantities import find_doubts

@@ -27,10 +27,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.exit_codes import ExitCode, verdict_code, worst
 from hil_bench.cli.results import json_text
 from hil_bench.config.settings import Origin
-from hil_bench.errors import (
-    ConfigError,
-    about_file,
-)
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.outside.recording.channels import TIME, LoggedFrame, Recording
 from hil_bench.units import ONE
 

@@ -30,12 +30,7 @@ from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.run_setup import watched_run
-from hil_bench.cli.status_line import (
-    Field,
-    StatusLine,
-    bench_status,
-    bench_status_row,
-)
+from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.helper_process import Snapshot
 

@@ -19,12 +19,12 @@ from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
 from hil_bench.abilities.scenario.run import PlayOptions, prepare
 from hil_bench.abilities.scenario.verbs import scenario_report
-from hil_bench.abilities.scenario.verbs.machine_side import (
+from hil_bench.abilities.scenario.verbs.machine_test import (
     add_machine_arguments,
     is_on_machine,
+    play_on_machine,
     prepare_chosen,
 )
-from hil_bench.abilities.scenario.verbs.machine_test import play_on_machine
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
     read_parameter,

@@ -17,14 +17,14 @@ from support.chip_core import Core
 from hil_bench.abilities.controllers.elf.calls import find_calls
 from hil_bench.abilities.controllers.elf.cells import COUNTED, KEPT
 from hil_bench.abilities.controllers.elf.chips import CHIPS, FAMILIES, find_chip
-from hil_bench.abilities.controllers.elf.elf_file import read_program
-from hil_bench.abilities.controllers.elf.nvic import (
+from hil_bench.abilities.controllers.elf.core_view import (
     HARD_FAULT,
     NMI,
     PENDSV,
     SYSTICK,
     THREAD_PRIORITY,
 )
+from hil_bench.abilities.controllers.elf.elf_file import read_program
 from hil_bench.abilities.controllers.elf.peripherals.bxcan import BxCan, Filters
 from hil_bench.abilities.controllers.elf.peripherals.timer import Timer
 from hil_bench.abilities.controllers.elf.wire import Wire, rank

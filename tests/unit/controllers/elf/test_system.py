@@ -4,7 +4,7 @@ import pytest
 from support.chip_core import Core
 
 from hil_bench.abilities.controllers.elf.calls import find_calls
-from hil_bench.abilities.controllers.elf.nvic import NMI, PENDSV, SYSTICK
+from hil_bench.abilities.controllers.elf.core_view import NMI, PENDSV, SYSTICK
 from hil_bench.abilities.controllers.elf.peripherals.system import SystemControl
 
 INTERRUPTS = 80

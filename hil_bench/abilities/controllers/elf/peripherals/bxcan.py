@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from hil_bench.abilities.controllers.elf.cells import READ, WRITTEN, make_cells
+from hil_bench.abilities.controllers.elf.core_view import Core
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
-from hil_bench.abilities.controllers.elf.timeline import Core
 from hil_bench.abilities.controllers.elf.wire import Wire
 from hil_bench.canopen_device.frame import Frame
 

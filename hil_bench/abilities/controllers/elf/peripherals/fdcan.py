@@ -6,8 +6,8 @@ Its message RAM has a fixed layout; it neither sends nor hears frames of CAN FD.
 from collections.abc import Sequence
 from typing import Any, Final
 
+from hil_bench.abilities.controllers.elf.core_view import Core
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
-from hil_bench.abilities.controllers.elf.timeline import Core
 from hil_bench.abilities.controllers.elf.wire import Wire
 from hil_bench.canopen_device.frame import Frame
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from hil_bench.abilities.controllers.elf.core_view import FIRST_INTERRUPT, NMI, PENDSV, SYSTICK
 from hil_bench.abilities.controllers.elf.cpu import Cpu
-from hil_bench.abilities.controllers.elf.nvic import FIRST_INTERRUPT, NMI, PENDSV, SYSTICK
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from hil_bench.abilities.controllers.elf.cells import COUNTED, KEPT, READ, make_cells
+from hil_bench.abilities.controllers.elf.core_view import Core
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
-from hil_bench.abilities.controllers.elf.timeline import Core
 
 if TYPE_CHECKING:
     from hil_bench.abilities.controllers.elf.calls import Alarm

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from hil_bench.abilities.controllers.elf.core_view import Core
 from hil_bench.abilities.controllers.elf.peripherals.registers import Peripheral
-from hil_bench.abilities.controllers.elf.timeline import Core
 
 _TXE, _TC = 0x80, 0x40
 

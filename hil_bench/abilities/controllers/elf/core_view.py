@@ -1,7 +1,7 @@
 """The core of a chip, as its peripherals see it."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 if TYPE_CHECKING:
     from hil_bench.abilities.controllers.elf.calls import Alarm
@@ -21,3 +21,11 @@ class Core(Protocol):
 
     def hold_line(self, interrupt: int, *, is_active: bool) -> None:
         """Set the level of an interrupt's line: pending again for as long as it is active."""
+
+
+# Numbers of a Cortex-M's exceptions (Armv7-M ARM, B1.5).
+
+RESET, NMI, HARD_FAULT, SVCALL, PENDSV, SYSTICK = 1, 2, 3, 11, 14, 15
+FIRST_INTERRUPT: Final = 16
+THREAD_PRIORITY: Final = 256
+"""The priority of code outside of exceptions: any exception is more urgent."""

@@ -7,6 +7,7 @@ and the memory is that of the windows inside.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -180,9 +181,9 @@ class StreamBuilder:
             case nodes.Comparison():
                 return values.ComparisonMargins(node, self._tick_ns)
             case nodes.StateIs():
-                return values.StateMargins(node)
+                return partial(values.state_margins, node)
             case nodes.Event():
-                return values.EventMargins(node)
+                return partial(values.event_margins, node)
             case nodes.Edge():
                 return values.EdgeMargins(node, self._tick_ns)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 from hil_bench import units
 from hil_bench.abilities.j1939.protocol.diagnostics import HIGHEST_FMI, HIGHEST_SPN
@@ -158,17 +158,41 @@ def _compare_state(
 
 # The functions and events of an expectation: ``abs(x)``, ``rises(x)``, ``emcy(valve)``.
 
-Call = Callable[[Sequence[syntax.Operand], nodes.Position, nodes.Vocabulary], syntax.Operand]
+
+class Arguments(NamedTuple):
+    """The arguments of a call.
+
+    Attributes:
+        given: the operands in its brackets.
+        position: where it begins.
+        known: the names that it may use.
+    """
+
+    given: Sequence[syntax.Operand]
+    position: nodes.Position
+    known: nodes.Vocabulary
+
+    def take_one(self, form: str) -> syntax.Operand:
+        """Return the only operand.
+
+        Raises:
+            ExpectationError: there are more, or none.
+        """
+        if len(self.given) != 1:
+            wrong = f"takes 1 value, not {len(self.given)}"
+            raise syntax.ExpectationError(self.position, f"{wrong}; write {form}")
+        return self.given[0]
+
+
+Call = Callable[[Arguments], syntax.Operand]
 
 _NANOSECOND = 1e-9
 _HIGHEST_ID = 0x1FFFFFFF
 _NO_SIGNAL = "holds no signal, so nothing can change it; give a signal"
 
 
-def _abs(
-    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
-) -> syntax.Operand:
-    (operand,) = _take(given, "abs(x)", position)
+def _abs(call: Arguments) -> syntax.Operand:
+    operand, position = call.take_one("abs(x)"), call.position
     found = syntax.quantity_of(operand, "abs")
     if isinstance(found.node, nodes.Number):
         return found._replace(
@@ -177,10 +201,8 @@ def _abs(
     return found._replace(node=nodes.Magnitude(found.node, position=position), slack=0.0)
 
 
-def _rate(
-    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
-) -> syntax.Operand:
-    (operand,) = _take(given, "rate(x)", position)
+def _rate(call: Arguments) -> syntax.Operand:
+    operand, position = call.take_one("rate(x)"), call.position
     found = syntax.quantity_of(operand, "rate")
     if found.is_constant:
         raise syntax.ExpectationError(position, f"rate {_NO_SIGNAL}")
@@ -190,10 +212,8 @@ def _rate(
     )
 
 
-def _previous(
-    given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
-) -> syntax.Operand:
-    (operand,) = _take(given, "previous(x)", position)
+def _previous(call: Arguments) -> syntax.Operand:
+    operand, position = call.take_one("previous(x)"), call.position
     if isinstance(operand, nodes.Node):
         return nodes.PreviousCondition(operand, position=position)
     found = syntax.quantity_of(operand, "previous")
@@ -203,10 +223,8 @@ def _previous(
 
 
 def _edge(turn: nodes.Turn) -> Call:
-    def build(
-        given: Sequence[syntax.Operand], position: nodes.Position, _known: nodes.Vocabulary
-    ) -> syntax.Operand:
-        (operand,) = _take(given, f"{turn}(x)", position)
+    def build(call: Arguments) -> syntax.Operand:
+        operand, position = call.take_one(f"{turn}(x)"), call.position
         if isinstance(operand, syntax.State):
             return _state_edge(turn, operand, position)
         if isinstance(operand, nodes.Node):
@@ -226,14 +244,13 @@ def _state_edge(turn: nodes.Turn, state: syntax.State, position: nodes.Position)
     return nodes.Edge(turn, nodes.Reading(state.name, position=state.position), position=position)
 
 
-def _settled(
-    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
-) -> syntax.Operand:
+def _settled(call: Arguments) -> syntax.Operand:
+    given, position, known = call
     form = "settled(deviation, band) or settled(deviation, band, time)"
     if len(given) not in {2, 3}:
         raise syntax.ExpectationError(position, f"settled takes 2 or 3 values; write {form}")
     inside = compare(
-        [_abs(given[:1], position, known), given[1]], [nodes.Relation.LESS_EQUAL], known
+        [_abs(call._replace(given=given[:1])), given[1]], [nodes.Relation.LESS_EQUAL], known
     )
     if not isinstance(inside, nodes.Comparison):  # a state, which `quantity_of` has refused
         raise syntax.ExpectationError(position, f"settled needs a deviation; write {form}")
@@ -257,9 +274,8 @@ def _require(name: syntax.Text, known: Collection[str], what: str, without: str)
         raise syntax.ExpectationError(name.position, f"{quote(name.text)} is no {what}; {right}")
 
 
-def _emcy(
-    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
-) -> syntax.Operand:
+def _emcy(call: Arguments) -> syntax.Operand:
+    given, position, known = call
     form = "emcy(NODE) or emcy(NODE, 0x8110)"
     if not 1 <= len(given) <= 2 or not isinstance(given[0], syntax.Text):
         raise syntax.ExpectationError(position, f"emcy takes the name of a node; write {form}")
@@ -269,9 +285,8 @@ def _emcy(
     return nodes.Event(f"{nodes.EMCY}({node.text}{code})", position=position)
 
 
-def _dm1(
-    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
-) -> syntax.Operand:
+def _dm1(call: Arguments) -> syntax.Operand:
+    given, position, known = call
     form = "dm1(DEVICE), dm1(DEVICE, 1907) or dm1(DEVICE, 1907, 9)"
     if not 1 <= len(given) <= 3 or not isinstance(given[0], syntax.Text):
         raise syntax.ExpectationError(
@@ -285,11 +300,9 @@ def _dm1(
     return nodes.Event(f"{nodes.DM1}({name})", position=position)
 
 
-def _frame(
-    given: Sequence[syntax.Operand], position: nodes.Position, known: nodes.Vocabulary
-) -> syntax.Operand:
-    (operand,) = _take(given, "frame(0x181)", position)
-    if not known.has_frames:
+def _frame(call: Arguments) -> syntax.Operand:
+    operand, position = call.take_one("frame(0x181)"), call.position
+    if not call.known.has_frames:
         raise syntax.ExpectationError(position, "there are no frames here; give a signal")
     return nodes.Event(
         f"{nodes.FRAME}(0x{_whole(operand, _HIGHEST_ID, 'frame(0x181)'):X})", position=position
@@ -304,14 +317,6 @@ def _whole(operand: syntax.Operand, highest: int, form: str) -> int:
             where, f"is no number from 0 to 0x{highest:X}; write it as in {form}"
         )
     return int(value)
-
-
-def _take(
-    given: Sequence[syntax.Operand], form: str, position: nodes.Position
-) -> Sequence[syntax.Operand]:
-    if len(given) != 1:
-        raise syntax.ExpectationError(position, f"takes 1 value, not {len(given)}; write {form}")
-    return given
 
 
 CALLS: Final = MappingProxyType(

@@ -6,18 +6,29 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
 from hil_bench.abilities.scenario import dimensions, nodes, syntax
-from hil_bench.abilities.scenario.operators import CALLS, combine, compare
+from hil_bench.abilities.scenario.operators import CALLS, Arguments, combine, compare
 from hil_bench.config.values import find_nearest, quote
 
 if TYPE_CHECKING:
     from lark import Token, Tree
 
 _LONGEST_TIME = 1e9  # [s]
-_SPANS: Final[Mapping[str, type[nodes.Always | nodes.Eventually]]] = MappingProxyType(
-    {"always": nodes.Always, "eventually": nodes.Eventually}
+_Span = nodes.Always | nodes.Eventually | nodes.Historically | nodes.Once
+_SPANS: Final[Mapping[str, type[_Span]]] = MappingProxyType(
+    {
+        "always": nodes.Always,
+        "eventually": nodes.Eventually,
+        "historically": nodes.Historically,
+        "once": nodes.Once,
+    }
 )
-_PASTS: Final[Mapping[str, type[nodes.Historically | nodes.Once]]] = MappingProxyType(
-    {"historically": nodes.Historically, "once": nodes.Once}
+_TIMED: Final[Mapping[str, type[_Span]]] = MappingProxyType(
+    {
+        "within": nodes.Eventually,
+        "for_": nodes.Always,
+        "for_the_last": nodes.Historically,
+        "within_the_last": nodes.Once,
+    }
 )
 _OPERATIONS = MappingProxyType(
     {
@@ -68,18 +79,15 @@ class _Builder:
             "negative": self._negative,
             "comparison": self._comparison,
             "not_": self._not,
-            "and_": self._and,
-            "or_": self._or,
+            "and_": self._joined,
+            "or_": self._joined,
             "implies": self._implies,
             "whenever": self._whenever,
-            "within": self._within,
-            "for_": self._for,
-            "for_the_last": self._for_the_last,
-            "within_the_last": self._within_the_last,
             "until": self._until,
             "since": self._until,
             **dict.fromkeys(_OPERATIONS, self._arithmetic),
-            **dict.fromkeys((*_SPANS, *_PASTS), self._span),
+            **dict.fromkeys(_SPANS, self._span),
+            **dict.fromkeys(_TIMED, self._timed),
         }
 
     def build(self, tree: "Tree[Token]") -> syntax.Operand:
@@ -158,7 +166,7 @@ class _Builder:
             given = [self.build(_tree(each)) for each in rest]
         if name in {nodes.EMCY, nodes.FRAME}:
             _check_digits(tree)
-        return CALLS[str(name)](given, position, self._known)
+        return CALLS[str(name)](Arguments(given, position, self._known))
 
     def _negative(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         found = syntax.quantity_of(self.build(_tree(tree.children[0])), "-")
@@ -180,11 +188,9 @@ class _Builder:
     def _not(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         return nodes.Not(self._condition(tree.children[0], "not"), position=position)
 
-    def _and(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        return nodes.All(self._operands(tree, "and"), position=position)
-
-    def _or(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        return nodes.Any(self._operands(tree, "or"), position=position)
+    def _joined(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        kind = nodes.All if tree.data == "and_" else nodes.Any
+        return kind(self._operands(tree, tree.data.rstrip("_")), position=position)
 
     def _operands(self, tree: "Tree[Token]", word: str) -> tuple[nodes.Condition, ...]:
         """Return the operands of ``a and b and c``, which the grammar nests to the left."""
@@ -214,28 +220,15 @@ class _Builder:
         if tree.data in {"eventually", "once"} and _tree(operand).data == "within":
             right = "within T A" if tree.data == "eventually" else "A within the last T"
             raise syntax.ExpectationError(position, f"{tree.data} within: write {right} alone")
-        kind = _SPANS.get(tree.data) or _PASTS[tree.data]
-        return kind(window, self._condition(operand, tree.data), position=position)
+        return _SPANS[tree.data](window, self._condition(operand, tree.data), position=position)
 
-    def _within(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        window = nodes.Window(0, self._duration(tree.children[0]))
-        return nodes.Eventually(
-            window, self._condition(tree.children[1], "within"), position=position
-        )
-
-    def _for(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        window = nodes.Window(0, self._duration(tree.children[1]))
-        return nodes.Always(window, self._condition(tree.children[0], "for"), position=position)
-
-    def _for_the_last(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        window = nodes.Window(0, self._duration(tree.children[1]))
-        operand = self._condition(tree.children[0], "for the last")
-        return nodes.Historically(window, operand, position=position)
-
-    def _within_the_last(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
-        window = nodes.Window(0, self._duration(tree.children[1]))
-        operand = self._condition(tree.children[0], "within the last")
-        return nodes.Once(window, operand, position=position)
+    def _timed(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
+        """Return a condition with a window from now on, or up to now, of a stated length."""
+        first, second = tree.children
+        time, operand = (first, second) if tree.data == "within" else (second, first)
+        window = nodes.Window(0, self._duration(time))
+        word = tree.data.rstrip("_").replace("_", " ")
+        return _TIMED[tree.data](window, self._condition(operand, word), position=position)
 
     def _until(self, tree: "Tree[Token]", position: nodes.Position) -> syntax.Operand:
         first, *windows, last = tree.children

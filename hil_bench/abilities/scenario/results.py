@@ -1,13 +1,14 @@
 """The result of a scenario, in words and as a JUnit file."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.scenario.judgement import Evidence, Judgement, RequirementOutcome
 from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import ControllerFileError, HilBenchError, about_file
@@ -55,31 +56,28 @@ class ScenarioResult:
         return {finding.judgement.outcome for finding in self.findings}
 
 
+def blank_result(
+    scenario: Scenario, seed: int, parameters: Mapping[str, float], problem: str = ""
+) -> ScenarioResult:
+    """Return the result of a scenario before it was played, or that it was not, with the reason."""
+    about = str(scenario.path), scenario.title, scenario.requirement_ids, seed
+    return ScenarioResult(*about, dict(parameters), problem=problem)
+
+
 def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> ScenarioResult:
     """Play a scenario; a firmware that fails, or a step that cannot act, is a result too."""
-    scenario = prepared.scenario
-    duration, ending, problem, is_misuse = 0.0, "", "", False
-    findings: tuple[Finding, ...] = ()
-    evidence: Evidence | None = None
+    blank = blank_result(prepared.scenario, prepared.config.seed, prepared.parameters)
     try:
         run = play(prepared, options)
     except HilBenchError as error:
-        problem, is_misuse = str(error), isinstance(error, ControllerFileError)
-    else:
-        duration, ending, findings = run.duration, run.ending, run.findings
-        evidence = run.evidence
-    return ScenarioResult(
-        str(scenario.path),
-        scenario.title,
-        scenario.requirement_ids,
-        prepared.config.seed,
-        dict(prepared.parameters),
-        duration,
-        ending,
-        problem,
-        findings,
-        evidence,
-        is_misuse=is_misuse,
+        is_misuse = isinstance(error, ControllerFileError)
+        return replace(blank, problem=str(error), is_misuse=is_misuse)
+    return replace(
+        blank,
+        duration=run.duration,
+        ending=run.ending,
+        findings=run.findings,
+        evidence=run.evidence,
     )
 
 

@@ -180,22 +180,6 @@ def _overlaid(mapping: PdoMapping, target: ObjectTarget, raw: object, shift: int
 # Does the steps of a scenario, each at the start of its tick.
 
 
-class RunPlan(NamedTuple):
-    """The plan of a run.
-
-    Attributes:
-        actions: in the order of time.
-        tick_ns: time between two ticks [ns].
-        last_tick: number of the last tick.
-        sync_ticks: ticks from SYNC to SYNC, where the scenario itself sends it; else 0.
-    """
-
-    actions: tuple[TimedAction, ...]
-    tick_ns: int
-    last_tick: int
-    sync_ticks: int = 0
-
-
 class Move(NamedTuple):
     """A value that is on its way.
 
@@ -219,7 +203,7 @@ class Director:
     """The steps of a run; it is the `intercept` of a session.
 
     Args:
-        plan: what to do.
+        prepared: what to do.
         session: on which bench.
         targets: what may be set there.
         hand: sets it.
@@ -234,14 +218,20 @@ class Director:
 
     overwrites: Callable[[str], bool] = staticmethod(lambda _name: False)
 
-    def __init__(self, plan: RunPlan, session: Session, targets: Targets, hand: Hand) -> None:
+    def __init__(
+        self, prepared: PreparedScenario, session: Session, targets: Targets, hand: Hand
+    ) -> None:
         self.is_over = False
         self.problem = ""
         self.sent = 0
         self.is_changed: dict[str, bool] = {}
-        self._plan, self._session, self._hand = plan, session, hand
+        self._actions, self._tick_ns = prepared.actions, prepared.config.tick_ns
+        self._last_tick = prepared.last_tick
+        # Ticks from SYNC to SYNC, where the scenario itself sends it; else 0.
+        self._sync_ticks = 0 if prepared.scenario.controller else prepared.config.ticks_per_sync
+        self._session, self._hand = session, hand
         self._targets = targets
-        self._waiting = list(reversed(plan.actions))
+        self._waiting = list(reversed(prepared.actions))
         self._courses: dict[str, Move] = {}
         self._values: dict[str, float] = {}
         self._repeated: dict[str, ValveTarget] = {}
@@ -254,24 +244,24 @@ class Director:
     def adopt(self, actions: Sequence[TimedAction]) -> None:
         """Go on with the actions of another run, whose first ones are those that have begun."""
         done = self.done
-        self._plan = self._plan._replace(actions=tuple(actions))
+        self._actions = tuple(actions)
         self._waiting = list(reversed(actions[done:]))
 
     @property
     def done(self) -> int:
         """The number of actions that have begun, the first ones of the plan."""
-        return len(self._plan.actions) - len(self._waiting)
+        return len(self._actions) - len(self._waiting)
 
     def __call__(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         """Do what is due; return the frames of the controller, and behind them those of steps."""
-        tick = self._tick = now // self._plan.tick_ns
-        if self.is_over or tick > self._plan.last_tick:
+        tick = self._tick = now // self._tick_ns
+        if self.is_over or tick > self._last_tick:
             self.is_over = True
             return frames
         waiting = self._waiting
         is_due = bool(self._courses or self._repeated) or bool(waiting and waiting[-1].tick <= tick)
         own = list(self._due(tick)) if is_due else []
-        if self._sends_sync and tick % self._plan.sync_ticks == 0:
+        if self._sends_sync and tick % self._sync_ticks == 0:
             own.append(Frame(SYNC_COB_ID))
         self.sent += len(own)
         if not self._passes_sync:
@@ -288,7 +278,7 @@ class Director:
             if tick >= course.points[-1][0]:
                 del self._courses[name]
                 if self.overwrites(name) and not self.problem:
-                    when = f"has its value at {tick * self._plan.tick_ns / 1e9:g} s"
+                    when = f"has its value at {tick * self._tick_ns / 1e9:g} s"
                     why = "before the example has enabled the valve, and loses it then"
                     self.problem = f"{name}: {when}, {why}; give a later at_s"
                     self.is_over = True
@@ -307,7 +297,7 @@ class Director:
                 self._put(timed.place, begin)
             case NmtStep():
                 yield from self._hand.command(action)
-            case SyncStep() if self._plan.sync_ticks:
+            case SyncStep() if self._sync_ticks:
                 self._sends_sync = action.is_on
             case SyncStep():
                 self._passes_sync = action.is_on
@@ -334,7 +324,7 @@ class Director:
         done = self._hand.set(target, value)
         if isinstance(target, ValveTarget):
             self._repeated[name] = target
-            self._repeats_at[name] = self._tick + -(-PERIOD // self._plan.tick_ns)
+            self._repeats_at[name] = self._tick + -(-PERIOD // self._tick_ns)
         if isinstance(done, Frame):
             yield done
         else:
@@ -376,7 +366,7 @@ class Stage:
         config = prepared.config
         self._prepared, self._faults = prepared, session.bench.part(Faults)
         targets, hand = Targets(config, session), Hand(config, session)
-        self.director = Director(_plan(prepared), session, targets, hand)
+        self.director = Director(prepared, session, targets, hand)
         names = names_in(each.condition for each in prepared.requirements)
         self.witness = Witness(config, session, names, prepared.last_tick)
         self._received, self._session = 0, session
@@ -460,8 +450,3 @@ class _Stopper:
             monitor.push(columns, ticks - self._seen)
         self._seen = ticks
         self._director.is_over = any(monitor.is_failed for monitor in self._monitors)
-
-
-def _plan(prepared: PreparedScenario) -> RunPlan:
-    sync_ticks = 0 if prepared.scenario.controller else prepared.config.ticks_per_sync
-    return RunPlan(prepared.actions, prepared.config.tick_ns, prepared.last_tick, sync_ticks)

@@ -306,28 +306,16 @@ class ComparisonMargins:
         return signed(self._relation(left, right), sizes, np.isnan(left) | np.isnan(right))
 
 
-class StateMargins:
-    """The margins of a state: without size."""
-
-    def __init__(self, node: nodes.StateIs) -> None:
-        self._node = node
-
-    def __call__(self, block: Block) -> Bounds:
-        """Return the margins of the next ticks."""
-        codes = block.columns[self._node.name]
-        return signed(codes == self._node.code, math.inf, ~np.isfinite(codes))
+def state_margins(node: nodes.StateIs, block: Block) -> Bounds:
+    """Return the margins of a state: without size."""
+    codes = block.columns[node.name]
+    return signed(codes == node.code, math.inf, ~np.isfinite(codes))
 
 
-class EventMargins:
-    """The margins of an event: without size."""
-
-    def __init__(self, node: nodes.Event) -> None:
-        self._name = node.name
-
-    def __call__(self, block: Block) -> Bounds:
-        """Return the margins of the next ticks."""
-        happened = block.columns[self._name]
-        return signed(happened > 0.0, math.inf, ~np.isfinite(happened))
+def event_margins(node: nodes.Event, block: Block) -> Bounds:
+    """Return the margins of an event: without size."""
+    happened = block.columns[node.name]
+    return signed(happened > 0.0, math.inf, ~np.isfinite(happened))
 
 
 class EdgeMargins:

@@ -39,7 +39,7 @@ from hil_bench.abilities.scenario.recorded import (
 )
 from hil_bench.abilities.scenario.records import Scenario, ticks_of
 from hil_bench.abilities.scenario.resolve import PreparedScenario
-from hil_bench.abilities.scenario.results import ScenarioResult
+from hil_bench.abilities.scenario.results import ScenarioResult, blank_result
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bus_arguments, load_bench_config
@@ -426,12 +426,4 @@ def _closing(rig: Rig) -> str:
 
 
 def _result(machine: Machine, each: MachineScenario, problem: str = "") -> ScenarioResult:
-    scenario = each.scenario
-    return ScenarioResult(
-        str(scenario.path),
-        scenario.title,
-        scenario.requirement_ids,
-        machine.config.seed,
-        dict(each.parameters),
-        problem=problem,
-    )
+    return blank_result(each.scenario, machine.config.seed, each.parameters, problem)

@@ -16,7 +16,12 @@ from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.pool import Pool, TaskEnd
 from hil_bench.abilities.scenario.report import Chapter
 from hil_bench.abilities.scenario.resolve import PreparedScenario
-from hil_bench.abilities.scenario.results import ScenarioResult, play_for_result, write_junit
+from hil_bench.abilities.scenario.results import (
+    ScenarioResult,
+    blank_result,
+    play_for_result,
+    write_junit,
+)
 from hil_bench.abilities.scenario.run import PlayOptions, prepare
 from hil_bench.abilities.scenario.verbs import scenario_report
 from hil_bench.abilities.scenario.verbs.machine_test import (
@@ -227,7 +232,7 @@ def _side_by_side(args: argparse.Namespace, chosen: Sequence[PreparedScenario]) 
 
     def crashed(task: Task, _end: TaskEnd, problem: str) -> Played:
         each = chosen[task.number]
-        return _ended(args, task.number, each, replace(_blank(each), problem=problem))
+        return _ended(args, task.number, each, _blank(each, problem))
 
     tasks = (Task(number, each.scenario.path, args) for number, each in enumerate(chosen))
     with Pool(min(args.jobs, len(chosen)), play_task, crashed) as pool:
@@ -286,13 +291,11 @@ def _ended(
 
 
 def _interrupted(prepared: PreparedScenario) -> ScenarioResult:
-    return replace(_blank(prepared), problem="interrupted", is_interrupted=True)
+    return replace(_blank(prepared, "interrupted"), is_interrupted=True)
 
 
-def _blank(prepared: PreparedScenario) -> ScenarioResult:
-    scenario, parameters = prepared.scenario, dict(prepared.parameters)
-    about = str(scenario.path), scenario.title, scenario.requirement_ids, prepared.config.seed
-    return ScenarioResult(*about, parameters)
+def _blank(prepared: PreparedScenario, problem: str) -> ScenarioResult:
+    return blank_result(prepared.scenario, prepared.config.seed, prepared.parameters, problem)
 
 
 def _find_all(paths: Sequence[Path]) -> list[Path]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.j1939.configuration.dbc_signals import load_dbc
+from hil_bench.abilities.j1939.configuration.signals import load_dbc
 
 if TYPE_CHECKING:
     from cantools.database.can import Message

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from hil_bench.abilities.j1939.configuration.ecu_signals import (
+from hil_bench.abilities.j1939.configuration.signals import (
     SIGNALS_TABLE,
     GivenSignal,
     build_signals,

@@ -1,9 +1,10 @@
 """Signals of J1939 devices: by their names in a DBC file, and those of a device by table.
 
 ``x = { message = "BJM1", signal = "JoystickX" }`` stands for the parameter group, the place, the
-scaling, the unit, the period and the SPN that the file has for it. By table it is ``x = { pgn =
-0xFDD6, start_bit = 6, length = 10, resolution = 0.1, sine = 100, period_s = 4.0 }``: where it stands,
-and where its value comes from: `source`, a script, `follow`, or a test.
+scaling, the unit, the period and the SPN that the file has for it.
+
+By table, ``x = { pgn = 0xFDD6, start_bit = 6, length = 10, resolution = 0.1, sine = 100 }`` says
+where a signal stands, and where its value comes from: `source`, a script, `follow`, or a test.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

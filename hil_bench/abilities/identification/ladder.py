@@ -1,5 +1,6 @@
 """The ladder of models: each starts from the plateaus, and is judged by strokes left out."""
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from hil_bench.abilities.identification.machine import (
 from hil_bench.abilities.identification.steady import fit_plateaus
 from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
+from hil_bench.units import BAR, LITRE
 
 Values = npt.NDArray[np.float64]
 
@@ -33,6 +35,9 @@ _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder
 _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what errors count by
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
 _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
+
+_PUMPS, _GASES = (0.25, 0.5), (1.5, 4.0)  # of the valve's largest flow; of the swept volume
+_RISE = 0.06  # of the supply pressure, where the relief valve takes all that the pump gives
 
 _ROUNDS = 12  # of a search at most
 _AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
@@ -211,24 +216,27 @@ def climb(
     names = find_free(few, [*STEADY, *_offsets(few)], wish)
     overlap = few.template.start("spool_overlap_mm")
     unknowns, variables = _pairs(few, names, dict.fromkeys(OVERLAPS, overlap))
-    variables = fit_plateaus(few, unknowns, variables)
+    variables, _ = fit_plateaus(few, unknowns, variables)
     few = few.rescaled(read_values(unknowns, variables))
     first = search(few, unknowns, variables, 0)
     rungs = [judge(few, PLATEAUS, first, folds)]
-    for title, start, more in (
-        (THE_PAPERS, (), [*PAPER, *every]),
-        (WHOLE, first.unknowns, [*SWIFT, *every]),
-        (SUPPLY, None, _supply(few)),
-    ):
+    for title in (THE_PAPERS, WHOLE, SUPPLY):
         best = rungs[choose_rung(rungs)]
         if few.clock.is_over or (len(rungs) > 1 and best.is_good):
             break
         say(f"{title}; so far {_describe(few, best.fit)}")
-        known = best.fit.unknowns if start is None else start
-        names = find_free(few, [*(one.name for one in known), *more], wish)
-        values = best.fit.values if start is None else first.values if start else {}
-        unknowns, variables = _pairs(few, names, values)
-        variables = fit_plateaus(few, unknowns, variables) if start == () else variables
+        own, known, more = few, {}, [*PAPER, *every]
+        if title == WHOLE:
+            known, more = first.values, [*SWIFT, *every]
+        elif title == SUPPLY:
+            known, more = best.fit.values, list(_supply(few))
+            if PUMP in more and (drained := find_accumulator(few, first)):
+                own, steady = drained
+                known, more = rungs[-1].fit.values | steady, [*SWIFT, *every, *more]
+        names = find_free(few, [*known, *more], wish)
+        unknowns, variables = _pairs(own, names, known)
+        if own is not few or not known:
+            variables, _ = fit_plateaus(few, unknowns, variables)
         fit = search(few, unknowns, _scan(few, unknowns, variables, more), _ROUNDS)
         if math.isfinite(fit.cost):
             rungs.append(judge(few, title, fit, folds))
@@ -411,7 +419,7 @@ def _leave_out(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]
         return Problem(bench, fit.unknowns).without(fit.variables, folds)
     places = range(len(bench.course.strokes))
     rests = [[place for place in places if place not in fold] for fold in folds]
-    return [fit_plateaus(bench.some(rest), fit.unknowns, fit.variables) for rest in rests]
+    return [fit_plateaus(bench.some(rest), fit.unknowns, fit.variables)[0] for rest in rests]
 
 
 def _supply(bench: Bench) -> tuple[str, ...]:
@@ -423,6 +431,32 @@ def _supply(bench: Bench) -> tuple[str, ...]:
         return ()
     unit = ("pump_flow_l_min", "relief_pressure_bar", "accumulator_volume_l")
     return (*(key for key in unit if template.start(key) > 0.0), "tank_pressure_bar")
+
+
+def find_accumulator(bench: Bench, steady: Fit) -> tuple[Bench, dict[str, float]] | None:
+    """Return the plant with the accumulator that plateaus agree with, and the values of both.
+
+    What a stroke has drawn beyond the pump's flow is known from its speed and its way, and so is
+    the supply pressure in mid-stroke. None where a supply that holds its pressure agrees better.
+
+    Args:
+        bench: plant and record.
+        steady: fit of the plateaus with a supply that holds its pressure.
+    """
+    template = bench.template
+    p, most = template.axis.parameters, template.largest_flow
+    swept, names = LITRE.from_si(2.0 * p.h * p.A_A), [one.name for one in steady.unknowns]
+    overlaps = dict.fromkeys(OVERLAPS, template.start("spool_overlap_mm"))
+    agreed, found = fit_plateaus(bench, *_pairs(bench, names, overlaps))[1], None
+    for pump, gas in itertools.product(_PUMPS, _GASES):
+        droop = _RISE * BAR.from_si(p.P_S) / (pump * most)
+        held = {DROOP: droop, PUMP: pump, GAS: gas * swept}
+        own = replace(bench, template=replace(template, held=held))
+        unknowns, variables = _pairs(own, names, overlaps)
+        variables, cost = fit_plateaus(own, unknowns, variables)
+        if cost < agreed:
+            agreed, found = cost, (own, read_values(unknowns, variables) | held)
+    return found
 
 
 def _describe(bench: Bench, fit: Fit) -> str:

@@ -133,6 +133,12 @@ class Template:
     sessions: int
     held: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def largest_flow(self) -> float:
+        """Of the wide open valve without load [l/min]."""
+        p = self.axis.parameters
+        return LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
+
     def keys(self, values: Mapping[str, float]) -> dict[str, float | str]:
         """Return the keys of `bench.toml` that unknowns make, in their units."""
         values = {**self.held, **values}
@@ -200,7 +206,7 @@ class Template:
         p = self.axis.parameters
         force = NEWTON.from_si(0.02 * p.P_S * p.mean_area)
         opening = MILLIMETRE.from_si(p.full_opening)
-        most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
+        most = self.largest_flow
         leak = LITRE_PER_MINUTE_BAR.from_si(1e-3 * p.K * p.alpha / math.sqrt(p.P_S - p.P_T))
         ratios = {
             **dict.fromkeys(("bulk_modulus_mpa", SLEW, GAS), (4.0, 2.0)),
@@ -266,9 +272,8 @@ class Template:
 
     def _droop(self, values: Mapping[str, float], pressure: float) -> dict[str, float | str]:
         """Return the keys of a supply whose pressure falls with the flow, and comes back."""
-        p, droop = self.axis.parameters, values[DROOP]
-        most = LITRE_PER_MINUTE.from_si(p.K * p.alpha * math.sqrt(p.P_S - p.P_T))
-        pump = values.get(PUMP, _PUMP) * most
+        droop = values[DROOP]
+        pump = values.get(PUMP, _PUMP) * self.largest_flow
         return {
             "supply": Supply.UNIT,
             "pump_flow_l_min": pump,

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,9 @@ import numpy.typing as npt
 from hil_bench.abilities.identification.fit import Bench, find_middle
 from hil_bench.abilities.identification.machine import Unknown, read_values
 from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 
@@ -20,6 +24,7 @@ _STEP = 1e-4  # of a variable, for slopes
 _AWFUL = 1e3
 _STANDS = 1e-3  # of the speed that was recorded: no less counts
 _ROUNDS = 30
+_LEFT = 1e5  # [Pa] beyond the tank's: an accumulator is never emptier
 
 
 class Plateau(NamedTuple):
@@ -29,12 +34,14 @@ class Plateau(NamedTuple):
         session: the recording.
         setpoint: of the spool [m].
         speed: of the piston, without its sign [m/s].
+        travel: from the start of the stroke to the middle of its way [m].
         pressures: P_A and P_B; not a number for what is missing [Pa].
     """
 
     session: int
     setpoint: float
     speed: float
+    travel: float
     pressures: Values
 
 
@@ -52,21 +59,23 @@ def find_plateaus(bench: Bench) -> list[Plateau]:
         u = float(setpoints[inside.start : inside.stop].mean())
         speed = float(np.polyfit(record.interval * np.arange(len(part)), part[:, 0], 1)[0])
         key = (stroke.session, round(200.0 * u / record.full_opening))
-        plateau = Plateau(stroke.session, u, abs(speed), part[:, 1:].mean(axis=0))
+        travel = abs(float(part[:, 0].mean() - stroke.start[0]))
+        plateau = Plateau(stroke.session, u, abs(speed), travel, part[:, 1:].mean(axis=0))
         found.setdefault(key, []).append(plateau)
     return [
         Plateau(
             like[0].session,
             float(np.mean([one.setpoint for one in like])),
             float(np.median([one.speed for one in like])),
+            float(np.median([one.travel for one in like])),
             np.mean([one.pressures for one in like], axis=0),
         )
         for like in found.values()
     ]
 
 
-def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> Values:
-    """Return the variables of unknowns that fit the plateaus of a record best.
+def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> tuple[Values, float]:
+    """Return the variables of unknowns that fit the plateaus of a record best, and their cost.
 
     Args:
         bench: machine and record.
@@ -77,7 +86,7 @@ def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> Va
 
     plateaus = find_plateaus(bench)
     if not plateaus:
-        return begin
+        return begin, 0.0
     start, spread, low, high = np.array(
         [(one.start, one.spread, one.low, one.high) for one in unknowns]
     ).T
@@ -94,8 +103,9 @@ def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> Va
         rows = []
         for one in plateaus:
             z = abs(orifice_state(one.setpoint, (p.alpha, p.beta, alpha, beta)))
+            fed, unlimited = _fed(p, options, one)
             try:
-                found = steady_motion(p, options, extends=one.setpoint > 0.0, z=z)
+                found = steady_motion(fed, unlimited, extends=one.setpoint > 0.0, z=z)
             except ZeroDivisionError:  # an edge that does not open at all
                 rows += [_AWFUL] * 3
                 continue
@@ -114,4 +124,23 @@ def fit_plateaus(bench: Bench, unknowns: Sequence[Unknown], begin: Values) -> Va
         diff_step=_STEP,
         max_nfev=_ROUNDS,
     )
-    return np.asarray(found.x)
+    return np.asarray(found.x), float(found.cost)
+
+
+def _fed(
+    p: PlantParameters, options: PlantOptions, one: Plateau
+) -> tuple[PlantParameters, PlantOptions]:
+    """Return the plant at the supply pressure that an accumulator has left in mid-stroke."""
+    unit = options.supply
+    if unit is None or unit.variable is not None or not unit.accumulator_volume:
+        return p, options
+    area = p.A_A if one.setpoint > 0.0 else p.A_B
+    beyond = area * one.speed - unit.pump_flow
+    pressure = unit.relief_pressure - min(beyond, 0.0) / unit.relief_gradient
+    if beyond > 0.0:
+        n, full = unit.gas_exponent, pressure + ATMOSPHERE
+        share = (unit.precharge_pressure + ATMOSPHERE) / full
+        gas = unit.accumulator_volume * share ** (1.0 / n)
+        drawn = beyond * one.travel / one.speed
+        pressure = full * (1.0 + drawn / gas) ** -n - ATMOSPHERE
+    return replace(p, P_S=max(pressure, p.P_T + _LEFT)), replace(options, supply=None)

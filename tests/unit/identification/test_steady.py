@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.fit import Bench, _start, find_middle
-from hil_bench.abilities.identification.ladder import begin_of
-from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.fit import Bench, Fit, _start, find_middle
+from hil_bench.abilities.identification.ladder import STEADY, begin_of, find_accumulator
+from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template, read_values
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.steady import find_plateaus, fit_plateaus
 from hil_bench.abilities.identification.strokes import make_course
@@ -21,14 +21,29 @@ CONFIG = load_config(None)
 SETTINGS = {one.key.name: one for one in CONFIG.settings if one.table == "plant.axis1"}
 
 
+STIFF = replace(paper_parameters(), w=0.023, E=1e9)
+DRAINED = {DROOP: 0.05, PUMP: 0.35, GAS: 0.5}
+"""bar min/l; of the valve's largest flow; litres, of which a stroke takes up to a fifth."""
+
+
 @pytest.fixture(scope="module")
 def bench():
-    parts = [np.zeros(60)]
-    for opening in (0.4, 0.7):
+    return record_strokes(PlantOptions.bench(), (0.4, 0.7), 60)
+
+
+@pytest.fixture(scope="module")
+def drained():
+    """Strokes that draw more than the pump gives, and rests in which that comes back."""
+    options = Template(CONFIG.first_axis, SETTINGS, 1).run(DRAINED, 1e-4).options
+    return record_strokes(options, (0.4, 0.7, 1.0), 200)
+
+
+def record_strokes(options, openings, rest):
+    parts = [np.zeros(rest)]
+    for opening in openings:
         for sign in (1.0, -1.0):
-            parts += [np.full(round(75 / opening), sign * opening * FULL_OPENING), np.zeros(60)]
-    stiff = replace(paper_parameters(), w=0.023, E=1e9)
-    machine = Machine(parameters=stiff, tick=4e-3, step=2.5e-4)
+            parts += [np.full(round(75 / opening), sign * opening * FULL_OPENING), np.zeros(rest)]
+    machine = Machine(parameters=STIFF, options=options, tick=4e-3, step=2.5e-4)
     record = AxisRecord.of(machine.record(np.concatenate(parts)), "axis1", FULL_OPENING, "run.csv")
     return Bench(Template(CONFIG.first_axis, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 
@@ -60,7 +75,7 @@ def test_the_fit_of_plateaus_finds_the_valve(bench):
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
     unknowns = [begin_of(bench, name, {})[0] for name in names]
 
-    found = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
+    found, _ = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
 
     width = dict(zip(names, found.tolist(), strict=True))["orifice_width_mm"]
     assert unknowns[0].value(width) == pytest.approx(23.0, rel=0.02)  # 20 before
@@ -80,3 +95,27 @@ def test_a_middle_needs_a_set_point_that_stands():
     assert find_middle(way, steady, 1.0) == range(35, 65)
     assert find_middle(way, ramp, 1.0) is None
     assert find_middle(np.zeros((100, 3)), steady, 1.0) is None
+
+
+def test_plateaus_show_the_pump_and_its_accumulator(drained):
+    """The record is the plant's, which integrates the supply pressure; plateaus only reckon it."""
+    names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
+    stiff = [begin_of(drained, name, {})[0] for name in names]
+    start = np.array([one.start for one in stiff])
+    own, values = find_accumulator(drained, Fit(tuple(stiff), start, 0.0, True))
+    unknowns, begin = zip(
+        *[begin_of(own, name, values) for name in (*names, DROOP, PUMP, GAS)], strict=True
+    )
+
+    variables, _ = fit_plateaus(drained, unknowns, np.array(begin))
+
+    found = read_values(unknowns, variables)
+    assert found["orifice_width_mm"] == pytest.approx(23.0, rel=0.02)
+    assert found[PUMP] == pytest.approx(DRAINED[PUMP], rel=0.05)
+    assert found[GAS] == pytest.approx(DRAINED[GAS], rel=0.2)
+
+
+def test_no_accumulator_is_found_where_a_supply_holds_its_pressure(bench):
+    unknowns = [begin_of(bench, name, {})[0] for name in STEADY]
+    start = np.array([one.start for one in unknowns])
+    assert find_accumulator(bench, Fit(tuple(unknowns), start, 0.0, True)) is None

@@ -361,6 +361,8 @@ def _unpacked(container: bytes) -> bytes:
     data = unpacking.decompress(packed, _LARGEST_CONTAINER)
     if unpacking.unconsumed_tail:
         raise BLFParseError(f"a container unfolds to more than {_LARGEST_CONTAINER >> 20} MiB")
+    if not unpacking.eof:
+        raise BLFParseError("a container ends before its content does")
     return data
 
 

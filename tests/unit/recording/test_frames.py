@@ -201,14 +201,21 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path):
         list(read_frames(path))
 
 
-def test_a_blf_container_does_not_fill_the_memory(tmp_path):
+@pytest.mark.parametrize(
+    ("packed", "wrong"),
+    [
+        (zlib.compress(bytes(65 << 20), 1), "unfolds to more than 64 MiB"),
+        (zlib.compress(bytes(100))[:-1], "ends before its content does"),  # RFC 1950: a check sum
+    ],
+    ids=["huge", "cut"],
+)
+def test_a_blf_container_does_not_fill_the_memory_and_is_whole(tmp_path, packed, wrong):
     path = tmp_path / "bus.blf"
     open_frame_file(path).close()
-    packed = zlib.compress(bytes(65 << 20), 1)
     # 16 bytes of a header and 16 of a container, of Vector's type 10; packed by zlib, its method 2.
     head = struct.pack("<4sHHLLH14x", b"LOBJ", 16, 1, 32 + len(packed), 10, 2)
     path.write_bytes(path.read_bytes()[:144] + head + packed)
-    with pytest.raises(ConfigError, match=r"bus\.blf: .*unfolds to more than 64 MiB"):
+    with pytest.raises(ConfigError, match=rf"bus\.blf: .*{wrong}"):
         list(read_frames(path))
 
 

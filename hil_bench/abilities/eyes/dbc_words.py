@@ -11,6 +11,7 @@ from hil_bench.abilities.j1939.configuration.signals import load_dbc
 if TYPE_CHECKING:
     from cantools.database.can import Message
 
+_J1939, _SENDER, _ANY_SENDER = "j1939", 0xFF, 0xFE
 _UNDECODABLE = ValueError, KeyError, OverflowError
 
 
@@ -40,6 +41,7 @@ class DbcMessages:
 
     def __init__(self, path: Path | None, seen: Container[tuple[int, bool]] | None = None) -> None:
         messages = () if path is None else load_dbc(path).messages
+        self._senders = {each.frame_id & _SENDER for each in messages if each.protocol == _J1939}
         known = {(each.frame_id, each.is_extended_frame): each for each in messages}
         self._messages: dict[tuple[int, bool], Message] = {
             key: each for key, each in known.items() if seen is None or key in seen
@@ -60,6 +62,16 @@ class DbcMessages:
             f"{name} {value} {units.get(name, '')}".rstrip() for name, value in values.items()
         )
         return sight._replace(name=message.name, node=sender, said=words, problem="")
+
+    @property
+    def hint(self) -> str:
+        """The reason why messages of J1939 may not be found, in words; empty where it is none."""
+        if _ANY_SENDER not in self._senders:
+            return ""
+        return (
+            "messages of J1939 are found by priority, parameter group and sender, and this file "
+            "has FE for any sender: write the sender of this bus"
+        )
 
     @property
     def identifiers(self) -> frozenset[int]:

@@ -87,7 +87,7 @@ class ForeignMdfError(ConfigError):
 
     def __init__(self, path: Path, reason: str) -> None:
         self.words = f"{path}: is no recording of hil-bench: {reason}"
-        super().__init__(f"{self.words}; asammdf reads and converts other MF4")
+        super().__init__(f"{self.words}; of other MF4, export the signals as CSV, as asammdf does")
 
 
 class _CutOffError(Exception):

@@ -121,8 +121,10 @@ def as_recording(columns: Columns, units: Units) -> Recording:
 
 
 def _less_unit(column: str, symbol: str) -> str:
+    """Return the name of a column without the brackets that hold its unit, and nothing else."""
     found = IN_BRACKETS.search(column)
-    return column[: found.start()].strip() if found and found[1] == symbol else column.strip()
+    is_unit = found is not None and found[1] == symbol
+    return (IN_BRACKETS.sub("", column) if is_unit else column).strip() or column
 
 
 def _is_in_time(symbol: str) -> bool:

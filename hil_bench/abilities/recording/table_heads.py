@@ -104,7 +104,7 @@ def read_head(above: Rows, first: Sequence[str]) -> Head:
     for names, units in pairwise(above):
         if _without_end(names)[-2:] == _RIGOL_CLOCK and len(_without_end(units)) > 2:
             return _read_rigol(_without_end(names)[:-2], _without_end(units))
-    if any(row[0] == _TWINCAT for row in above):
+    if {"Name", _TWINCAT} <= {row[0] for row in above}:
         return _read_twincat(above)
     return _read_rows(above, first)
 

@@ -518,6 +518,16 @@ BO_ 1808 Light: 8 ECU
 )
 
 
+J1939_DBC = """VERSION ""
+BU_: ECU
+BO_ 2364540158 EEC1: 8 ECU
+ SG_ n : 24|16@1+ (0.125,0) [0|0] "rpm" X
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_DEF_ "VFrameFormat" "J1939PG";
+BA_ "VFrameFormat" BO_ 2364540158 3;
+"""
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
 def test_a_dbc_names_frames_that_have_identifiers_of_canopen(folder, capsys, encoding):
     """TPDO1 of node 1, an EMCY of six bytes, an SDO request, a heartbeat of eight bytes."""
@@ -541,6 +551,9 @@ def test_a_dbc_names_frames_that_have_identifiers_of_canopen(folder, capsys, enc
     capsys.readouterr()
     assert main(["decode", "car.log", "--dbc", "other.dbc", "-o", "no.csv"]) == 2
     assert "and no message of other.dbc with signals; give the bench" in capsys.readouterr().err
+    (folder / "j1939.dbc").write_text(J1939_DBC)
+    assert main(["decode", "car.log", "--dbc", "j1939.dbc", "-o", "no.csv"]) == 2
+    assert "and this file has FE for any sender: write the sender" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("folder")

@@ -180,7 +180,7 @@ def _write(
             what = "no PDO of a known node and no J1939 signal of a known device with values"
             if args.dbc is not None:
                 what += f", and no message of {args.dbc} with signals"
-            right = "give the bench.toml, --eds N=FILE or --dbc FILE.dbc of this bus"
+            right = dbc.hint or "give the bench.toml, --eds N=FILE or --dbc FILE.dbc of this bus"
             raise ConfigError(f"{args.log}: {what}; {right}")
         report = _record(args, channels, _decoder(args), frames)
         ending.take(recording_code(report))

@@ -1,6 +1,7 @@
 """Bus traffic as a file, in the formats that CAN tools read."""
 
 import io
+import math
 import re
 import zlib
 from collections.abc import Generator, Iterable, Iterator
@@ -204,8 +205,8 @@ class LeftOut:
 
 _FORMS = {
     ".log": "not one line is one of candump -L",
-    ".asc": 'it does not begin as Vector\'s tools write it, with "date" or "base"',
-    ".trc": "it does not begin as PEAK's tools write it, with ;",
+    ".asc": 'it does not begin with "date" or "base", as Vector\'s tools write it',
+    ".trc": 'it does not begin with ";", as PEAK\'s tools write it',
 }
 """Why a text is no log, by its suffix."""
 
@@ -394,7 +395,9 @@ def _messages(
             left_out.ending = f"what follows cannot be read ({reason})"
             return
         is_empty = False
-        if message.is_error_frame and not errors:
+        if isinstance(source, CompleteLines) and not math.isfinite(message.timestamp):
+            source.damage()
+        elif message.is_error_frame and not errors:
             left_out.error_frames += 1
         elif can_messages.has_bad_length(message) and not message.is_error_frame:
             left_out.bad_lengths += 1

@@ -144,8 +144,23 @@ class TrcReader(TRCReader):
     """Reads PEAK's TRC, its times from its first entry on: those of python-can have the date.
 
     python-can 4.6 takes the bits of CAN FD wrong: FB is BRS, FE is ESI, BI is both (PEAK CAN TRC
-    File Format, version 2.1).
+    File Format, version 2.1). It leaves out what it cannot read without a word, or ends there.
+
+    Args:
+        lines: the file; counts the lines that are left out.
     """
+
+    def __init__(self, lines: CompleteLines) -> None:
+        super().__init__(lines)
+        self._lines = lines
+
+    def _parse_line(self, line: str) -> can.Message | None:
+        try:
+            return self._parse_cols(tuple(line.split(maxsplit=self._num_columns)))
+        except (ValueError, IndexError):
+            if line and not line.startswith(";"):  # of a head with nothing behind it
+                self._lines.damage()
+            return None
 
     def __iter__(self) -> Generator[can.Message, None, None]:
         for message in super().__iter__():
@@ -154,7 +169,13 @@ class TrcReader(TRCReader):
 
     def _parse_msg_v2_x(self, cols: tuple[str, ...]) -> can.Message | None:
         message = super()._parse_msg_v2_x(cols)
-        if message is not None and message.is_fd:
+        if message is None:
+            return None
+        length = int(cols[self.columns["l"]]) if "l" in self.columns else 0
+        length = length or dlc2len(int(cols[self.columns["L"]]) if "L" in self.columns else 0)
+        if len(message.data) != length and not message.is_remote_frame:
+            raise ValueError("length and data differ")
+        if message.is_fd:
             kind = cols[self.columns["T"]]
             message.bitrate_switch = kind in {"FB", "BI"}
             message.error_state_indicator = kind in {"FE", "BI"}

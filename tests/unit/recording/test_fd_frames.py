@@ -187,7 +187,7 @@ def test_a_trc_of_peak_has_the_bits_of_can_fd():
     frames, left_out = read("t.trc")
     assert [frame.fd for frame in frames] == [0, FDF, FDF | BRS, FDF | ESI, FDF | BRS | ESI]
     assert [len(frame.data) for frame in frames] == [7, 12, 8, 1, 2]
-    assert left_out == LeftOut(bad_lengths=1)
+    assert left_out == LeftOut(damaged_lines=1, first_damaged=9)
 
 
 def test_a_candump_log_has_flags_of_the_kernel_too_and_no_length_without_a_dlc():

@@ -268,15 +268,40 @@ no internal events logged
 
 
 @pytest.mark.parametrize(
+    ("head", "lines", "damaged"),
+    [
+        (1.1, [" 1) 1.0 Rx 0100 2 01 02", " 2) 2.0 Rx 0100 2 01", " 3) 3.0 Rx 0100 2 01 03"], 1),
+        (1.1, [" 1) 1.0 Rx 0100 2 01 02", " 2) x Rx 0100 0", " 3) 3.0 Rx 0100 2 01 03"], 1),
+        (1.1, [" 1) 1.0 Rx 0100 2 01 02", " 2) 1e999 Rx 0100 0", " 3) 3.0 Rx 0100 2 01 03"], 1),
+        (
+            2.1,
+            ["1 1.0 DT 1 0100 Rx - 2 01 02", "2 2.0 DT 1 0100 Rx - 2 01", "3 3.0 ST 1 - Rx - 0"],
+            1,
+        ),
+        (1.1, [], 0),
+    ],
+)
+def test_a_line_of_a_trc_that_is_damaged_is_left_out_and_counted(make_file, head, lines, damaged):
+    """python-can goes on without it, ends there, or takes two bytes for one."""
+    columns = ";$COLUMNS=N,O,T,B,I,d,R,L,D\n" * (head > 2.0)
+    text = f";$FILEVERSION={head}\n;$STARTTIME=43008.0\n{columns};---\n"
+    path = make_file("bus.trc", text + "".join(f"{line}\n" for line in lines))
+    left_out = LeftOut()
+    found = [each.frame.data for each in read_frames(path, left_out)]
+    assert found == [b"\x01\x02", b"\x01\x03"][: len(lines) - damaged - (head > 2.0)]
+    assert (left_out.damaged_lines, left_out.ending) == (damaged, "")
+
+
+@pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
         (
             "scope.trc",
             b"#9000000357WAVEDESC\x00\xf3\x9b" * 9 + b"\n a\n",
-            "not begin as PEAK's tools",
+            'not begin with ";", as PEAK',
         ),
-        ("scope.trc", b"\x00\xf3\x9b TEXT @ 2 @ 64\n", "not begin as PEAK's tools"),
-        ("notes.asc", b"hello\nworld\n", "not begin as Vector's tools"),
+        ("scope.trc", b"\x00\xf3\x9b TEXT @ 2 @ 64\n", 'not begin with ";", as PEAK'),
+        ("notes.asc", b"hello\nworld\n", 'not begin with "date" or'),
         (
             "bus.asc",
             RELATIVE,

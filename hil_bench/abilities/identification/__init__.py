@@ -11,6 +11,6 @@ ABILITY = Ability(
             20,
             "estimate the plant's parameters with confidence intervals from recordings",
             "hil_bench.abilities.identification.verbs.identify",
-        ),
+        )
     },
 )

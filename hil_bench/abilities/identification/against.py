@@ -14,13 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.fit import (
-    Bench,
-    Clock,
-    Fit,
-    Problem,
-    search,
-)
+from hil_bench.abilities.identification.fit import Bench, Clock, Fit, Problem, search
 from hil_bench.abilities.identification.identify import Options, make_coarse
 from hil_bench.abilities.identification.ladder import climb
 from hil_bench.abilities.identification.machine import Unknown
@@ -64,6 +58,7 @@ class Cause(NamedTuple):
 
 
 _LESS, _MORE = "less leakage", "leakage from"
+_SENSOR_A, _SENSOR_B = "the sensor of P_A reads", "the sensor of P_B reads"
 _HIGHER, _LOWER = "higher supply pressure", "lower supply pressure"
 CAUSES = (
     Cause("internal_leakage_l_min_bar", 1e-3, 0.4, "leakage across the piston", _LESS, True),
@@ -80,12 +75,8 @@ CAUSES = (
     Cause("supply_pressure_bar", 0.0, 0.02, _HIGHER, _LOWER, True),
     Cause("relief_pressure_bar", 0.0, 0.02, _HIGHER, _LOWER, True),
     Cause("orifice_width_mm", 0.0, 0.02, "the valve passes more", "the valve passes less", True),
-    Cause(
-        "offset_a", 0.4, 0.0, "the sensor of P_A reads more", "the sensor of P_A reads less", True
-    ),
-    Cause(
-        "offset_b", 0.4, 0.0, "the sensor of P_B reads more", "the sensor of P_B reads less", True
-    ),
+    Cause("offset_a", 0.4, 0.0, f"{_SENSOR_A} more", f"{_SENSOR_A} less", True),
+    Cause("offset_b", 0.4, 0.0, f"{_SENSOR_B} more", f"{_SENSOR_B} less", True),
 )
 
 
@@ -350,9 +341,8 @@ def _possible(bench: Bench, options: Options) -> list[Cause]:
     """Return the causes that this machine and record can have."""
     template = bench.template
     lacking = {one.name for one in CAUSES if not _names(bench, one.name)} | options.wish.fix
-    lacking.add(
-        "relief_pressure_bar" if template.axis.options.supply is None else "supply_pressure_bar"
-    )
+    is_stiff = template.axis.options.supply is None
+    lacking.add("relief_pressure_bar" if is_stiff else "supply_pressure_bar")
     return [one for one in CAUSES if one.name not in lacking]
 
 

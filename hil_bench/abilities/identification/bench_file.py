@@ -1,15 +1,14 @@
 """The `bench.toml` of an identified machine: the user's own file with another table of the axis."""
 
-import json
 import re
 from collections.abc import Mapping, Sequence
-from enum import Enum
 from pathlib import Path
 
 from hil_bench.abilities.identification.errors import BEYOND
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.ladder import ALIASES
 from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG
+from hil_bench.abilities.scenario.writing import toml_value
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.settings import Origin, Setting
 from hil_bench.plants.hydraulic_cylinder.keys import DATA_SHEET_KEYS
@@ -91,14 +90,7 @@ def _origin(key: str, estimates: Mapping[str, Estimate], source: str) -> str:
 
 
 def _toml(value: object) -> str:
-    if isinstance(value, Enum):
-        return json.dumps(value.value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
+    """Return a value of a table as TOML, numbers with seven digits."""
     if isinstance(value, float):
         return f"{value:.7g}"
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml(one) for one in value)}]"
-    return json.dumps(str(value), ensure_ascii=False)
+    return toml_value(str(value) if isinstance(value, Path) else value)

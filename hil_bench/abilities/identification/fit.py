@@ -326,11 +326,7 @@ class Problem:
 
 
 def search(
-    bench: Bench,
-    unknowns: Sequence[Unknown],
-    begin: Values,
-    rounds: int,
-    exact: float = 1e-3,
+    bench: Bench, unknowns: Sequence[Unknown], begin: Values, rounds: int, exact: float = 1e-3
 ) -> Fit:
     """Seek the variables that fit best.
 

@@ -10,13 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.identification.fit import (
-    Bench,
-    Clock,
-    Fit,
-    Problem,
-    search,
-)
+from hil_bench.abilities.identification.fit import Bench, Clock, Fit, Problem, search
 from hil_bench.abilities.identification.ladder import Ladder, Wish, choose_folds, climb, judge
 from hil_bench.abilities.identification.machine import Template, Unknown
 from hil_bench.abilities.identification.record import AxisRecord

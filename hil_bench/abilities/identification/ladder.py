@@ -213,10 +213,10 @@ def climb(
     few = bench.some(_alike(bench))
     folds, notes = choose_folds(few) if is_judged else ([], ())
     every = [*wish.free, *_offsets(few), *_stops(few)]
-    names = find_free(few, [*STEADY, *_offsets(few)], wish)
-    overlap = few.template.start("spool_overlap_mm")
-    unknowns, variables = _pairs(few, names, dict.fromkeys(OVERLAPS, overlap))
-    variables, _ = fit_plateaus(few, unknowns, variables)
+    steady = find_free(few, [*STEADY, *_offsets(few)], wish)
+    overlaps = dict.fromkeys(OVERLAPS, few.template.start("spool_overlap_mm"))
+    unknowns, variables = _pairs(few, steady, overlaps)
+    variables, stiff = fit_plateaus(few, unknowns, variables)
     few = few.rescaled(read_values(unknowns, variables))
     first = search(few, unknowns, variables, 0)
     rungs = [judge(few, PLATEAUS, first, folds)]
@@ -230,9 +230,10 @@ def climb(
             known, more = first.values, [*SWIFT, *every]
         elif title == SUPPLY:
             known, more = best.fit.values, list(_supply(few))
-            if PUMP in more and (drained := find_accumulator(few, first)):
-                own, steady = drained
-                known, more = rungs[-1].fit.values | steady, [*SWIFT, *every, *more]
+            is_open = PUMP in more and DROOP not in wish.fix
+            if is_open and (drained := find_accumulator(few, steady, stiff)):
+                own, known = drained[0], rungs[-1].fit.values | drained[1]
+                more = [*SWIFT, *every, *more]
         names = find_free(few, [*known, *more], wish)
         unknowns, variables = _pairs(own, names, known)
         if own is not few or not known:
@@ -433,7 +434,9 @@ def _supply(bench: Bench) -> tuple[str, ...]:
     return (*(key for key in unit if template.start(key) > 0.0), "tank_pressure_bar")
 
 
-def find_accumulator(bench: Bench, steady: Fit) -> tuple[Bench, dict[str, float]] | None:
+def find_accumulator(
+    bench: Bench, names: Sequence[str], cost: float
+) -> tuple[Bench, dict[str, float]] | None:
     """Return the plant with the accumulator that plateaus agree with, and the values of both.
 
     What a stroke has drawn beyond the pump's flow is known from its speed and its way, and so is
@@ -441,21 +444,21 @@ def find_accumulator(bench: Bench, steady: Fit) -> tuple[Bench, dict[str, float]
 
     Args:
         bench: plant and record.
-        steady: fit of the plateaus with a supply that holds its pressure.
+        names: of the unknowns that plateaus show.
+        cost: of the plateaus with a supply that holds its pressure.
     """
     template = bench.template
     p, most = template.axis.parameters, template.largest_flow
-    swept, names = LITRE.from_si(2.0 * p.h * p.A_A), [one.name for one in steady.unknowns]
+    swept, found = LITRE.from_si(2.0 * p.h * p.A_A), None
     overlaps = dict.fromkeys(OVERLAPS, template.start("spool_overlap_mm"))
-    agreed, found = fit_plateaus(bench, *_pairs(bench, names, overlaps))[1], None
     for pump, gas in itertools.product(_PUMPS, _GASES):
         droop = _RISE * BAR.from_si(p.P_S) / (pump * most)
         held = {DROOP: droop, PUMP: pump, GAS: gas * swept}
         own = replace(bench, template=replace(template, held=held))
         unknowns, variables = _pairs(own, names, overlaps)
-        variables, cost = fit_plateaus(own, unknowns, variables)
-        if cost < agreed:
-            agreed, found = cost, (own, read_values(unknowns, variables) | held)
+        variables, own_cost = fit_plateaus(own, unknowns, variables)
+        if own_cost < cost:
+            cost, found = own_cost, (own, read_values(unknowns, variables) | held)
     return found
 
 

@@ -83,12 +83,7 @@ def look_through(record: AxisRecord, half_stroke: float) -> AxisRecord:
             f"are missing, about {sum(jump.lost for jump in jumps)}"
         )
         record = record.split_at([one.row for one in jumps])
-    return replace(
-        record,
-        noise=noise,
-        clipped=clipped,
-        notes=(*record.notes, *notes),
-    )
+    return replace(record, noise=noise, clipped=clipped, notes=(*record.notes, *notes))
 
 
 def find_jumps(position: Values, noise: float) -> list[Jump]:

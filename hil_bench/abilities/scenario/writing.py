@@ -30,22 +30,30 @@ def write_scenario(scenario: records.Scenario, path: Path) -> None:
 
 def to_toml(scenario: records.Scenario) -> str:
     """Return a scenario as TOML."""
-    lines = [f"{key} = {_toml(value)}" for key, value in _head(scenario).items()]
+    lines = [f"{key} = {toml_value(value)}" for key, value in _head(scenario).items()]
     if scenario.controller:
         pairs = _controller(scenario.controller)
-        lines += ["", "[controller]", *(f"{key} = {_toml(value)}" for key, value in pairs.items())]
+        lines += [
+            "",
+            "[controller]",
+            *(f"{key} = {toml_value(value)}" for key, value in pairs.items()),
+        ]
     if scenario.parameters:
         lines += ["", "[parameters]"]
     for each in scenario.parameters:
         table: dict[str, object] = {"value": each.value}
         if each.span:
             table["range"] = list(each.span)
-        lines.append(f"{_toml_key(each.name)} = {_toml(table)}")
+        lines.append(f"{_toml_key(each.name)} = {toml_value(table)}")
     for step in scenario.steps:
-        lines += ["", "[[step]]", *(f"{k} = {_toml(v)}" for k, v in step_table(step).items())]
+        lines += ["", "[[step]]", *(f"{k} = {toml_value(v)}" for k, v in step_table(step).items())]
     for expectation in scenario.expectations:
         pairs = {"id": expectation.id, "that": expectation.that}
-        lines += ["", "[[expect]]", *(f"{key} = {_toml(value)}" for key, value in pairs.items())]
+        lines += [
+            "",
+            "[[expect]]",
+            *(f"{key} = {toml_value(value)}" for key, value in pairs.items()),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -150,7 +158,12 @@ def _cell(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _toml(value: Any) -> str:  # noqa: ANN401 - whatever TOML can hold
+def toml_value(value: Any) -> str:  # noqa: ANN401 - whatever TOML can hold
+    """Return a value as TOML.
+
+    Raises:
+        TypeError: TOML has no such values.
+    """
     match value:
         case bool():
             return "true" if value else "false"
@@ -159,10 +172,12 @@ def _toml(value: Any) -> str:  # noqa: ANN401 - whatever TOML can hold
         case str():
             return _toml_text(value)
         case Mapping():
-            pairs = ", ".join(f"{_toml_key(key)} = {_toml(each)}" for key, each in value.items())
+            pairs = ", ".join(
+                f"{_toml_key(key)} = {toml_value(each)}" for key, each in value.items()
+            )
             return f"{{ {pairs} }}"
         case Iterable():
-            return f"[{', '.join(_toml(each) for each in value)}]"
+            return f"[{', '.join(toml_value(each) for each in value)}]"
         case _:
             raise TypeError(f"{type(value).__name__} has no place in TOML")
 

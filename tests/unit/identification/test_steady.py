@@ -1,12 +1,13 @@
 """Plateaus of strokes: found where speed stands, and what their fit says of a machine."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.fit import Bench, Fit, _start, find_middle
+from hil_bench.abilities.identification.fit import Bench, _start, find_middle
 from hil_bench.abilities.identification.ladder import STEADY, begin_of, find_accumulator
 from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template, read_values
 from hil_bench.abilities.identification.record import AxisRecord
@@ -100,9 +101,7 @@ def test_a_middle_needs_a_set_point_that_stands():
 def test_plateaus_show_the_pump_and_its_accumulator(drained):
     """The record is the plant's, which integrates the supply pressure; plateaus only reckon it."""
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
-    stiff = [begin_of(drained, name, {})[0] for name in names]
-    start = np.array([one.start for one in stiff])
-    own, values = find_accumulator(drained, Fit(tuple(stiff), start, 0.0, True))
+    own, values = find_accumulator(drained, names, math.inf)
     unknowns, begin = zip(
         *[begin_of(own, name, values) for name in (*names, DROOP, PUMP, GAS)], strict=True
     )
@@ -117,5 +116,5 @@ def test_plateaus_show_the_pump_and_its_accumulator(drained):
 
 def test_no_accumulator_is_found_where_a_supply_holds_its_pressure(bench):
     unknowns = [begin_of(bench, name, {})[0] for name in STEADY]
-    start = np.array([one.start for one in unknowns])
-    assert find_accumulator(bench, Fit(tuple(unknowns), start, 0.0, True)) is None
+    _, stiff = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
+    assert find_accumulator(bench, STEADY, stiff) is None

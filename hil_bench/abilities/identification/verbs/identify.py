@@ -14,10 +14,7 @@ import numpy as np
 from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.figure_style import write_figure
 from hil_bench.abilities.common.files import whole_file
-from hil_bench.abilities.common.progress import (
-    Work,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
@@ -54,11 +51,7 @@ from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.config.settings import Settings
 from hil_bench.config.values import find_nearest
-from hil_bench.errors import (
-    ConfigError,
-    about_file,
-    require_extra,
-)
+from hil_bench.errors import ConfigError, about_file, require_extra
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantOptions, PlantParameters
@@ -138,11 +131,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="end the search after this time with the best so far (default: 600)",
     )
     parser.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        metavar="N",
-        help="runs of the plant at a time (default: 1)",
+        "--jobs", type=int, default=1, metavar="N", help="runs of the plant at a time (default: 1)"
     )
     common.add_output_argument(parser, "hil-bench-identify", "the files")
     add_design_arguments(parser)

@@ -37,6 +37,7 @@ _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
 _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
 _PUMPS, _GASES = (0.25, 0.5), (1.5, 4.0)  # of the valve's largest flow; of the swept volume
+_CLEARLY = 0.9  # of the cost with a plain supply: an accumulator
 _RISE = 0.06  # of the supply pressure, where the relief valve takes all that the pump gives
 
 _ROUNDS = 12  # of a search at most
@@ -435,31 +436,39 @@ def _supply(bench: Bench) -> tuple[str, ...]:
 
 
 def find_accumulator(
-    bench: Bench, names: Sequence[str], cost: float
+    bench: Bench, names: Sequence[str], stiff: float
 ) -> tuple[Bench, dict[str, float]] | None:
-    """Return the plant with the accumulator that plateaus agree with, and the values of both.
+    """Return the plant with the accumulator that plateaus show, and the values of both.
 
     What a stroke has drawn beyond the pump's flow is known from its speed and its way, and so is
-    the supply pressure in mid-stroke. None where a supply that holds its pressure agrees better.
+    the supply pressure in mid-stroke. None where a supply that holds its pressure, or one that sags
+    with the flow, agrees about as well.
 
     Args:
         bench: plant and record.
         names: of the unknowns that plateaus show.
-        cost: of the plateaus with a supply that holds its pressure.
+        stiff: cost of the plateaus with a supply that holds its pressure.
     """
     template = bench.template
     p, most = template.axis.parameters, template.largest_flow
-    swept, found = LITRE.from_si(2.0 * p.h * p.A_A), None
+    swept, rise = LITRE.from_si(2.0 * p.h * p.A_A), _RISE * BAR.from_si(p.P_S) / most
     overlaps = dict.fromkeys(OVERLAPS, template.start("spool_overlap_mm"))
-    for pump, gas in itertools.product(_PUMPS, _GASES):
-        droop = _RISE * BAR.from_si(p.P_S) / (pump * most)
-        held = {DROOP: droop, PUMP: pump, GAS: gas * swept}
-        own = replace(bench, template=replace(template, held=held))
+
+    def fed_by(supply: dict[str, float]) -> tuple[float, Bench, dict[str, float]]:
+        own = replace(bench, template=replace(template, held=supply))
         unknowns, variables = _pairs(own, names, overlaps)
-        variables, own_cost = fit_plateaus(own, unknowns, variables)
-        if own_cost < cost:
-            cost, found = own_cost, (own, read_values(unknowns, variables) | held)
-    return found
+        variables, cost = fit_plateaus(own, unknowns, variables)
+        return cost, own, read_values(unknowns, variables) | supply
+
+    plain = min(stiff, fed_by({DROOP: rise / max(_PUMPS)})[0])
+    cost, own, values = min(
+        (
+            fed_by({DROOP: rise / pump, PUMP: pump, GAS: gas * swept})
+            for pump, gas in itertools.product(_PUMPS, _GASES)
+        ),
+        key=lambda one: one[0],
+    )
+    return (own, values) if cost < _CLEARLY * plain else None
 
 
 def _describe(bench: Bench, fit: Fit) -> str:

@@ -168,11 +168,12 @@ class Bench:
 
     def counts(self, stroke: Stroke) -> npt.NDArray[np.bool_]:
         """Mark the values of a stroke that count, shape (rows - 1, 3)."""
-        rows = np.arange(stroke.rows.start + 1, stroke.rows.stop)
-        counts = self.course.record.counts_at(rows)
+        rows = slice(stroke.rows.start + 1, stroke.rows.stop)
+        record = self.course.record
+        counts = np.isfinite(record.measured[rows]) & ~record.clipped[rows]
         if stroke.start[1] != 0.0:
-            counts[: round(_BURNT / self.course.record.interval)] = False
-        return counts
+            counts[: round(_BURNT / record.interval)] = False
+        return np.asarray(counts)
 
     def measured(self, stroke: Stroke) -> Values:
         """Return the record of a stroke, shape (rows - 1, 3)."""

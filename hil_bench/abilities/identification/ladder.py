@@ -1,6 +1,5 @@
 """The ladder of models: each starts from the plateaus, and is judged by strokes left out."""
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +35,8 @@ _SIZES = (1e-3, 0.015, 0.015, 10e-3)  # [m], of the speed, of P_S, [s]: what err
 _WORST = 10.0  # times that: a stroke that is farther off is lost anyway
 _GOOD = 0.15  # of these sizes: a model that predicts so well is as good as a better one
 
-_PUMPS, _GASES = (0.25, 0.5), (1.5, 4.0)  # of the valve's largest flow; of the swept volume
+_PUMPS = ((0.25, 1.5), (0.25, 4.0), (0.5, 1.5), (0.5, 4.0))
+"""Flow of a pump, of the valve's largest, and gas of its accumulator, of the swept volume."""
 _CLEARLY = 0.9  # of the cost with a plain supply: an accumulator
 _RISE = 0.06  # of the supply pressure, where the relief valve takes all that the pump gives
 
@@ -460,14 +460,9 @@ def find_accumulator(
         variables, cost = fit_plateaus(own, unknowns, variables)
         return cost, own, read_values(unknowns, variables) | supply
 
-    plain = min(stiff, fed_by({DROOP: rise / max(_PUMPS)})[0])
-    cost, own, values = min(
-        (
-            fed_by({DROOP: rise / pump, PUMP: pump, GAS: gas * swept})
-            for pump, gas in itertools.product(_PUMPS, _GASES)
-        ),
-        key=lambda one: one[0],
-    )
+    plain = min(stiff, fed_by({DROOP: rise / _PUMPS[-1][0]})[0])
+    found = [fed_by({DROOP: rise / pump, PUMP: pump, GAS: gas * swept}) for pump, gas in _PUMPS]
+    cost, own, values = min(found, key=lambda one: one[0])
     return (own, values) if cost < _CLEARLY * plain else None
 
 

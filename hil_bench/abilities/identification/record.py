@@ -101,19 +101,9 @@ class AxisRecord:
     def __len__(self) -> int:
         return len(self.setpoints)
 
-    @property
-    def has(self) -> npt.NDArray[np.bool_]:
-        """The presence of each of `SIGNALS` in any recording, shape (3,)."""
-        return np.asarray(np.array([session.has for session in self.sessions]).any(axis=0))
-
-    def session_of(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        """Return the number of the recording that each row belongs to."""
-        ends = [session.rows.stop for session in self.sessions]
-        return np.searchsorted(ends, rows, side="right").astype(np.int64)
-
-    def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Mark the measured and unclipped values of `SIGNALS`, shape (rows, 3)."""
-        return np.asarray(np.isfinite(self.measured[rows]) & ~self.clipped[rows])
+    def session_of(self, row: int) -> int:
+        """Return the number of the recording that a row belongs to."""
+        return next(n for n, session in enumerate(self.sessions) if row in session.rows)
 
     def split_at(self, rows: Sequence[int]) -> Self:
         """Return the record with gaps in time behind some rows.
@@ -161,8 +151,8 @@ class AxisRecord:
         )
 
     def rows_in(self, duration: float) -> int:
-        """Return the number of rows that span a duration [s], 10 at least."""
-        return max(10, round(duration / self.interval))
+        """Return the rows of a duration [s]; half a row is none, whatever the interval's digits."""
+        return math.ceil(duration / self.interval - 0.5 - 1e-6)
 
     @classmethod
     def of(cls, recording: Recording, axis: str, full_opening: float, name: str = "") -> Self:

@@ -22,7 +22,7 @@ Values = npt.NDArray[np.float64]
 _BLOCK = 0.1  # [s]: the parts of a record that count as independent
 _SURE = 4.0  # deviations of the mean over the blocks, from which on a sign counts as known
 _WEAK = 0.01  # of the strongest block's: a block with less is noise
-_LEAST_BLOCKS = 5
+_LEAST_BLOCKS, _LEAST_ROWS = 5, 10
 _EXACT = 0.01  # spread of the blocks, at least
 _MOVING = 0.1  # of the largest speed
 _SWIFT = 0.05  # [s]: what goes on within that accelerates the piston
@@ -131,7 +131,7 @@ def _swift(record: AxisRecord, values: Values) -> Values:
     """Return a signal less its moving mean."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - an extra
 
-    rows = record.rows_in(_SWIFT)
+    rows = max(_LEAST_ROWS, record.rows_in(_SWIFT))
     return _by_stretch(record, values, lambda part: part - uniform_filter1d(part, rows))
 
 
@@ -149,7 +149,7 @@ def _score(record: AxisRecord, one: Values, other: Values) -> float:
 
     Each block of the record gives one number, their correlation about zero.
     """
-    length = record.rows_in(_BLOCK)
+    length = max(_LEAST_ROWS, record.rows_in(_BLOCK))
     pairs = [
         (one[start : start + length], other[start : start + length])
         for rows in record.stretches

@@ -118,7 +118,7 @@ def find_motion(record: AxisRecord) -> npt.NDArray[np.bool_]:
     fast = float(np.quantile(np.abs(find_speed(record, _half(record))), 0.98))
     # A coarse or noisy sensor shows a slow stroke over a longer time only.
     span = 4.0 * record.noise[0] / max(_SLOW * fast, 1e-9)
-    half = max(_half(record), _rows_in(min(span, _AVERAGED_MOST), record))
+    half = max(_half(record), record.rows_in(min(span, _AVERAGED_MOST)))
     noise = 4.0 * record.noise[0] / (half * record.interval)
     return np.asarray(np.abs(find_speed(record, half)) > max(_SLOW * fast, min(noise, 0.2 * fast)))
 
@@ -138,20 +138,15 @@ def find_speed(record: AxisRecord, half: int) -> Values:
     return speed
 
 
-def _rows_in(duration: float, record: AxisRecord) -> int:
-    """Return the rows of a duration; half a row is none, whatever the interval's last digits."""
-    return math.ceil(duration / record.interval - 0.5 - 1e-6)
-
-
 def _half(record: AxisRecord) -> int:
-    return max(1, _rows_in(_AVERAGED, record))
+    return max(1, record.rows_in(_AVERAGED))
 
 
 def _cut(record: AxisRecord, part: range, moving: npt.NDArray[np.bool_]) -> list[range]:
     """Return the strokes of a stretch: cut at rests, and where they are too long."""
     u = record.setpoints[part.start : part.stop]
     is_moving = moving[part.start : part.stop]
-    rest, least = max(2, _rows_in(_REST, record)), _rows_in(_SHORTEST, record)
+    rest, least = max(2, record.rows_in(_REST)), record.rows_in(_SHORTEST)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], is_moving, [True]]).astype(np.int8)))
     cuts = [0]
     for first, last in edges.reshape(-1, 2).tolist():
@@ -160,7 +155,7 @@ def _cut(record: AxisRecord, part: range, moving: npt.NDArray[np.bool_]) -> list
         place = _steady_place(u[first:last], rest, _LIKE * record.full_opening) + first
         if place - cuts[-1] >= least:
             cuts.append(place)
-    longest = _rows_in(_LONGEST, record)
+    longest = record.rows_in(_LONGEST)
     cuts.append(len(u))
     edges_all = []
     for first, last in itertools.pairwise(cuts):
@@ -193,7 +188,7 @@ def _make_stroke(
     way = record.measured[min(len(record) - 1, first + 1), 0] - record.measured[low, 0]
     v = way / ((first + 1 - low) * record.interval)
     is_rest = abs(way) < 6.0 * record.noise[0] + 1e-5
-    rest = _rows_in(_RESTED, record) if is_rest else _half(record)
+    rest = record.rows_in(_RESTED) if is_rest else _half(record)
     near = record.measured[max(begin, first - rest) : first + 1]
     x = near[:, 0]
     start = np.array([x.mean() if is_rest else x[-1], 0.0 if is_rest else v, *near[:, 1:].mean(0)])
@@ -201,7 +196,7 @@ def _make_stroke(
     x = record.measured[part.start : part.stop, 0]
     return Stroke(
         number=number,
-        session=int(record.session_of(np.array([first]))[0]),
+        session=record.session_of(first),
         rows=rows,
         start=start,
         opening=float(np.quantile(np.abs(setpoints), 0.98)),

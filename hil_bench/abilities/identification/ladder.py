@@ -19,6 +19,7 @@ from hil_bench.abilities.identification.machine import (
     PUMP,
     SLEW,
     STICTION,
+    Template,
     Unknown,
     read_values,
 )
@@ -105,21 +106,6 @@ ALIASES = {
 
 def _logs(*ratios: float) -> tuple[float, ...]:
     return tuple(map(math.log, ratios))
-
-
-_BEGIN = {
-    "flow_saturation": 0.3,
-    "entrained_air_percent": 0.5,
-    "null_opening_um": 0.2,
-    "internal_leakage_l_min_bar": 0.3,
-    "external_leakage_a_l_min_bar": 0.3,
-    "external_leakage_b_l_min_bar": 0.3,
-    STICTION: 0.5,
-    DROOP: 0.3,
-    DELAY: 0.5,
-    LAG: 0.5,
-}
-"""Variables from which the search goes on where an unknown is at its bound of zero."""
 
 
 _GRIDS: Mapping[str, Sequence[float]] = {
@@ -216,7 +202,7 @@ def climb(
     every = [*wish.free, *_offsets(few), *_stops(few)]
     steady = find_free(few, [*STEADY, *_offsets(few)], wish)
     overlaps = dict.fromkeys(OVERLAPS, few.template.start("spool_overlap_mm"))
-    unknowns, variables = _pairs(few, steady, overlaps)
+    unknowns, variables = few.template.begin(steady, overlaps)
     variables, stiff = fit_plateaus(few, unknowns, variables)
     few = few.rescaled(read_values(unknowns, variables))
     first = search(few, unknowns, variables, 0)
@@ -226,18 +212,18 @@ def climb(
         if few.clock.is_over or (len(rungs) > 1 and best.is_good):
             break
         say(f"{title}; so far {_describe(few, best.fit)}")
-        own, known, more = few, {}, [*PAPER, *every]
+        own, known, more = few.template, {}, [*PAPER, *every]
         if title == WHOLE:
             known, more = first.values, [*SWIFT, *every]
         elif title == SUPPLY:
             known, more = best.fit.values, list(_supply(few))
             is_open = PUMP in more and DROOP not in wish.fix
-            if is_open and (drained := find_accumulator(few, steady, stiff)):
+            if is_open and (drained := find_accumulator(few, steady, overlaps, stiff)):
                 own, known = drained[0], rungs[-1].fit.values | drained[1]
                 more = [*SWIFT, *every, *more]
         names = find_free(few, [*known, *more], wish)
-        unknowns, variables = _pairs(own, names, known)
-        if own is not few or not known:
+        unknowns, variables = own.begin(names, known)
+        if own is not few.template or not known:
             variables, _ = fit_plateaus(few, unknowns, variables)
         fit = search(few, unknowns, _scan(few, unknowns, variables, more), _ROUNDS)
         if math.isfinite(fit.cost):
@@ -289,20 +275,6 @@ def _by_amplitude(openings: Values) -> list[npt.NDArray[np.int64]]:
     return [np.sort(part) for part in np.split(order, sorted(cuts))]
 
 
-def begin_of(bench: Bench, name: str, values: Mapping[str, float]) -> tuple[Unknown, float]:
-    """Return an unknown and the variable from which its search goes on."""
-    unknown = bench.template.unknown(name)
-    if name not in values:
-        variable = unknown.start
-    elif unknown.is_log:
-        variable = math.log(max(values[name], 1e-300) / unknown.scale)
-    else:
-        variable = values[name] / unknown.scale
-    if name in _BEGIN and variable <= 0.0:
-        variable = _BEGIN[name]
-    return unknown, variable
-
-
 def find_free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
     """Return the names, each once, that the user does not hold and the machine has.
 
@@ -342,13 +314,6 @@ def _stops(bench: Bench) -> list[str]:
     if not bench.ends_at_stop:
         return []
     return ["stroke_mm", *(f"offset_x:{number}" for number in range(bench.template.sessions))]
-
-
-def _pairs(
-    bench: Bench, names: Sequence[str], values: Mapping[str, float]
-) -> tuple[list[Unknown], Values]:
-    pairs = [begin_of(bench, name, values) for name in names]
-    return [one for one, _ in pairs], np.array([each for _, each in pairs])
 
 
 def _scan(
@@ -436,9 +401,9 @@ def _supply(bench: Bench) -> tuple[str, ...]:
 
 
 def find_accumulator(
-    bench: Bench, names: Sequence[str], stiff: float
-) -> tuple[Bench, dict[str, float]] | None:
-    """Return the plant with the accumulator that plateaus show, and the values of both.
+    bench: Bench, names: Sequence[str], start: Mapping[str, float], stiff: float
+) -> tuple[Template, dict[str, float]] | None:
+    """Return the machine with the accumulator that plateaus show, and the values of both.
 
     What a stroke has drawn beyond the pump's flow is known from its speed and its way, and so is
     the supply pressure in mid-stroke. None where a supply that holds its pressure, or one that sags
@@ -447,17 +412,17 @@ def find_accumulator(
     Args:
         bench: plant and record.
         names: of the unknowns that plateaus show.
+        start: values of some of them, from which their search goes on.
         stiff: cost of the plateaus with a supply that holds its pressure.
     """
     template = bench.template
     p, most = template.axis.parameters, template.largest_flow
     swept, rise = LITRE.from_si(2.0 * p.h * p.A_A), _RISE * BAR.from_si(p.P_S) / most
-    overlaps = dict.fromkeys(OVERLAPS, template.start("spool_overlap_mm"))
 
-    def fed_by(supply: dict[str, float]) -> tuple[float, Bench, dict[str, float]]:
-        own = replace(bench, template=replace(template, held=supply))
-        unknowns, variables = _pairs(own, names, overlaps)
-        variables, cost = fit_plateaus(own, unknowns, variables)
+    def fed_by(supply: dict[str, float]) -> tuple[float, Template, dict[str, float]]:
+        own = replace(template, held=supply)
+        unknowns, variables = own.begin(names, start)
+        variables, cost = fit_plateaus(replace(bench, template=own), unknowns, variables)
         return cost, own, read_values(unknowns, variables) | supply
 
     plain = min(stiff, fed_by({DROOP: rise / _PUMPS[-1][0]})[0])

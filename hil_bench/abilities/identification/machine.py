@@ -60,6 +60,21 @@ _QUICK = 100.0  # full openings a second, the speed of a spool that is expected
 _PRECHARGE = 0.6  # of the supply pressure
 
 
+_BEGIN = {
+    "flow_saturation": 0.3,
+    "entrained_air_percent": 0.5,
+    "null_opening_um": 0.2,
+    "internal_leakage_l_min_bar": 0.3,
+    "external_leakage_a_l_min_bar": 0.3,
+    "external_leakage_b_l_min_bar": 0.3,
+    STICTION: 0.5,
+    DROOP: 0.3,
+    DELAY: 0.5,
+    LAG: 0.5,
+}
+"""Variables from which the search goes on where an unknown is at its bound of zero."""
+
+
 class Unknown(NamedTuple):
     """An unknown and its free variable.
 
@@ -242,6 +257,28 @@ class Template:
             reach, spread = ratios.get(base, (3.0, 1.0))
             return Unknown(name, True, self.start(name) or 1.0, -reach, reach, spread)
         raise ConfigError(f"{base}: is no number of this axis that can be estimated")
+
+    def begin(
+        self, names: Sequence[str], values: Mapping[str, float]
+    ) -> tuple[list[Unknown], Values]:
+        """Return unknowns and the variables from which their search goes on.
+
+        Args:
+            names: of the unknowns.
+            values: of those that were found before, in their units.
+        """
+        unknowns = [self.unknown(name) for name in names]
+        variables = []
+        for one in unknowns:
+            if one.name not in values:
+                variable = one.start
+            elif one.is_log:
+                variable = math.log(max(values[one.name], 1e-300) / one.scale)
+            else:
+                variable = values[one.name] / one.scale
+            is_shut = one.name in _BEGIN and variable <= 0.0
+            variables.append(_BEGIN[one.name] if is_shut else variable)
+        return unknowns, np.array(variables)
 
     def start(self, name: str) -> float:
         """Return the value from which the search for an unknown starts, in its unit."""

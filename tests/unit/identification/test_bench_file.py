@@ -17,7 +17,6 @@ from hil_bench.abilities.identification.ladder import (
     SWIFT,
     Ladder,
     Rung,
-    begin_of,
 )
 from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template
 from hil_bench.abilities.identification.record import AxisRecord
@@ -70,10 +69,9 @@ def found_by(path):
     record = AxisRecord.of(recording, "axis1", FULL_OPENING, "run.csv")
     bench = Bench(Template(axis, settings, 1), make_course(record, 1e-2), 1e-3)
     names = [*PAPER, *STEADY, *SWIFT, DROOP, PUMP, GAS]
-    pairs = [begin_of(bench, name, {}) for name in dict.fromkeys(names)]
-    unknowns = tuple(one for one, _ in pairs)
-    variables = np.array([variable + 0.01 * one.spread for one, variable in pairs])
-    fit = Fit(unknowns, variables, 1.0, is_whole=True)
+    unknowns, begin = bench.template.begin(list(dict.fromkeys(names)), {})
+    variables = begin + 0.01 * np.array([one.spread for one in unknowns])
+    fit = Fit(tuple(unknowns), variables, 1.0, is_whole=True)
     estimates = tuple(
         Estimate(name, value, 0.1, (value, value), value, is_told=True)
         for name, value in fit.values.items()

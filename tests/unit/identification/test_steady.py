@@ -8,7 +8,7 @@ import pytest
 from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench.abilities.identification.fit import Bench, _start, find_middle
-from hil_bench.abilities.identification.ladder import STEADY, begin_of, find_accumulator
+from hil_bench.abilities.identification.ladder import STEADY, find_accumulator
 from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template, read_values
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.steady import find_plateaus, fit_plateaus
@@ -74,7 +74,7 @@ def test_a_stroke_without_a_plateau_hides_no_other(bench):
 
 def test_the_fit_of_plateaus_finds_the_valve(bench):
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
-    unknowns = [begin_of(bench, name, {})[0] for name in names]
+    unknowns = [bench.template.unknown(name) for name in names]
 
     found, _ = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
 
@@ -101,12 +101,10 @@ def test_a_middle_needs_a_set_point_that_stands():
 def test_plateaus_show_the_pump_and_its_accumulator(drained):
     """The record is the plant's, which integrates the supply pressure; plateaus only reckon it."""
     names = ("orifice_width_mm", "spool_overlap_mm", "coulomb_friction_n", "viscous_friction_n_s_m")
-    own, values = find_accumulator(drained, names, math.inf)
-    unknowns, begin = zip(
-        *[begin_of(own, name, values) for name in (*names, DROOP, PUMP, GAS)], strict=True
-    )
+    own, values = find_accumulator(drained, names, {}, math.inf)
+    unknowns, begin = own.begin((*names, DROOP, PUMP, GAS), values)
 
-    variables, _ = fit_plateaus(drained, unknowns, np.array(begin))
+    variables, _ = fit_plateaus(drained, unknowns, begin)
 
     found = read_values(unknowns, variables)
     assert found["orifice_width_mm"] == pytest.approx(23.0, rel=0.02)
@@ -115,6 +113,6 @@ def test_plateaus_show_the_pump_and_its_accumulator(drained):
 
 
 def test_no_accumulator_is_found_where_a_supply_holds_its_pressure(bench):
-    unknowns = [begin_of(bench, name, {})[0] for name in STEADY]
+    unknowns = [bench.template.unknown(name) for name in STEADY]
     _, stiff = fit_plateaus(bench, unknowns, np.array([one.start for one in unknowns]))
-    assert find_accumulator(bench, STEADY, stiff) is None
+    assert find_accumulator(bench, STEADY, {}, stiff) is None

@@ -8,11 +8,14 @@ from typing import Final
 from hil_bench.canopen_device.datatypes import BOOLEAN, UNSIGNED8, IntegerType
 from hil_bench.canopen_device.eds_checks import find_mapping_faults, required_type
 from hil_bench.canopen_device.eds_document import (
+    FIRST_OBJECT,
+    OBJECT_LISTS,
     Document,
     EdsFinding,
     Section,
     Severity,
     decode_text,
+    listed_indices,
     parse_document,
 )
 from hil_bench.canopen_device.eds_entries import EntryReader, given_default
@@ -78,6 +81,17 @@ def add_mandatory(
         object_dictionary.add(
             Variable(index, subindex, name, data_type, access=Access.RO, default=value)
         )
+
+
+def find_absent(document: Document) -> Iterator[EdsFinding]:
+    """Yield the objects that the lists name, and that the device does not have."""
+    added = {index for index, _ in _MANDATORY}
+    for section in filter(None, map(document.section, OBJECT_LISTS)):
+        for index, key in listed_indices(section):
+            is_there = index in added or index in document.objects or index in document.sub_objects
+            if FIRST_OBJECT <= index <= 0xFFFF and not is_there:
+                text = f"0x{index:04X} has no section [{index:04X}]; the device does not have it"
+                yield section.finding(key, text, Severity.ERROR)
 
 
 def _read_object(
@@ -425,6 +439,7 @@ def build_objects(document: Document, node_id: int, source: str) -> ObjectDictio
     object_dictionary = ObjectDictionary(read_objects(document, node_id, findings), source=source)
     add_mandatory(document, object_dictionary, findings)
     settle_pdos(document, object_dictionary, findings)
+    findings += find_absent(document)
     information = document.section("DeviceInfo")
     claim = information.text("LSS_Supported") if information else None
     object_dictionary.claims_lss = claim not in {None, "0", "0x0"}

@@ -8,6 +8,7 @@ import codecs
 import math
 import re
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -151,7 +152,8 @@ _OBJECT: Final = re.compile(r"([0-9A-F]{4})(?:SUB([0-9A-F]{1,2}))?", re.IGNORECA
 _LINE_END: Final = re.compile(r"\r\n|\r|\n")
 _COMMENT: Final = re.compile(r"\s;.*")
 _LONGEST_NAME: Final = 40
-_FIRST_OBJECT: Final = 0x1000
+FIRST_OBJECT: Final = 0x1000
+OBJECT_LISTS: Final = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 
 
 class Severity(StrEnum):
@@ -271,7 +273,7 @@ def _begin(document: Document, line: str, number: int) -> Section:
         return section
     document.sections[section.name.lower()] = section
     match = _OBJECT.fullmatch(section.name)
-    if match is not None and (index := int(match[1], 16)) >= _FIRST_OBJECT:
+    if match is not None and (index := int(match[1], 16)) >= FIRST_OBJECT:
         if match[2] is None:
             document.objects[index] = section
         else:
@@ -293,3 +295,14 @@ def _add(document: Document, section: Section, line: str, number: int) -> None:
         document.findings.append(EdsFinding(number, section.name, message))
     else:
         section.entries[key.lower()] = Entry(value.strip(), number)
+
+
+def listed_indices(section: Section) -> Iterator[tuple[int, str]]:
+    """Yield the indices in a list of objects, each with its key; -1 for what is no number."""
+    for key, entry in section.entries.items():
+        if not key.isdecimal():
+            continue
+        try:
+            yield parse_integer(entry.text), key
+        except ValueError:
+            yield -1, key

@@ -3,14 +3,17 @@
 import argparse
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from pathlib import Path
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, Setting
+from hil_bench.bench.configuration.nodes_section import find_in_eds
 from hil_bench.bench.configuration.plausibility import find_doubts
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.devices import read_devices
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import ExitCode, worst
 from hil_bench.cli.parser import add_options, take_over
 from hil_bench.cli.results import add_json_argument, json_text, warn_of
 from hil_bench.config.settings import Origin
@@ -73,7 +76,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "(default, data sheet, file, environment, command line) as a bench.toml, then what an\n"
         "engineer checks first of each axis: speeds, forces, frequencies. No bus is opened\n"
         "except with --bus, which compares the devices on it with the bench, one line per\n"
-        "difference.",
+        "difference. Exit code 1 where an EDS file has an error, with --bus also where a\n"
+        "difference remains; warnings leave it 0.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
@@ -90,16 +94,21 @@ def run(args: argparse.Namespace) -> int:
         from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
 
         build_bench(config)  # refuses parts that do not fit the devices
-    code = take_over("check", args, config)
-    if code is not None:
-        return code
+    findings = find_in_eds((node.eds, node.node_id) for node in config.nodes)
+    all_work = all(
+        each.severity is not Severity.ERROR for some in findings.values() for each in some
+    )
+    code = ExitCode.DONE if all_work else ExitCode.CHECK_FAILED
+    compared = take_over("check", args, config)
+    if compared is not None:
+        return worst(ExitCode(compared), code)
     doubts = find_doubts(config)
     if args.json:
-        print(_json_text(config, doubts))
+        print(_json_text(config, doubts, findings))
     elif not args.quiet:
         print("\n".join(_toml_lines(config)))
     warn_of(doubts)
-    return ExitCode.DONE
+    return code
 
 
 def _toml_lines(config: BenchConfig) -> Iterator[str]:
@@ -140,7 +149,9 @@ def _toml_value(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
+def _json_text(
+    config: BenchConfig, doubts: Sequence[str], findings: Mapping[Path, Sequence[EdsFinding]]
+) -> str:
     settings = [
         {
             "table": setting.table,
@@ -160,5 +171,11 @@ def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
         supply.name: [fact._asdict() for fact in facts_of_supply(config, supply)]
         for supply in config.supplies
     }
-    content = {"path": path, "settings": settings, "summary": summary, "warnings": list(doubts)}
+    content = {
+        "path": path,
+        "settings": settings,
+        "summary": summary,
+        "warnings": list(doubts),
+        "eds": {str(path): list(some) for path, some in findings.items()},
+    }
     return json_text(content)

@@ -14,10 +14,12 @@ from typing import Final
 
 from hil_bench.canopen_device.eds import build_objects, find_refusal, read_eds
 from hil_bench.canopen_device.eds_document import (
+    OBJECT_LISTS,
     Document,
     EdsFinding,
     Section,
     Severity,
+    listed_indices,
     parse_document,
     parse_integer,
 )
@@ -130,22 +132,21 @@ def _number(text: str | None) -> int | None:
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER: Final = range(0x2000, 0x6000)
-_LISTS: Final = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 
 
 def check_lists(document: Document) -> Iterator[EdsFinding]:
     """Yield what is wrong between the lists and the objects' sections."""
     listed: dict[int, str] = {}
-    for name in _LISTS:
+    for name in OBJECT_LISTS:
         section = document.section(name)
         if section is None:
             yield EdsFinding(1, name, "the section is missing; CiA 306 asks for it")
             continue
         yield from _check_count(section)
-        for index, key in _indices(section):
-            yield from _check_place(document, section, key, index, listed)
+        for index, key in listed_indices(section):
+            yield from _check_place(section, key, index, listed)
             listed.setdefault(index, section.name)
-    mandatory = document.section(_LISTS[0])
+    mandatory = document.section(OBJECT_LISTS[0])
     if mandatory is not None:
         yield from _check_mandatory(mandatory, listed)
     for index, section in document.objects.items():
@@ -166,18 +167,8 @@ def _check_count(section: Section) -> Iterator[EdsFinding]:
             return
 
 
-def _indices(section: Section) -> Iterator[tuple[int, str]]:
-    for key, entry in section.entries.items():
-        if not key.isdecimal():
-            continue
-        try:
-            yield parse_integer(entry.text), key
-        except ValueError:
-            yield -1, key
-
-
 def _check_place(
-    document: Document, section: Section, key: str, index: int, listed: dict[int, str]
+    section: Section, key: str, index: int, listed: dict[int, str]
 ) -> Iterator[EdsFinding]:
     """Yield what is wrong with one line of a list."""
     if not 0x1000 <= index <= 0xFFFF:
@@ -185,12 +176,9 @@ def _check_place(
         return
     if index in listed:
         yield section.finding(key, f"0x{index:04X} is in [{listed[index]}] already; once is right")
-    if index not in document.objects:
-        text = f"0x{index:04X} has no section [{index:04X}]; the device does not have it"
-        yield section.finding(key, text, Severity.ERROR)
     is_manufacturers = index in _MANUFACTURER
-    if is_manufacturers != (section.name.lower() == _LISTS[2].lower()):
-        right = _LISTS[2] if is_manufacturers else f"{_LISTS[0]} or {_LISTS[1]}"
+    if is_manufacturers != (section.name.lower() == OBJECT_LISTS[2].lower()):
+        right = OBJECT_LISTS[2] if is_manufacturers else f"{OBJECT_LISTS[0]} or {OBJECT_LISTS[1]}"
         yield section.finding(key, f"0x{index:04X} belongs to {right}")
 
 

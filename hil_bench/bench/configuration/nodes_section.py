@@ -126,23 +126,36 @@ _MOST_SHOWN: Final = 10
 
 
 def warn_of_nodes(nodes: Mapping[str, Settings]) -> None:
-    """Log what is wrong in the EDS files of nodes, but for those of this package.
+    """Log what is wrong in the EDS files of nodes."""
+    devices = [(Path(node["eds"].value), node["node_id"].value) for node in nodes.values()]
+    found = find_in_eds(devices)
+    for path, node_id in devices:
+        if path in found:
+            warn_of_commissioning(path, node_id)
+    for path, findings in found.items():
+        warn_of_findings(path, findings)
+
+
+def find_in_eds(devices: Iterable[tuple[Path, int]]) -> dict[Path, list[EdsFinding]]:
+    """Return the findings on the EDS files of devices, but for those of this package.
 
     A file that is no EDS is left to whoever makes the device.
+
+    Args:
+        devices: the file and the node-ID of each; what is wrong may depend on both.
     """
-    seen: set[Path] = set()
-    for node in reversed([*nodes.values()]):
-        path, node_id = Path(node["eds"].value), node["node_id"].value
+    found: dict[Path, list[EdsFinding]] = {}
+    for path, node_id in devices:
         if path in _OURS:
             continue
         try:
             findings = load_eds(path, node_id).findings
-            warn_of_commissioning(path, node_id)
         except EdsError:
             continue
-        if path not in seen:
-            seen.add(path)
-            warn_of_findings(path, findings)
+        of_file = found.setdefault(path, [])
+        known = {(each.line, each.section) for each in of_file}
+        of_file += [each for each in findings if (each.line, each.section) not in known]
+    return found
 
 
 def warn_of_commissioning(path: Path, node_id: int) -> None:

@@ -125,13 +125,42 @@ def test_a_deviation_of_an_eds_is_told_once(tmp_path, monkeypatch, cli, command)
     verb, *options = command
     hub = ["--hub", "0"] if verb == "run" else []
 
-    lines = cli([verb, "bench.toml", *hub, *options]).err.splitlines()
+    code = 1 if verb == "check" else 0
+    lines = cli([verb, "bench.toml", *hub, *options], code).err.splitlines()
     warnings = [line for line in lines if line.startswith("hil-bench: vendor.eds:")]
     first, second = warnings
     # What does not work comes first.
     assert "error: [1400sub1] DefaultValue: is 0x601, which no PDO may have; RPDO1 is off" in first
     assert "warning: [1008] AccessType: is 'co'; one of ro" in second
-    assert "vendor.eds" not in cli("check bench.toml --quiet").err
+    assert "vendor.eds" not in cli("check bench.toml --quiet", 1).err
+
+
+NO_OBJECT = (
+    "\n1=0x1003\n",
+    "\n1=0x1999\n",
+    "0x1999 has no section [1999]; the device does not have",
+)
+NO_COB_ID = ("$NODEID+0x200", "0x601", "DefaultValue: is 0x601, which no PDO may have")
+"""Changes of our valve's EDS: an object that is listed only, a PDO with an SDO's COB-ID."""
+
+
+@pytest.mark.parametrize("change", [NO_OBJECT, NO_COB_ID], ids=["listed object", "PDO"])
+@pytest.mark.parametrize("options", ["", "--json", "--bus --virtual"])
+def test_an_eds_with_an_error_does_not_pass(tmp_path, monkeypatch, cli, change, options):
+    monkeypatch.chdir(tmp_path)
+    before, after, said = change
+    text = VALVE_408.read_text(encoding="ascii")
+    assert before in text
+    Path("vendor.eds").write_text(text.replace(before, after), encoding="ascii")
+    Path("bench.toml").write_text(LOAD)
+
+    found = cli(f"check bench.toml {options}", 1)
+    assert said in found.err
+    assert cli("check-eds vendor.eds", 1).out.count("error: ") == found.err.count("error: ")
+    if options == "--json":
+        (finding, *_) = json.loads(found.out)["eds"]["vendor.eds"]
+        assert finding["severity"] == "error"
+        assert said in f"[{finding['section']}] {finding['text']}"
 
 
 def test_many_deviations_of_an_eds_are_counted(tmp_path, monkeypatch, cli):

@@ -409,7 +409,7 @@ def open_recording(path: Path | str) -> SignalTable:
 def _read_csv(path: Path) -> Recording:
     with about_file(path, what="cannot be read", right="give a recording"):
         try:
-            if _is_ours(path):
+            if is_csv_of_bench(path):
                 return _read_ours(path)
         except UnicodeDecodeError:  # of another tool, and in another code page
             pass
@@ -422,8 +422,8 @@ def _read_csv(path: Path) -> Recording:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def _is_ours(path: Path) -> bool:
-    """Return True if a file begins as the bench's own do: time, and its unit alone below."""
+def is_csv_of_bench(path: Path) -> bool:
+    """Return True if a file begins as the bench's own CSV: time, and its unit alone below."""
     with path.open(encoding="utf-8", errors="replace", newline="") as file:
         rows = csv.reader(file)
         names, units = next(rows, []), next(rows, [])

@@ -141,7 +141,10 @@ def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, make_file, benches, kind
 def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
     tmp_path, make_file, cli, kind, keys, is_idle
 ):
-    """So it is where the recording is judged, if that carries its faults; S is no signal."""
+    """So it is where the recording is judged, if that carries its faults; S is no signal.
+
+    Where it does not, that is said, also where the requirements alone are given.
+    """
     (tmp_path / "bench.toml").write_text(BENCH)
     text = SCENARIO.format(kind=kind, keys=keys)
     if kind == "stick":  # to the end of the run
@@ -150,17 +153,25 @@ def test_what_holds_beside_a_fault_that_changes_nothing_is_not_exercised(
     recordings = tmp_path / "a.mf4", tmp_path / "a.csv"
     options = run.PlayOptions(record=RecordingWish(recordings))
     result = play_for_result(run.prepare(load_scenario(path)), options)
-    (limit, _) = (finding.judgement for finding in result.findings)
-    assert limit.outcome == ("not exercised" if is_idle else "passed")
+    (first, _) = (finding.judgement for finding in result.findings)
+    assert first.outcome == ("not exercised" if is_idle else "passed")
     target = keys.split('"')[1]
     said = f"the fault {kind} {target} has changed nothing"
-    assert (limit.reason == said) == is_idle
+    assert (first.reason == said) == is_idle
     signals = make_file("r.toml", text.partition('[[expect]]\nid = "S"')[0])
     unseen = f"the recording does not show the fault {kind} {target}"
     code = ExitCode.INCONCLUSIVE if is_idle else ExitCode.DONE
-    for recording, ended, reason in zip(recordings, (code, 0), (limit.reason, unseen), strict=True):
+    for recording, ended, reason in zip(recordings, (code, 0), (first.reason, unseen), strict=True):
         found = cli(["judge", str(signals), str(recording), "--json"], ended).out
         assert json.loads(found)[str(recording)][0]["judgement"]["reason"] == reason
+    limit = "always position.measured < 200 mm"
+    alone = make_file("alone.toml", f"[[expect]]\nid = 'R'\nthat = '{limit}'\n")
+    report = tmp_path / "report.html"
+    words = ["judge", str(alone), str(recordings[1]), "--report", str(report)]
+    said = "does not hold the faults of its run: whether one changed nothing is not known"
+    assert said in cli(words).err
+    assert said in report.read_text()
+    assert "faults" not in cli(["judge", str(alone), str(recordings[0])], code).err
 
 
 def test_a_parameter_that_leaves_the_machine_as_it_is_is_the_variant_without_the_fault(make_file):

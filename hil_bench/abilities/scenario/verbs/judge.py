@@ -10,7 +10,8 @@ from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.quantities import find_doubts
-from hil_bench.abilities.recording.reading import read_recording
+from hil_bench.abilities.recording.reading import is_csv_of_bench, read_recording
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.reach import names_in
 from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.verbs import scenario_report as reports
@@ -96,9 +97,10 @@ def run(args: argparse.Namespace) -> int:
                 continue
             judged[path] = found
             names = names_in(each.requirement.condition for each in found.findings)
-            warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
+            doubts = [*find_doubts(signals, names), *_unseen_faults(args, path, found)]
+            warn_of([f"{path}: {doubt}" for doubt in doubts])
             if args.report:
-                about = args.requirements, path, signals, found
+                about = args.requirements, path, signals, found, doubts
                 chapters.append(reports.recording_chapter(*about, _options(args)))
     if not judged:
         return ending.code
@@ -111,6 +113,16 @@ def run(args: argparse.Namespace) -> int:
         with ending.going_on():
             reports.write_report(args, f"Judgement by {args.requirements}", chapters)
     return ending.code
+
+
+def _unseen_faults(args: argparse.Namespace, path: Path, found: Judged) -> list[str]:
+    """Return, beside a pass by a CSV file of the bench, that it says nothing of faults."""
+    has_passed = RequirementOutcome.PASSED in (each.judgement.outcome for each in found.findings)
+    is_of_bench = path.suffix.lower() == ".csv" and is_csv_of_bench(path)
+    if not has_passed or not is_of_bench or args.columns or args.map:
+        return []
+    unknown = "whether one changed nothing is not known; an .mf4 file says it"
+    return [f"a CSV file does not hold the faults of its run: {unknown}"]
 
 
 def _options(args: argparse.Namespace) -> list[str]:

@@ -128,7 +128,12 @@ def run_chapter(
 
 
 def recording_chapter(
-    requirements: Path, path: Path, signals: Recording, judged: Judged, options: Sequence[str]
+    requirements: Path,
+    path: Path,
+    signals: Recording,
+    judged: Judged,
+    doubts: Sequence[str],
+    options: Sequence[str],
 ) -> reports.Chapter:
     """Return the chapter of a report on a recording that was judged.
 
@@ -137,6 +142,7 @@ def recording_chapter(
         path: of the recording.
         signals: what it holds.
         judged: what it says.
+        doubts: in it.
         options: of the command line, by which it says so.
     """
     findings, trace = judged
@@ -162,6 +168,7 @@ def recording_chapter(
             ("Requirements", str(requirements)),
             ("Length", length),
             *((("Judged", trace.note),) if trace.note else ()),
+            *(("In doubt", doubt) for doubt in doubts),
         ),
         (),
         shlex.join(words),

@@ -1,5 +1,6 @@
 """The tree of an expectation, typed, checked and in SI, and the names that it may use."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
@@ -81,9 +82,17 @@ class Number(Node):
 
 @dataclass(frozen=True, slots=True)
 class Reading(Node):
-    """The value of a signal [SI], or the number of a state."""
+    """The value of a signal [SI], or the number of a state.
+
+    Attributes:
+        name: of the signal.
+        low: the least value that its data type has [SI].
+        high: the largest.
+    """
 
     name: str
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,6 +313,7 @@ class Vocabulary:
         parameters: the SI value of each parameter; its name ends in its unit.
         shared: of each name that stands for several signals, what tells them apart.
         ecus: names of the J1939 devices, for ``dm1(DEVICE)``.
+        ranges: of each signal whose data type has limits, the least and the largest value [SI].
     """
 
     signals: Mapping[str, str]
@@ -313,6 +323,7 @@ class Vocabulary:
     parameters: Mapping[str, float] = field(default_factory=dict)
     shared: Mapping[str, str] = field(default_factory=dict)
     ecus: tuple[str, ...] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -131,9 +131,8 @@ class _Builder:
         if name in known.states:
             return syntax.State(name, position)
         if name in known.signals:
-            return syntax.MeasuredValue(
-                nodes.Reading(name, position=position), dimensions.dimension_of(known.signals[name])
-            )
+            reading = nodes.Reading(name, *known.ranges.get(name, ()), position=position)
+            return syntax.MeasuredValue(reading, dimensions.dimension_of(known.signals[name]))
         if name in known.parameters:
             unit = dimensions.unit_of_name(name)
             number = nodes.Number(known.parameters[name], position=position)

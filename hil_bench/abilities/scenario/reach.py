@@ -144,8 +144,8 @@ CERTAIN: Final = "cannot fail: no value that a machine can have violates it"
 def is_certain(node: Condition, *, truth: bool = True) -> bool:
     """Return True if a condition has this truth with all values that a machine can have.
 
-    It is found by the ranges of single signals, by sums in which a signal falls out, and by a
-    condition beside its contrary.
+    It is found by the ranges of single signals and of their data types, by sums in which a signal
+    falls out, and by a condition beside its contrary.
     """
     match node:
         case nodes.Comparison():
@@ -249,7 +249,8 @@ def _range(value: nodes.Value) -> tuple[float, float]:
         case nodes.Number():
             return value.value, value.value
         case nodes.Reading():
-            return -highest_of(value.name), highest_of(value.name)
+            highest = highest_of(value.name)
+            return max(value.low, -highest), min(value.high, highest)
         case nodes.Magnitude():
             low, high = _difference(value.operand, nodes.Number(0.0, position=value.position))
             return max(0.0, low, -high), max(-low, high)

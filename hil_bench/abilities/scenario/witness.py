@@ -23,6 +23,7 @@ from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.peers import peers_of
 from hil_bench.bench.session import Session
+from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType
 from hil_bench.canopen_device.frame import DISABLED, Frame, can_id
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
@@ -107,9 +108,12 @@ def bench_vocabulary(
     signals = {channel.name: channel.unit for channel in session.channels}
     registers = name_registers(session.bench.find(ModbusBinding))
     signals |= {name: each.entry.register.unit.symbol for name, each in registers.items()}
+    ranges = {name: each.entry.register.span for name, each in registers.items()}
     states: dict[str, Mapping[str, int]] = {f"{name}.nmt": _NMT_STATES for name in names}
     for name, node, fitting in zip(names, bench.nodes, bench.fittings, strict=True):
-        signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
+        objects = {f"{name}.{name_object(v.index, v.subindex)}": v for v in _numbers(node)}
+        signals |= dict.fromkeys(objects, "-")
+        ranges |= {each: _range_of(variable.data_type) for each, variable in objects.items()}
         if fitting.state is not None:
             states[f"{name}.state"] = _VALVE_STATES
     own_signals, own_states = ecu_names(peers_of(session.bench))
@@ -122,6 +126,7 @@ def bench_vocabulary(
         parameters,
         shared,
         tuple(peers_of(session.bench)),
+        ranges,
     )
 
 
@@ -225,6 +230,15 @@ class Witness:
 
 def _numbers(node: Node) -> Iterator[Variable]:
     return (variable for variable in node.object_dictionary if is_number(variable.data_type))
+
+
+def _range_of(data_type: DataType) -> tuple[float, float]:
+    """Return the least and the largest value of a number."""
+    if isinstance(data_type, BooleanType):
+        return 0.0, 1.0
+    if isinstance(data_type, IntegerType):
+        return float(data_type.low or 0), float(data_type.high or 0)
+    return -math.inf, math.inf
 
 
 def _is_named(variable: Variable, name: str) -> bool:

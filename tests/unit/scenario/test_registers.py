@@ -10,6 +10,7 @@ from hil_bench.abilities.modbus.binding import ModbusBinding
 from hil_bench.abilities.modbus.protocol.register_map import DATA_TYPES, Register, Table
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.reach import CERTAIN
 from hil_bench.abilities.scenario.recorded import prepare_for_machine
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.abilities.scenario.targets import name_registers
@@ -70,6 +71,32 @@ def test_a_register_is_a_signal_with_a_unit(load):
         "always modbus.pressure_a.valid == 1",
     )
     assert outcomes(load(expect(*wanted))) == [PASSED, PASSED, FAILED, PASSED]
+
+
+@pytest.mark.parametrize(
+    ("text", "is_certain"),
+    [
+        # int16 in 0.01 bar: -327.68 to 327.67 bar; float32 and REAL32 have any value.
+        ("modbus.pressure_a.pressure_scaled <= 327.68 bar", True),
+        ("modbus.pressure_a.pressure_scaled <= 327.66 bar", False),
+        ("modbus.pressure_a.pressure_scaled >= -327.69 bar", True),
+        ("modbus.pressure_a.pressure < 1e5 bar", False),
+        ("modbus.pressure_a.valid <= 1", True),
+        ("modbus.pressure_a.status >= 0", True),
+        # UNSIGNED8, UNSIGNED16, INTEGER16 (CiA 301)
+        ("valve.0x1001.00 <= 255", True),
+        ("valve.0x1001.00 < 255", False),
+        ("valve.0x6041.00 < 65536", True),
+        ("valve.0x6300.01 >= -32768 and valve.0x6300.01 <= 32767", True),
+        ("valve.0x6300.01 > -32768", False),
+        ("pressure_a.0x6130.01 < 1e9", False),
+    ],
+)
+def test_what_a_data_type_cannot_hold_no_run_violates(load, text, is_certain):
+    prepared = prepare(load(expect(f"always {text}")))
+    assert [CERTAIN in doubt for doubt in prepared.doubts] == [True] * is_certain
+    (found,) = play(prepared).findings
+    assert (found.judgement.outcome, found.judgement.reason == CERTAIN) == (PASSED, is_certain)
 
 
 def test_a_register_is_seen_at_each_tick(load):

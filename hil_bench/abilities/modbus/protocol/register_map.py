@@ -222,6 +222,14 @@ class Register:
         low = low if self.low is None else max(low, self.low)
         return low, high if self.high is None else min(high, self.high)
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest value that it can show [SI]."""
+        if self.table.holds_bits:
+            return 0.0, 1.0
+        ends = self.data_type.low * self.scale, self.data_type.high * self.scale
+        return self.unit.to_si(min(ends)), self.unit.to_si(max(ends))
+
     def encode(self, value: float) -> Sequence[int]:
         """Return the registers, or the bit, of a value in SI."""
         if self.table.holds_bits:

@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from hil_bench.plants.hydraulic_cylinder.model import (
@@ -208,6 +208,7 @@ def test_the_reported_flows_balance_to_second_order(air):
     E=st.floats(1e8, 1.7e9),
     C_L=st.floats(0.0, 1e-11),
 )
+@example(setpoints=[0.0, 0.0], F_L=511.0, E=5.6e8, C_L=0.0)  # 10 mJ, and the rule misses 2e-5
 def test_energy_is_neither_made_nor_lost(setpoints, F_L, E, C_L):
     # What the oil brings through the ports is motion, compression, friction, load, leakage and,
     # at the cavitation floor, the work that opens a cavity:
@@ -236,7 +237,8 @@ def test_energy_is_neither_made_nor_lost(setpoints, F_L, E, C_L):
     # Where the spool's overshoot barely opens the valve, the flow is a pulse of a few steps, of
     # which the trapezoidal rule knows too little: 0.6 mJ are no motion to balance.
     assume(turned_over > 1e-2)
-    assert missing <= 2e-5 * turned_over + 1e-9
+    # What the rule misses is a quarter with half the step; what the plant loses stays.
+    assert missing <= 2e-5 * turned_over + 1e-9 or imbalance(5e-6)[0] <= 0.5 * missing
 
 
 def energy_parts(a, b, dt, F_L, p):

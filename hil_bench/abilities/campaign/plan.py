@@ -1,6 +1,8 @@
 """The runs of a campaign, in one order: cases, then points, then seeds."""
 
+import logging
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -20,9 +22,11 @@ from hil_bench.abilities.scenario.records import Controller, Parameter, Scenario
 from hil_bench.abilities.scenario.resolve import parameter_values
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.results import warn_of
+from hil_bench.cli.results import kept_warnings, warn_of
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
+
+logger = logging.getLogger(__name__)
 
 _FEWEST_BLOCKS = 8  # of Saltelli's design: fewer say nothing
 
@@ -61,7 +65,7 @@ class Plan:
         _check_design(campaign)
         self.campaign = campaign
         self.firmware: dict[str, str] = {}
-        self.groups = tuple(self._groups())
+        self.groups = tuple(self._warn_once(self._groups()))
 
     def __len__(self) -> int:
         campaign = self.campaign
@@ -123,6 +127,24 @@ class Plan:
                 case = make_case(changed, names[path], name, controller[0])
                 _try_ends(case, space, campaign.tolerances)
                 yield Group(case, space)
+
+    @staticmethod
+    def _warn_once(groups: Iterator[Group]) -> Iterator[Group]:
+        """Yield cases; say each of their warnings once behind them, with the number of cases."""
+        times = Counter[str]()
+        try:
+            while True:
+                with kept_warnings() as texts:
+                    try:
+                        group = next(groups, None)
+                    finally:
+                        times.update(dict.fromkeys(texts, 1))
+                if group is None:
+                    return
+                yield group
+        finally:
+            for text, count in times.items():
+                logger.warning("%s%s", text, f" (in {count} variants)" * (count > 1))
 
     def _note_firmware(self, controller: tuple[str, Controller | None]) -> None:
         name, record = controller

@@ -12,6 +12,7 @@ import pytest
 from support.campaigns import REST, margin_of, rest_pressures, run_result, write_rest
 
 import hil_bench
+from device_profiles import VALVE_408
 from hil_bench import ConfigError
 from hil_bench.abilities.campaign import store
 from hil_bench.abilities.campaign.plan import Plan
@@ -20,6 +21,7 @@ from hil_bench.abilities.campaign.snapshot import failed_run, perform_here, run_
 from hil_bench.abilities.campaign.store import Store
 from hil_bench.abilities.campaign.summary import summarise
 from hil_bench.abilities.campaign.table import Shard, collect, execute, to_table
+from hil_bench.abilities.scenario.reach import CERTAIN
 from hil_bench.cli import main
 
 RUNS = 8
@@ -65,6 +67,23 @@ def test_an_interrupted_campaign_judges_the_runs_that_are_done(
     assert ("R-1: cannot fail" in said.err) == (limit == 4000)
     what = "failed" if code == 1 else "passed"
     assert said.out.startswith(f"2 runs: 2 {what}; 3 not done yet")
+
+
+def test_a_warning_of_several_variants_comes_once_with_their_number(tmp_path, cli):
+    """Each variant loads its bench and the EDS file several times, at the ends of ranges, too."""
+    text = REST.replace("[1.0, 301.0]", "[200.0, 301.0]").replace("P_B < 200", "P_B < 5000")
+    scenario = write_rest(tmp_path, text)
+    eds = VALVE_408.read_text(encoding="ascii").replace("$NODEID+0x200", "0x601")
+    (tmp_path / "vendor.eds").write_text(eds, encoding="ascii")
+    nodes = '[nodes]\none = { node_id = 20, eds = "vendor.eds" }\n'
+    valve = 'valve = { profile = "valve_408", node_id = 1 }\n'
+    for name, seed in (("a", 1), ("b", 2)):
+        (tmp_path / f"{name}.toml").write_text(f"[bench]\nseed = {seed}\n{nodes}{valve}")
+    path = tmp_path / "c.toml"
+    path.write_text(f'scenarios = ["{scenario.name}"]\nbenches = ["a.toml", "b.toml"]\nruns = 1\n')
+    said = cli(["campaign", str(path), f"--output={tmp_path / 'out'}"]).err
+    for warning in ("which no PDO may have; RPDO1 is off", f"R-2: {CERTAIN}"):
+        assert said.count(warning) == said.count(f"{warning} (in 2 variants)") == 1
 
 
 def test_every_margin_is_the_distance_from_its_limit(plan, tmp_path):

@@ -12,7 +12,7 @@ from hil_bench.abilities.campaign.distributions import Point, Sampler
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.store import set_words
-from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_share
 from hil_bench.errors import ConfigError
 
 # Confidence bounds on a probability after a number of runs.
@@ -141,7 +141,7 @@ class RequirementSummary(NamedTuple):
         counts = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.items())
         line = f"{self.scenario}  {self.id}: {counts}"
         if self.worst is not None:
-            line += f"; smallest margin {min(self.margins):+.2g} of the tolerance at "
+            line += f"; smallest margin {show_share(min(self.margins))} of the tolerance at "
             line += show_point(self.worst.values)
         elif not self.tally.decided:
             line += "; no run was decided, so nothing is known of it"
@@ -342,7 +342,8 @@ class Change(NamedTuple):
         if self.undecided:
             line += f", {self.undecided} not decided before or now"
         if self.margins is not None:
-            line += f"; median margin {self.margins[0]:+.3g} before, {self.margins[1]:+.3g} now"
+            before, now = (show_share(margin, 3) for margin in self.margins)
+            line += f"; median margin {before} before, {now} now"
         if self.broken:
             line += f"; first at {show_point(self.broken[0].values)}"
         return line

@@ -155,6 +155,16 @@ def show_margin(margin: float, node: nodes.Atom) -> str:
     return show_gap(margin * node.scale, unit_of(node.dimension, node.symbol))
 
 
+EQUAL: Final = 1e-300
+"""A margin below is that of equal sides, whose relation has a sign but no size."""
+
+
+def show_share(margin: float, digits: int = 2) -> str:
+    """Return a margin as a share of the tolerance; +0 or -0 where both sides are equal."""
+    shown = math.copysign(0.0, margin) if abs(margin) < EQUAL else margin
+    return f"{shown:+.{digits}g}"
+
+
 # The judgement on a requirement: four outcomes, with margin, time and place.
 
 

@@ -6,14 +6,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hil_bench.abilities.common.files import whole_file
-from hil_bench.abilities.scenario.judgement import Evidence, Judgement, RequirementOutcome
+from hil_bench.abilities.scenario.judgement import (
+    EQUAL,
+    Evidence,
+    Judgement,
+    RequirementOutcome,
+    show_share,
+)
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import ControllerFileError, HilBenchError, about_file
-
-_EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a sign but no size
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +100,9 @@ def reason_of(judgement: Judgement) -> str:
 
 def _share(margin: float | None) -> str:
     """Return a margin in words; nothing for one without a size, or where both sides are equal."""
-    if margin is None or abs(margin) < _EQUAL:
+    if margin is None or abs(margin) < EQUAL:
         return ""
-    return f" ({margin:+.2g} of the tolerance)"
+    return f" ({show_share(margin)} of the tolerance)"
 
 
 def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:

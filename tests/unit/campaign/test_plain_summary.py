@@ -98,6 +98,12 @@ def ranks(values):
     return [sum(o < v for o in values) + (sum(o == v for o in values) + 1) / 2 for v in values]
 
 
+@pytest.mark.parametrize(("margin", "shown"), [(5e-324, "+0"), (-5e-324, "-0"), (0.792, "+0.79")])
+def test_equal_sides_have_a_sign_and_no_size(margin, shown):
+    (found,) = summarise([run_result(Verdict("R1", "passed", margin, "so", 1.0))])
+    assert f"smallest margin {shown} of the tolerance" in found.line()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_summary_counts_what_the_runs_say(seed):
     runs = some_runs(seed)

@@ -17,7 +17,7 @@ from hil_bench.abilities.common.work import (
 from hil_bench.abilities.faults.fault import FaultConfig
 from hil_bench.abilities.scenario import nodes
 from hil_bench.abilities.scenario.dimensions import UNITS
-from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_margin
+from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_margin, show_share
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import UNBOUNDED, Comparison, Condition, Relation, Window
 from hil_bench.abilities.scenario.recorded import Finding
@@ -186,7 +186,7 @@ class _Margin:
         text = ""
         if self._known is not None:
             in_unit = show_margin(self._known, self._only) if self._only is not None else ""
-            share = f"{100.0 * self._known:+.3g} % of the tolerance"
+            share = f"{show_share(100.0 * self._known, 3)} % of the tolerance"
             text = f"{in_unit or share}, since {self._at:.2f} s"
         return WorkMargin(self._id, verdict, self._known, text, self._bands)
 

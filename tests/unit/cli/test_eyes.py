@@ -551,9 +551,68 @@ def test_a_dbc_names_frames_that_have_identifiers_of_canopen(folder, capsys, enc
     capsys.readouterr()
     assert main(["decode", "car.log", "--dbc", "other.dbc", "-o", "no.csv"]) == 2
     assert "and no message of other.dbc with signals; give the bench" in capsys.readouterr().err
-    (folder / "j1939.dbc").write_text(J1939_DBC)
-    assert main(["decode", "car.log", "--dbc", "j1939.dbc", "-o", "no.csv"]) == 2
-    assert "and this file has FE for any sender: write the sender" in capsys.readouterr().err
+
+
+BY_FORMAT = J1939_DBC[J1939_DBC.index("BA_DEF_") :]
+BY_PROTOCOL = 'BA_DEF_ "ProtocolType" STRING ;\nBA_ "ProtocolType" "J1939";\n'
+SPEEDS = {0: (0x1368, "n 621.0 rpm"), 3: (0x0C80, "n 400.0 rpm"), 5: (0xFFFF, "n not available")}
+"""SPN 190 in the log by its sender: 0.125 rpm a bit, and all ones for no value (SAE J1939-71)."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "sender", "known"),
+    [
+        (BY_FORMAT, 0xFE, [0, 3, 5]),
+        (BY_PROTOCOL, 0xFE, [0, 3, 5]),
+        (BY_FORMAT, 3, [3]),
+        ("", 0xFE, []),  # without a word of J1939 the identifier is meant as it stands
+    ],
+)
+def test_messages_of_j1939_are_found_by_group_and_by_the_sender_that_a_dbc_gives(
+    folder, cli, monkeypatch, kind, sender, known
+):
+    """The file has EEC1 of priority 3, TSC1 to 0, EC1 of nine bytes, which come otherwise."""
+    head, one, signal = J1939_DBC.partition("BO_")[0], J1939_DBC.splitlines()[2], "SG_ n : "
+    assert one.startswith("BO_ 2364540158 EEC1: 8")
+    text = f"{head}BO_ {0x8CF00400 | sender} EEC1: 8 ECU\n"
+    text += f' {signal}24|16@1+ (0.125,0) [0|8031.875] "rpm" X\n'
+    text += f'BO_ {0x8C0000FE} TSC1: 8 ECU\n {signal}0|8@1+ (1,0) [0|0] "" X\n'
+    text += f'BO_ {0x98FEE3FE} EC1: 9 ECU\n {signal}64|8@1+ (1,0) [0|250] "" X\n'
+    (folder / "j.dbc").write_text(text + kind)
+    frames = [
+        (0x18F00400 | address, b"\xff\xff\xff" + raw.to_bytes(2, "little") + b"\xff\xff\xff")
+        for address, (raw, _) in SPEEDS.items()
+    ]
+    frames += [(0x0C001103, bytes([7] * 8)), (0x1CECFF00, bytes([32, 9, 0, 2, 255, 0xE3, 0xFE, 0]))]
+    frames += [(0x1CEBFF00, bytes([1, *range(7)])), (0x1CEBFF00, bytes([2, 7, 9, *[255] * 5]))]
+    logged = [
+        LoggedFrame(Frame(can_id, data, is_extended=True), n * 50_000_000, None)
+        for n, (can_id, data) in enumerate(frames)
+    ]
+    with open_frame_file(folder / "j.log") as file:
+        file.write_frames(logged)
+    shown = cli("decode j.log --dbc j.dbc")
+    values = [line[line.index(" n ") + 1 :] for line in shown.out.splitlines() if " n " in line]
+    if not kind:
+        assert values == []
+        assert 'give it BA_ "ProtocolType" "J1939";' in shown.err
+        return
+    assert values == [*(SPEEDS[each][1] for each in known), "n 7", "n 9"]
+    unknown = "PGN 61444 comes from address 0, and the DBC file has it of 3 alone"
+    assert (unknown in shown.err) == (known == [3])
+    cli("decode j.log --dbc j.dbc -o j.csv")
+    decoded = read_recording(folder / "j.csv")
+    names = ["EEC1.n"] if known == [3] else [f"EEC1_0{each}.n" for each in known]
+    assert decoded.dtype.names == ("time", *names, "TSC1.n", "EC1.n")
+    held = [decoded[name][~np.isnan(decoded[name])][-1:] for name in decoded.dtype.names[1:]]
+    speeds = {0: 621.0 * math.pi / 30.0, 3: 400.0 * math.pi / 30.0}
+    expected = [*(speeds[each] for each in known if each in speeds), 7.0, 9.0]
+    assert np.concatenate(held) == pytest.approx(expected)
+    bus = [can.Message(arbitration_id=can_id, data=data) for can_id, data in frames]
+    monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus(bus), "can0"))
+    said = cli("record r.csv --dbc j.dbc -i socketcan -c can0").out
+    assert ("2 messages of J1939 from a second sender" in said) == (known != [3])
+    assert read_recording(folder / "r.csv")["EEC1.n"][-1] == pytest.approx(speeds[known[0]])
 
 
 @pytest.mark.usefixtures("folder")

@@ -145,6 +145,7 @@ def _print(
         is_base = is_base or not logged.frame.is_extended
         lines.show(map(dbc.explain, language.listen(decoder.take(logged))))
     lines.show(language.listen(decoder.finish()))
+    warn_of([f"--dbc {args.dbc}: {dbc.hint}"] if dbc.hint else [])
     return count, language if is_base else None
 
 
@@ -158,12 +159,12 @@ def _write(
     """
     owners: dict[int, PdoOwner] = {}
     groups: set[tuple[int, int]] = set()
-    seen: set[tuple[int, bool]] = set()
+    dbc = DbcMessages(args.dbc)
     for logged in frames:
-        seen.add((logged.frame.can_id, logged.frame.is_extended))
         for sight in decoder.take(logged):
             if sight.message is not None:
                 groups.add((sight.frame.bus, sight.message.group))
+            dbc.note(sight)
         for owner in decoder.owners(logged.frame):
             owners.setdefault(id(owner.pdo), owner)
     ecus = eyes_arguments.known_ecus(args, load_bench_config(args))
@@ -173,7 +174,7 @@ def _write(
 
         written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
     if args.output is not None:
-        dbc = DbcMessages(args.dbc, seen)
+        dbc.narrow()
         known = (each.narrowed(groups) for each in ecus)
         channels = BusChannels(owners.values(), known, dbc, eyes_arguments.hold_of(args))
         if not channels.channels:

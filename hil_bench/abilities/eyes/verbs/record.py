@@ -19,6 +19,7 @@ from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import LoggedFrame
 
+_OF_OTHERS = "messages of J1939 from a second sender, whose signals have no channel"
 _UNMAPPED = "values of objects that were mapped only later, without a channel"
 
 _UNSTARTED = "nodes send PDOs once an NMT master has started them, as 'hil-bench boot' does"
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
             recorder.stop()
         losses, dropped = listener.losses, listener.dropped
     report = recorder.report
-    losses[_UNMAPPED] = channels.missed
+    losses.update({_UNMAPPED: channels.missed, _OF_OTHERS: dbc.left_out})
     lines = [*options.report_lines(report), *loss_words(losses)]
     ending = Ending(args)
     ending.take(options.recording_code(report))

@@ -53,7 +53,7 @@ _OF_GROUP: Final = ("rate_ms", "priority")
 _MOST_OF_REASON: Final = 200
 """Characters of what the reader of DBC files says of one that it cannot read."""
 
-_LENGTHS: Final = range(2, 33)
+LENGTHS: Final = range(2, 33)
 
 
 def is_named(given: Mapping[str, object]) -> bool:
@@ -155,7 +155,7 @@ def _find_signal(message: "Message", name: str, given: Mapping[str, object]) -> 
     if signal.is_signed or signal.is_float:
         what = "a float" if signal.is_float else "signed"
         raise ConfigError(f"{shown} is {what}; numbers of J1939 are unsigned, with an offset")
-    if signal.length not in _LENGTHS:
+    if signal.length not in LENGTHS:
         raise ConfigError(f"{shown} has {signal.length} bits; 2 to 32 can be sent")
     return signal
 

@@ -1,12 +1,14 @@
 """Frames of no known node by the messages of a DBC file: in words, and as numbers."""
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from hil_bench.abilities.eyes.sight import Service, Sight
-from hil_bench.abilities.j1939.configuration.signals import LENGTHS, load_dbc
+from hil_bench.abilities.j1939.configuration.dbc_file import load_dbc
+from hil_bench.abilities.j1939.configuration.signals import LENGTHS
 from hil_bench.abilities.j1939.protocol import signals as j1939
 
 if TYPE_CHECKING:
@@ -94,10 +96,12 @@ class DbcMessages:
         self._heard: dict[tuple[int, bool], list[int]] = {}
         self._strangers: set[tuple[int, int]] = set()
         self._unmarked: set[int] = set()
+        self._times = Counter[str]()
         self._is_unmarked = self._is_narrowed = False
         if path is None:
             return
         database = load_dbc(path)
+        self._times = Counter(each.name for each in database.messages)
         by_file = _speaks_j1939(database)
         for each in database.messages:
             if _is_j1939(each, by_file=by_file):
@@ -165,13 +169,10 @@ class DbcMessages:
         """Yield message, signal and unit of each signal."""
         groups = (each for some in self._by_group.values() for each in some)
         for message in (*self._by_identifier.values(), *groups):
-            names = [message.name]
-            if self._is_narrowed:
-                senders = self._heard.get(_key(message))
-                if senders is None:
-                    continue
-                names = [self._name(message, each) for each in senders or (None,)]
-            for name in names:
+            senders: Sequence[int | None] | None = self._heard.get(_key(message))
+            if self._is_narrowed and senders is None:
+                continue
+            for name in {self._name(message, each): 0 for each in senders or (None,)}:
                 for signal in message.signals:
                     yield name, signal.name, signal.unit or ""
 
@@ -203,9 +204,11 @@ class DbcMessages:
         return found.source == senders[0]
 
     def _name(self, message: "Message", source: int | None) -> str:
-        """Return the name of a message, with the sender where several send it."""
+        """Return the name of a message, with what tells it from others of this name or senders."""
+        is_alone = self._times[message.name] < 2
+        name = message.name if is_alone else f"{message.name}_{message.frame_id:X}"
         several = self._is_narrowed and len(self._heard.get(_key(message), ())) > 1
-        return f"{message.name}_{source:02X}" if several else message.name
+        return f"{name}_{source:02X}" if several else name
 
     def _find(self, sight: Sight) -> _Found | None:
         """Return the message of a frame that nothing else explains."""

@@ -84,6 +84,42 @@ def test_a_file_that_is_no_dbc_is_one_line(read, tmp_path, content):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("BO_ 8192 A: 8 X", "A has the identifier 0x2000, of more than 11 bits; one of 29 "),
+        ("BO_ 8192 A: 8 X", "has bit 31 set, as 2147491840 has"),  # 0x80002000
+        ("BO_ 4294967295 A: 8 X", "of more than 29 bits; 0x1FFFFFFF is the highest"),
+        ('VAL_ 9 a 1 "on" ;', "the signal a, which no message 9 has; correct its name, or delete"),
+        ("BO_ 9 2017: 8 X", 'column 7: "2017: 8 X" does not fit here; a name begins with a'),
+        ('BO_ 9 A: 8 X SG_ a : 0|8@1+ (.5,0) [0|0] "" X', "a number has a digit before its point"),
+        ('CM_ SG_ 9 "text";', "the name of the signal is missing before its comment"),
+        ('CM_ 9 "text";', "write CM_ BO_ before the identifier of a message"),
+        ('CM_ "no end"', "correct this line, or the end of the one before it"),
+        ('BO_ 9 A: 8 X\n SG_ a : 0|0@1+ (1,0) [0|0] "" X', "a of A has 0 bits; 1 to 64 are right"),
+    ],
+)
+def test_what_is_wrong_in_a_dbc_is_said_with_its_line(read, tmp_path, line, said):
+    """As in 19 of 208 public files."""
+    with (tmp_path / "joystick.dbc").open("a") as file:
+        file.write(f"\n{line}\n\nBO_ 10 B: 8 X\n")
+    text = (tmp_path / "joystick.dbc").read_text()
+    at = text[: text.index(line) + len(line)].count("\n") + 1
+    at += 2 * line.endswith('end"')  # it is missed where the next statement begins
+    with pytest.raises(ConfigError) as caught:
+        read(LEVER + 'x = { message = "BJM1" }\n')
+    assert f"joystick.dbc: cannot be read as a DBC file: line {at}" in str(caught.value)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_of_two_messages_is_refused(read, tmp_path):
+    with (tmp_path / "joystick.dbc").open("a") as file:
+        file.write("BO_ 2566853260 BJM1: 8 Joystick\n")
+    with pytest.raises(ConfigError, match='the DBC has 2 messages "BJM1"; rename them there'):
+        read(LEVER + 'x = { message = "BJM1" }\n')
+
+
 def test_a_file_that_is_not_there_is_one_line(read):
     with pytest.raises(ConfigError, match=r"no\.dbc: cannot be read: No such file") as caught:
         read(LEVER.replace("joystick.dbc", "no.dbc") + 'x = { message = "BJM1" }\n')

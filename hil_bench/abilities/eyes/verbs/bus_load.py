@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil_bench.abilities.eyes import traffic
 from hil_bench.abilities.eyes.known_node import nodes_of
-from hil_bench.abilities.j1939.configuration.signals import load_dbc
+from hil_bench.abilities.j1939.configuration.dbc_file import load_dbc
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS

@@ -8,10 +8,10 @@ where a signal stands, and where its value comes from: `source`, a script, `foll
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from hil_bench.abilities.j1939.configuration.dbc_file import load_dbc
 from hil_bench.abilities.j1939.kinds.signal_table import (
     SENT_KEYS,
     TAKEN_KEYS,
@@ -38,7 +38,7 @@ from hil_bench.config.settings import (
 )
 from hil_bench.config.values import describe, find_nearest, number, quote, text
 from hil_bench.devices.scripted_objects import Course
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError
 from hil_bench.plants.plant import Quantity
 from hil_bench.units import Unit
 
@@ -50,8 +50,6 @@ MESSAGE, SIGNAL = "message", "signal"
 
 _PLACE: Final = ("pgn", "start_bit", "length", "resolution", "offset")
 _OF_GROUP: Final = ("rate_ms", "priority")
-_MOST_OF_REASON: Final = 200
-"""Characters of what the reader of DBC files says of one that it cannot read."""
 
 LENGTHS: Final = range(2, 33)
 
@@ -91,35 +89,6 @@ def look_up(path: Path | None, name: str, signals: Mapping[str, Any]) -> dict[st
     return {**found, **own}
 
 
-def load_dbc(path: Path) -> "Database":
-    """Return the content of a DBC file, read once for each of its versions.
-
-    A file that cannot be read, and a missing extra, raise a `ConfigError`.
-    """
-    return _load_version(path, path.stat().st_mtime_ns if path.exists() else 0)
-
-
-@lru_cache(maxsize=4)
-def _load_version(path: Path, _changed: int) -> "Database":
-    try:
-        from cantools.database import load_string  # noqa: PLC0415 - an extra
-        from cantools.errors import Error  # noqa: PLC0415
-    except ImportError:
-        raise ConfigError("dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
-    with about_file(f"dbc {path}", what="cannot be read", right="give a DBC file"):
-        data = path.read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except ValueError:
-        text = data.decode("cp1252", errors="replace")  # as the format has it
-    try:
-        database: Any = load_string(text, database_format="dbc", strict=False)
-    except (Error, ValueError, KeyError, TypeError, AttributeError) as error:
-        reason = " ".join(str(error).split())[:_MOST_OF_REASON] or type(error).__name__
-        raise ConfigError(f"dbc {path}: cannot be read as a DBC file: {reason}") from None
-    return database  # type: ignore[no-any-return]
-
-
 def _find_message(database: "Database", given: Mapping[str, object]) -> "Message":
     wanted = given.get(MESSAGE)
     names = [message.name for message in database.messages]
@@ -128,6 +97,8 @@ def _find_message(database: "Database", given: Mapping[str, object]) -> "Message
     if wanted not in names:
         near = f"the nearest is {find_nearest(str(wanted), names)}" if names else "it has none"
         raise ConfigError(f"the DBC has no message {describe(wanted)}; {near}")
+    if (number := names.count(str(wanted))) > 1:
+        raise ConfigError(f"the DBC has {number} messages {describe(wanted)}; rename them there")
     message = database.messages[names.index(str(wanted))]
     if not message.is_extended_frame:
         right = "a message of J1939 has 29 bits"

@@ -12,12 +12,13 @@ from hil_bench.canopen_device.frame import Frame, make_frame
 LARGEST: Final = 1 << 26
 """Of a message [byte]."""
 
-_SIZE = Struct("<I")
-_AT_ONCE = 1 << 16
-_REQUEST = Struct("<BqI")
-_ANSWER = Struct("<BqII")
-_FRAME = Struct("<qIBBB8s")
-_EXTENDED, _REMOTE = 1, 2
+_SIZE: Final = Struct("<I")
+_AT_ONCE: Final = 1 << 16
+_REQUEST: Final = Struct("<BqI")
+_ANSWER: Final = Struct("<BqII")
+_FRAME: Final = Struct("<qIBBB8s")
+_EXTENDED: Final = 1
+_REMOTE: Final = 2
 AWAKE: Final = -1
 """In place of the time to which a chip sleeps."""
 

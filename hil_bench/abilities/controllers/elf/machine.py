@@ -203,7 +203,7 @@ class Machine:
             size = -(-RAM_BYTES * len(family.can) // PAGE) * PAGE
             words = self._allocate(family.message_ram, size)
             self._memory.append((family.message_ram, words))
-        filters = Filters()
+        filters = Filters(are_shared=len(family.can) > 1)
         for number, can in enumerate(family.can, 1):
             wire = wires.get(number) or Wire(core, 0, 0)
             if words is not None:
@@ -212,7 +212,6 @@ class Machine:
                 )
                 self._put(can.address, Fdcan(core, wire, can.interrupts, ram))
             else:
-                wire.is_shared = len(family.can) > 1
                 second = number > 1
                 self._put(can.address, BxCan(core, wire, can.interrupts, filters, is_second=second))
         return [wires[number] for number in job.can]

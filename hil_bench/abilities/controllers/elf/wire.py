@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from hil_bench.abilities.controllers.elf.core_view import Core
-from hil_bench.abilities.controllers.seam import TimedFrame
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.abilities.controllers.seam import TimedFrame, make_timed
+from hil_bench.canopen_device.frame import Frame, make_frame
 
 GAP_NS: Final = 50_000
 """From one frame to the next on a bus that takes no time: as the shortest come at 1 Mbit/s."""
@@ -22,7 +22,6 @@ class Wire:
         core: of the chip.
         number: of the bus, as its controller counts.
         bit_ns: duration of a bit [ns]; 0 for a bus that takes no time.
-        is_shared: whether another controller of the chip shares its filters.
         delay: returns how much later than it could the next frame to the chip begins [ns].
 
     Attributes:
@@ -37,11 +36,9 @@ class Wire:
         number: int,
         bit_ns: int,
         *,
-        is_shared: bool = False,
         delay: Callable[[], int] = lambda: 0,
     ) -> None:
         self._core, self._number, self._bit_ns, self._delay = core, number, bit_ns, delay
-        self.is_shared = is_shared
         self.receive: Callable[[Frame], bool] = lambda _: True
         self.may_wait = bit_ns == 0
         self.sent: list[TimedFrame] = []
@@ -98,7 +95,9 @@ class Wire:
 
     def _went(self, frame: Frame, done: Callable[[], None]) -> None:
         self._is_busy = False
-        self.sent.append(TimedFrame(self._core.now(), frame._replace(bus=self._number)))
+        can_id, data, is_remote, is_extended, _, flags = frame
+        sent = make_frame(Frame, (can_id, data, is_remote, is_extended, self._number, flags))
+        self.sent.append(make_timed(TimedFrame, (self._core.now(), sent)))
         done()
         self._go_on()
 

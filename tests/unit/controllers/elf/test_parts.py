@@ -31,12 +31,11 @@ from hil_bench.abilities.controllers.elf.wire import Wire, rank
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 
-OWN = range(14)
 BX_CAN, BX_CAN_2 = [19, 20, 21, 22], [63, 64, 65, 66]
 
 
 def test_a_wide_mask_and_a_list_of_narrow_ones():
-    filters = Filters()
+    filters = Filters(are_shared=False)
     filters.store(0x20C, 0b01)  # bank 0 wide
     filters.store(0x204, 0b10)  # bank 1 a list, narrow
     filters.store(0x214, 0b10)  # bank 1 into FIFO 1
@@ -46,10 +45,27 @@ def test_a_wide_mask_and_a_list_of_narrow_ones():
     filters.store(0x24C, 0x703 << 5 | (0x704 << 5) << 16)
     filters.store(0x21C, 0b11)
     filters.store(0x200, 0xE00)
-    assert filters.match(Frame(0x181), OWN) == (0, 0)
-    assert filters.match(Frame(0x703), OWN) == (1, 2)
-    assert filters.match(Frame(0x705), OWN) is None
-    assert filters.match(Frame(0x701, is_remote=True), OWN) is None
+    assert filters.match(Frame(0x181)) == (0, 0)
+    assert filters.match(Frame(0x703)) == (1, 2)
+    assert filters.match(Frame(0x705)) is None
+    assert filters.match(Frame(0x701, is_remote=True)) is None
+    assert filters.match(Frame(0x181), is_second=True) is None  # of a chip with one controller
+
+
+def test_the_second_controller_has_the_banks_from_can2sb_on():
+    filters = Filters(are_shared=True)
+    filters.store(0x20C, 0b11)  # two wide masks
+    filters.store(0x240, 0x180 << 21)
+    filters.store(0x244, 0x780 << 21)
+    filters.store(0x248, 0x200 << 21)
+    filters.store(0x24C, 0x780 << 21)
+    filters.store(0x21C, 0b11)
+    found = []
+    for start in (1, 2):
+        filters.store(0x200, start << 8)
+        frames = Frame(0x181), Frame(0x201)
+        found.append([filters.match(f, is_second=s) for f in frames for s in (False, True)])
+    assert found == [[(0, 0), None, None, (0, 0)], [(0, 0), None, (0, 1), None]]
 
 
 LONG = Frame(0x12365678, is_extended=True)  # its first 11 bits are 0x48D, the next three 4
@@ -95,7 +111,7 @@ LONG = Frame(0x12365678, is_extended=True)  # its first 11 bits are 0x48D, the n
     ],
 )
 def test_a_bank_of_each_width_and_kind(*, is_wide, is_list, first, second, wanted, unwanted):
-    filters = Filters()
+    filters = Filters(are_shared=False)
     for offset, value in (
         (0x204, is_list << 9),
         (0x20C, is_wide << 9),
@@ -105,17 +121,17 @@ def test_a_bank_of_each_width_and_kind(*, is_wide, is_list, first, second, wante
     ):
         filters.store(offset, value)
         assert filters.load(offset) == value
-    assert not any(filters.match(frame, range(14)) for frame in wanted)  # FINIT, as behind reset
+    assert not any(filters.match(frame) for frame in wanted)  # FINIT, as behind reset
     filters.store(0x200, 0xE00)
     # The nine banks before it are narrow masks, of two filters each.
-    assert {frame: filters.match(frame, OWN) for frame in wanted} == {
+    assert {frame: filters.match(frame) for frame in wanted} == {
         frame: (0, 18 + place) for frame, place in wanted.items()
     }
-    assert not any(filters.match(frame, OWN) for frame in unwanted)
+    assert not any(filters.match(frame) for frame in unwanted)
 
 
 def test_of_two_filters_the_wider_and_then_the_list_wins():
-    filters = Filters()
+    filters = Filters(are_shared=False)
     filters.store(0x20C, 0b110)  # banks 1 and 2 wide
     filters.store(0x204, 0b100)  # bank 2 a list
     filters.store(0x21C, 0b111)
@@ -124,14 +140,14 @@ def test_of_two_filters_the_wider_and_then_the_list_wins():
     filters.store(0x250, 0x123 << 21)
     filters.store(0x200, 0xE00)
     # Bank 0 has the numbers 0 and 1, bank 1 the number 2, bank 2 the numbers 3 and 4.
-    assert filters.match(Frame(0x123), OWN) == (0, 3)
-    assert filters.match(Frame(0x124), OWN) == (0, 2)
+    assert filters.match(Frame(0x123)) == (0, 3)
+    assert filters.match(Frame(0x124)) == (0, 2)
 
 
 def bxcan(bit_ns):
     core = Core()
     wire = Wire(core, 0, bit_ns)
-    can = BxCan(core, wire, (19, 20, 21, 22), Filters())
+    can = BxCan(core, wire, (19, 20, 21, 22), Filters(are_shared=False))
     for offset, value in ((0x20C, 1), (0x21C, 1), (0x200, 0x2A1C0E00), (0x14, 0x13), (0x00, 0)):
         can.store(offset, value)
     return core, wire, can
@@ -140,7 +156,7 @@ def bxcan(bit_ns):
 def test_bxcan_behind_power_on_and_in_initialisation():
     """The reset values of RM0090; MSR answers INRQ and SLEEP, BTR needs INAK."""
     core = Core()
-    can = BxCan(core, Wire(core, 0, 1000), (19, 20, 21, 22), Filters())
+    can = BxCan(core, Wire(core, 0, 1000), (19, 20, 21, 22), Filters(are_shared=False))
     reset = {0x00: 0x10002, 0x04: 0xC02, 0x08: 0x1C000000, 0x14: 0, 0x18: 0, 0x1C: 0x01230000}
     reset |= {0x0C: 0, 0x10: 0, 0x200: 0x2A1C0E01}
     assert {offset: can.load(offset) for offset in reset} == reset

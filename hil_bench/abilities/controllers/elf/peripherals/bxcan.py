@@ -15,32 +15,61 @@ BANKS: Final = 28
 DEPTH: Final = 3
 """Frames of a receive FIFO."""
 
-_MCR, _MSR, _TSR, _RF0R, _IER, _ESR, _BTR = 0x00, 0x04, 0x08, 0x0C, 0x14, 0x18, 0x1C
-_TX, _RX = 0x180, 0x1B0
-_INRQ, _SLEEP, _TXFP, _RFLM, _RESET = 1, 2, 4, 8, 1 << 15
-_INAK, _SLAK, _RX_HIGH = 1, 2, 0xC00
-_MCR_RESET, _TSR_RESET, _BTR_RESET = 0x0001_0002, 0x1C00_0000, 0x0123_0000
-_TXRQ, _RTR, _IDE = 1, 2, 4
-_ABRQ = 0x80
-_RQCP, _TXOK = 1, 2
-_TMEIE = 1
-_FMPIE, _FFIE, _FOVIE = 2, 4, 8
-_FULL, _FOVR, _RFOM = 8, 16, 32
-_LBKM, _SILM = 1 << 30, 1 << 31
-_FINIT = 1
+_MCR: Final = 0x00
+_MSR: Final = 0x04
+_TSR: Final = 0x08
+_RF0R: Final = 0x0C
+_RF1R: Final = 0x10
+_IER: Final = 0x14
+_ESR: Final = 0x18
+_BTR: Final = 0x1C
+_TX: Final = 0x180
+_RX: Final = 0x1B0
+_INRQ: Final = 1
+_SLEEP: Final = 2
+_TXFP: Final = 4
+_RFLM: Final = 8
+_RESET: Final = 1 << 15
+_INAK: Final = 1
+_SLAK: Final = 2
+_RX_HIGH: Final = 0xC00
+_MCR_RESET: Final = 0x0001_0002
+_TSR_RESET: Final = 0x1C00_0000
+_BTR_RESET: Final = 0x0123_0000
+_TXRQ: Final = 1
+_RTR: Final = 2
+_IDE: Final = 4
+_ABRQ: Final = 0x80
+_RQCP: Final = 1
+_TXOK: Final = 2
+_TMEIE: Final = 1
+_FMPIE: Final = 2
+_FFIE: Final = 4
+_FOVIE: Final = 8
+_FULL: Final = 8
+_FOVR: Final = 16
+_RFOM: Final = 32
+_LBKM: Final = 1 << 30
+_SILM: Final = 1 << 31
+_FINIT: Final = 1
 
-_EMPTY = (0, 0, 0, 0)
+_EMPTY: Final = (0, 0, 0, 0)
 _KINDS = (
-    dict.fromkeys((_TSR, _RF0R, _RF0R + 4, *range(_RX, FILTERS_AT, 4)), READ)
+    dict.fromkeys((_TSR, _RF0R, _RF1R, *range(_RX, FILTERS_AT, 4)), READ)
     | dict.fromkeys(range(_TX, _RX, 16), READ)
     | {_TX + at: READ | WRITTEN for at in range(48) if at % 16 in {4, 8, 12}}
 )
 
 
 class Filters:
-    """The filter banks, which CAN1 and CAN2 share."""
+    """The filter banks of a chip.
 
-    def __init__(self) -> None:
+    Args:
+        are_shared: whether CAN1 and CAN2 share them.
+    """
+
+    def __init__(self, *, are_shared: bool) -> None:
+        self.are_shared = are_shared
         self.reset()
 
     def reset(self) -> None:
@@ -48,7 +77,7 @@ class Filters:
         self.control = 0x2A1C_0E01
         self.lists = self.wide = self.fifos = self.active = 0
         self.banks = [[0, 0] for _ in range(BANKS)]
-        self._found: dict[tuple[int, bool, bool, range], tuple[int, int] | None] = {}
+        self._found: dict[tuple[int, bool, bool, bool], tuple[int, int] | None] = {}
 
     def load(self, offset: int) -> int:
         """Return a register of the banks."""
@@ -65,15 +94,17 @@ class Filters:
         elif name := _FILTER_REGISTERS.get(offset):
             setattr(self, name, value)
 
-    def match(self, frame: Frame, banks: range) -> tuple[int, int] | None:
+    def match(self, frame: Frame, *, is_second: bool = False) -> tuple[int, int] | None:
         """Return the FIFO that takes a frame and the index of its filter; None for no filter.
 
         Args:
             frame: that came.
-            banks: of its controller.
+            is_second: whether it came to the controller that has the banks from CAN2SB on.
         """
-        key = frame.can_id, frame.is_extended, frame.is_remote, banks
+        key = frame.can_id, frame.is_extended, frame.is_remote, is_second
         if key not in self._found:
+            start = self.control >> 8 & 0x3F if self.are_shared else BANKS
+            banks = range(start, BANKS) if is_second else range(start)
             self._found[key] = None if self.control & _FINIT else self._find(frame, banks)
         return self._found[key]
 
@@ -182,7 +213,7 @@ class BxCan(Peripheral):
             self._words[offset >> 2] = value
             if offset & 0xC == 0 and value & _TXRQ:
                 self._request(offset - _TX >> 4)
-        elif offset in {_RF0R, _RF0R + 4}:
+        elif _RF0R <= offset <= _RF1R:
             self._release(offset - _RF0R >> 2, value)
         elif offset == _TSR:
             self._acknowledge(value)
@@ -229,7 +260,7 @@ class BxCan(Peripheral):
         """Have the bus take the next frame: by identifier, or in order of request."""
         if self._sending is not None or not self._waiting or not self.is_on:
             return
-        if self._mcr & _TXFP:
+        if self._mcr & _TXFP or len(self._waiting) == 1:
             number = self._waiting[0]
         else:
             number = min(self._waiting, key=lambda each: (self._mailbox(each)[0] & ~1, each))
@@ -263,14 +294,14 @@ class BxCan(Peripheral):
         """Take a frame of the bus, where a filter wants it; return False to have it wait."""
         if not self.is_on:
             return True
-        start = self._filters.control >> 8 & 0x3F if self._wire.is_shared else BANKS
-        found = self._filters.match(frame, range(start, BANKS) if self._is_second else range(start))
+        found = self._filters.match(frame, is_second=self._is_second)
         if found is None:
             return True
         number, index = found
         if self._wire.may_wait and len(self._fifos[number]) == DEPTH:
             return False
-        low, high = (int.from_bytes(frame.data[at : at + 4], "little") for at in (0, 4))
+        data = int.from_bytes(frame.data, "little")
+        low, high = data & 0xFFFF_FFFF, data >> 32 & 0xFFFF_FFFF
         entry = (_register(frame), index << 8 | len(frame.data), low, high)
         fifo = self._fifos[number]
         if len(fifo) < DEPTH:

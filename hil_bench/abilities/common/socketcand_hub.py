@@ -3,30 +3,31 @@
 import functools
 import re
 from binascii import hexlify
+from typing import Final
 
 from hil_bench.canopen_device.frame import FDF, Frame, make_frame
 from hil_bench.frame import FD_LENGTHS
 
-MOST_BAD = 16
+MOST_BAD: Final = 16
 """Malformed commands in a row, in the raw mode, after which a client is cut off."""
 
 JOIN_DELAY = 0.05
 """How long frames are held back from a client that has just entered the raw mode and has not said
 anything yet [s]: python-can compares what it reads after "rawmode" with "< ok >" exactly."""
 
-CLASSICAL = b"this bus is classical CAN; fd = true in [bus] of bench.toml makes it CAN FD"
+CLASSICAL: Final = b"this bus is classical CAN; fd = true in [bus] of bench.toml makes it CAN FD"
 """Answer to a frame of CAN FD on another bus."""
 
-_EXTENDED_DIGITS = 8
-_NS_PER_S = 1_000_000_000
-_CHANNEL = re.compile(r"[A-Za-z0-9_.-]{1,15}")
+_EXTENDED_DIGITS: Final = 8
+_NS_PER_S: Final = 1_000_000_000
+_CHANNEL: Final = re.compile(r"[A-Za-z0-9_.-]{1,15}")
 
-_SEND = re.compile(
+_SEND: Final = re.compile(
     rb"< send ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +([0-8])"
     rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
 )
 
-_FD_SEND = re.compile(
+_FD_SEND: Final = re.compile(
     rb"< fdsend ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +0?([0-7]) +(\d\d?)"
     rb"((?: +[0-9A-Fa-f]{1,2}){0,64}) *"
 )
@@ -101,7 +102,7 @@ def _head(can_id: int, is_extended: bool) -> bytes:
     return (b"< frame %08X " if is_extended else b"< frame %03X ") % can_id
 
 
-BURST = 10_000_000
+BURST: Final = 10_000_000
 """Time on the bus of the frames that a program may send at once after it was quiet [ns]."""
 
 

@@ -11,6 +11,7 @@ Frames of CAN FD are words of their own, with the flags of SocketCAN (`Frame.fd`
 """
 
 import re
+from typing import Final
 
 from hil_bench.canopen_device.frame import FDF, Frame
 from hil_bench.frame import FD_LENGTHS
@@ -18,13 +19,13 @@ from hil_bench.frame import FD_LENGTHS
 DEFAULT_PORT = 29536
 """socketcand's own port."""
 
-MAX_COMMAND = 256
+MAX_COMMAND: Final = 256
 """Longest command [byte]; a frame of 64 bytes takes 220."""
 
 
-_EXTENDED_DIGITS = 8
-_FRAME = re.compile(rb"< frame ([0-9A-F]{8}|[0-9A-F]{3}) \d+\.\d+ ((?:[0-9A-F]{2}){0,8}) ?")
-_FD_FRAME = re.compile(
+_EXTENDED_DIGITS: Final = 8
+_FRAME: Final = re.compile(rb"< frame ([0-9A-F]{8}|[0-9A-F]{3}) \d+\.\d+ ((?:[0-9A-F]{2}){0,8}) ?")
+_FD_FRAME: Final = re.compile(
     rb"< fdframe ([0-9A-F]{8}|[0-9A-F]{3}) 0([0-7]) \d+\.\d+ ((?:[0-9A-F]{2}){0,64}) ?"
 )
 

@@ -14,7 +14,7 @@ from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from struct import Struct
-from typing import Any
+from typing import Any, Final
 
 from hil_bench.abilities.controllers.seam import ControllerEnd, TimedFrame, make_timed
 from hil_bench.canopen_device.frame import Frame, make_frame
@@ -35,13 +35,13 @@ except ImportError:
 else:
     _advance = _call.advance
 
-VERSION = 1
-SHOWN_LINES = 20
+VERSION: Final = 1
+SHOWN_LINES: Final = 20
 """Lines of its output that messages show."""
 
-_ROOM = 256  # frames of a call
-_FRAME = Struct("=qIBBBx8s")  # struct hil_frame
-_SIZE_OF_FRAME = _FRAME.size
+_ROOM: Final = 256  # frames of a call
+_FRAME: Final = Struct("=qIBBBx8s")  # struct hil_frame
+_SIZE_OF_FRAME: Final = _FRAME.size
 _pack, _iter_unpack = _FRAME.pack_into, _FRAME.iter_unpack
 _EXTENDED, _REMOTE = 1, 2
 _SIZE = ctypes.c_size_t

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import Final
 
 from hil_bench.abilities.common.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.abilities.common.socketcand_hub import (
@@ -32,19 +33,19 @@ from hil_bench.errors import BusError
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.outside.transports.transport import TransportCounters
 
-MAX_CLIENTS = 64
+MAX_CLIENTS: Final = 64
 MAX_BACKLOG = 8 * 1024 * 1024
 """What may wait for a client [byte] before it is cut off."""
 
-_CHUNK = 65_536
-_STRAIGHT = 15 if sys.platform == "linux" and sys.maxsize > 1 << 32 else 0
+_CHUNK: Final = 65_536
+_STRAIGHT: Final = 15 if sys.platform == "linux" and sys.maxsize > 1 << 32 else 0
 """Waits in a row for the only client, in which nobody else is seen to.
 
 One call receives from it then, in place of one that waits and one that receives."""
 
-_AT_ONCE = socket.MSG_DONTWAIT if _STRAIGHT else 0
-_TIMEVAL = struct.Struct("ll")  # of Linux with 64 bits
-_QUICKACK = getattr(socket, "TCP_QUICKACK", None)
+_AT_ONCE: Final = socket.MSG_DONTWAIT if _STRAIGHT else 0
+_TIMEVAL: Final = struct.Struct("ll")  # of Linux with 64 bits
+_QUICKACK: Final = getattr(socket, "TCP_QUICKACK", None)
 
 
 class HostedBus:

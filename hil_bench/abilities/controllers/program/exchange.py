@@ -4,29 +4,30 @@ import mmap
 import os
 import struct
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from hil_bench.abilities.controllers.seam import TimedFrame
 from hil_bench.canopen_device.frame import Frame, make_frame
 
-VERSION = 1
-RING = 4096
+VERSION: Final = 1
+RING: Final = 4096
 """Frames that wait at most, each way."""
 
-NAME_SIZE = 16
+NAME_SIZE: Final = 16
 
-_RECORD = struct.Struct("<qIBBxx8s")
+_RECORD: Final = struct.Struct("<qIBBxx8s")
 _U32, _I64 = struct.Struct("<I"), struct.Struct("<q")
 _VERSION, _GRANTED, _UNTIL, _IN_HEAD, _OUT_TAIL, _BUSES = 0, 4, 8, 16, 20, 24
 _NAMES, _NOW, _WAKE, _IN_TAIL, _OUT_HEAD = 32, 288, 296, 304, 308
 _ANSWERED, _STATE, _RANDOM, _REFUSAL = 312, 316, 324, 332
-_REFUSAL_SIZE = 172
-_IN = 504
-_OUT = _IN + RING * _RECORD.size
-_SIZE = _OUT + RING * _RECORD.size
+_REFUSAL_SIZE: Final = 172
+_IN: Final = 504
+_OUT: Final = _IN + RING * _RECORD.size
+_SIZE: Final = _OUT + RING * _RECORD.size
 
 _ATTACHED, _WATCHES_OTHERS = 1, 2
 _EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
-_SEED = 0x2545_F491  # any but 0
+_SEED: Final = 0x2545_F491  # any but 0
 
 
 class Exchange:

@@ -21,7 +21,6 @@ _TSR: Final = 0x08
 _RF0R: Final = 0x0C
 _RF1R: Final = 0x10
 _IER: Final = 0x14
-_ESR: Final = 0x18
 _BTR: Final = 0x1C
 _TX: Final = 0x180
 _RX: Final = 0x1B0
@@ -55,7 +54,7 @@ _FINIT: Final = 1
 
 _EMPTY: Final = (0, 0, 0, 0)
 _KINDS = (
-    dict.fromkeys((_TSR, _RF0R, _RF1R, *range(_RX, FILTERS_AT, 4)), READ)
+    dict.fromkeys((*range(_MCR, _BTR + 4, 4), *range(_RX, FILTERS_AT, 4)), READ)
     | dict.fromkeys(range(_TX, _RX, 16), READ)
     | {_TX + at: READ | WRITTEN for at in range(48) if at % 16 in {4, 8, 12}}
 )
@@ -180,11 +179,12 @@ class BxCan(Peripheral):
 
     def reset(self) -> None:
         """Go to the state behind power on."""
-        self._mcr, self._ier, self._esr = _MCR_RESET, 0, 0
         for place in range(len(self._words)):
             self._words[place] = 0
         self._tsr = self._words[_TSR >> 2] = _TSR_RESET
-        self._btr = _BTR_RESET
+        self._btr = self._words[_BTR >> 2] = _BTR_RESET
+        self._ier = 0
+        self._set_mode(_MCR_RESET)
         self._fifos: tuple[deque[tuple[int, int, int, int]], ...] = (deque(), deque())
         self._overruns = [False, False]
         self._waiting: list[int] = []
@@ -201,9 +201,7 @@ class BxCan(Peripheral):
         """Return a register."""
         if offset >= FILTERS_AT:
             return self._filters.load(offset)
-        registers = {_MCR: self._mcr, _MSR: self._state(), _IER: self._ier}
-        registers |= {_ESR: self._esr, _BTR: self._btr}
-        return registers.get(offset, self._words[offset >> 2])
+        return self._words[offset >> 2]
 
     def store(self, offset: int, value: int) -> None:
         """Write a register."""
@@ -220,23 +218,23 @@ class BxCan(Peripheral):
         elif offset == _MCR:
             self._control(value)
         elif offset == _IER:
-            self._ier = value
+            self._ier = self._words[_IER >> 2] = value
             self._raise_line()
             self._raise_fifo(0)
             self._raise_fifo(1)
         elif offset == _BTR and self._mcr & _INRQ:
-            self._btr = value
+            self._btr = self._words[_BTR >> 2] = value
 
-    def _state(self) -> int:
-        if self._mcr & _INRQ:
-            return _RX_HIGH | _INAK
-        return _RX_HIGH | (_SLAK if self._mcr & _SLEEP else 0)
+    def _set_mode(self, value: int) -> None:
+        self._mcr = self._words[_MCR >> 2] = value
+        state = _INAK if value & _INRQ else _SLAK if value & _SLEEP else 0
+        self._words[_MSR >> 2] = _RX_HIGH | state
 
     def _control(self, value: int) -> None:
         if value & _RESET:
             self.reset()
             return
-        self._mcr = value
+        self._set_mode(value)
         if self.is_on:
             self._send_next()
 

@@ -40,7 +40,9 @@ class Unit(NamedTuple):
         return "" if symbol == "-" else symbol
 
 
-_INCH, _FOOT, _POUND_FORCE, _US_GALLON = 0.0254, 0.3048, 4.4482216152605, 3.785411784e-3
+# Exact by definition (NIST SP 811, 2008, appendix B.8).
+_INCH, _FOOT, _POUND, _US_GALLON = 0.0254, 0.3048, 0.45359237, 3.785411784e-3
+_POUND_FORCE, _KILOGRAM_FORCE, _ATMOSPHERE = 4.4482216152605, 9.80665, 101_325.0
 _PSI = _POUND_FORCE / _INCH**2
 
 ONE = Unit("-", "")
@@ -131,7 +133,8 @@ COUNT = "1"
 """The symbol of numbers that are no share of anything: counts, words of bits."""
 
 _MINUTE, _HOUR = 60.0, 3600.0
-_SPELLED: Mapping[str, Mapping[str, float]] = {
+_OF_KILOGRAM = dict.fromkeys(("kgf", "kp"), _KILOGRAM_FORCE)
+SPELLED: Mapping[str, Mapping[str, float]] = {
     "-": {"-": 1.0, COUNT: 1.0, "%": 1e-2},
     "s": {
         **dict.fromkeys(("s", "sec", "second", "Second", "seconds", "Seconds"), 1.0),
@@ -161,11 +164,21 @@ _SPELLED: Mapping[str, Mapping[str, float]] = {
         "ft/s": _FOOT,
         "m/min": 1.0 / _MINUTE,
         "mm/min": 1e-3 / _MINUTE,
+        "in/min": _INCH / _MINUTE,
+        "ft/min": _FOOT / _MINUTE,
         "km/h": 1e3 / _HOUR,
     },
     "m/s²": {"m/s2": 1.0, "mm/s2": 1e-3},
-    "m²": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
-    "m³": {"m3": 1.0, "l": 1e-3, "L": 1e-3, "ml": 1e-6, "mL": 1e-6, "cm3": 1e-6},
+    "m²": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6, "in2": _INCH**2, "ft2": _FOOT**2},
+    "m³": {
+        "m3": 1.0,
+        **dict.fromkeys(("l", "L", "dm3"), 1e-3),
+        **dict.fromkeys(("ml", "mL", "cm3"), 1e-6),
+        "mm3": 1e-9,
+        "in3": _INCH**3,
+        "ft3": _FOOT**3,
+        "gal": _US_GALLON,
+    },
     "m³/(s Pa)": {"m3/(s Pa)": 1.0, "l/(min bar)": LITRE_PER_MINUTE_BAR.factor},
     "m³/s": {
         "m3/s": 1.0,
@@ -189,15 +202,26 @@ _SPELLED: Mapping[str, Mapping[str, float]] = {
         "mbar": 1e2,
         **dict.fromkeys(("bar", "Bar", "BAR"), 1e5),
         **dict.fromkeys(("psi", "Psi", "PSI"), _PSI),
+        "ksi": 1e3 * _PSI,
+        "kgf/cm2": 1e4 * _KILOGRAM_FORCE,
+        "atm": _ATMOSPHERE,
     },
     "Pa/s": {"Pa/s": 1.0, "kPa/s": 1e3, "MPa/s": 1e6, "bar/s": 1e5, "psi/s": _PSI},
-    "N": {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE},
-    "N/m": {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3, "kN/mm": 1e6},
+    "N": {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, **_OF_KILOGRAM},
+    "N/m": {
+        "N/m": 1.0,
+        "N/mm": 1e3,
+        "kN/m": 1e3,
+        "kN/mm": 1e6,
+        "lbf/in": _POUND_FORCE / _INCH,
+    },
     "N m": {
         **dict.fromkeys(("N m", "Nm", "N.m"), 1.0),
         **dict.fromkeys(("kN m", "kNm", "kN.m"), 1e3),
+        "lbf ft": POUND_FORCE_FOOT.factor,
+        "lbf in": _POUND_FORCE * _INCH,
     },
-    "kg": {"kg": 1.0, "t": 1e3},
+    "kg": {"kg": 1.0, "t": 1e3, "lb": _POUND},
     "rad": {
         "rad": 1.0,
         "mrad": 1e-3,
@@ -216,6 +240,7 @@ _SPELLED: Mapping[str, Mapping[str, float]] = {
     "Hz": {"Hz": 1.0, "kHz": 1e3},
     "°C": dict.fromkeys(("°C", "degC", "deg C"), 1.0),
 }
+"""The factors of all units that files and expectations may have, by the bench's unit."""
 _KELVIN, _FAHRENHEIT = 273.15, 5.0 / 9.0
 _SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": ".", "^": "", "º": "°"})
 
@@ -235,7 +260,7 @@ class SiUnit(NamedTuple):
 
 
 _CONVERSIONS: Mapping[str, SiUnit] = {
-    **{each: SiUnit(si, factor) for si, all_ in _SPELLED.items() for each, factor in all_.items()},
+    **{each: SiUnit(si, factor) for si, all_ in SPELLED.items() for each, factor in all_.items()},
     "K": SiUnit("°C", 1.0, -_KELVIN),
     **dict.fromkeys(("°F", "degF", "deg F"), SiUnit("°C", _FAHRENHEIT, -32.0 * _FAHRENHEIT)),
 }
@@ -286,11 +311,12 @@ def quantity(text: str, level: str, symbol: str, unit: str) -> float:
     Raises:
         ConfigError: it is no number, or the unit is none of the quantity's.
     """
-    units = {each.symbol: each.factor for each in UNITS_OF.get(unit, ())} or {unit: 1.0}
-    if symbol and symbol not in units:
-        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(units)}')
+    symbol_of_si, factor = si_unit(symbol) if symbol else (unit, 1.0)
+    if symbol_of_si != unit:
+        usual = ", ".join(each.symbol for each in UNITS_OF.get(unit, ())) or unit
+        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {usual}')
     try:
-        value = float(level) * units.get(symbol, 1.0)
+        value = float(level) * factor
     except ValueError:
         raise ConfigError(f'"{text}": {level} is no number') from None
     return value

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.abilities.scenario.dimensions import find_unit
+from hil_bench.abilities.scenario.dimensions import UNITS, find_unit, unit_of_name
 from hil_bench.abilities.scenario.judgement import (
     RequirementOutcome,
     judge,
@@ -28,7 +28,7 @@ from hil_bench.abilities.scenario.parse import parse_expectation
 from hil_bench.abilities.scenario.reach import CERTAIN, reach, survives_a_cut
 from hil_bench.abilities.scenario.results import reason_of
 from hil_bench.abilities.scenario.syntax import ExpectationError
-from hil_bench.units import BAR, ONE
+from hil_bench.units import BAR, ONE, read_unit
 
 TICK = 1_000_000
 KNOWN = Vocabulary(
@@ -86,6 +86,60 @@ def test_units_become_si():
 def test_the_scale_is_the_tolerance_that_the_author_wrote(text, scale):
     """The table in docs/expectations.md; target_mm is 100 mm, and 10 mm stands for nothing."""
     assert parse(text).scale == pytest.approx(scale, rel=1e-12)
+
+
+@pytest.mark.parametrize("symbol", sorted({*UNITS} - {"-"}))
+def test_a_unit_means_the_same_in_an_expectation_and_above_a_column(symbol):
+    column = read_unit(symbol)
+    found = parse_expectation(f"always x < 2 {symbol}", Vocabulary({"x": column.symbol}))
+    assert found.operand.right.value == 2.0 * column.factor
+
+
+@pytest.mark.parametrize(
+    ("text", "si"),
+    [
+        # NIST SP 811 (2008), appendix B.8, in its digits.
+        ("1 inch", 2.54e-2),
+        ("1 ft/min", 5.08e-3),
+        ("1 in3", 1.638706e-5),
+        ("1 gal", 3.785412e-3),
+        ("1 gpm", 6.309020e-5),
+        ("1 psi", 6.894757e3),
+        ("1 ksi", 6.894757e6),
+        ("1 atm", 1.01325e5),
+        ("1 kgf/cm2", 9.80665e4),
+        ("1 kp", 9.80665),
+        ("1 lbf", 4.448222),
+        ("1 lbf/in", 1.751268e2),
+        ("1 lbf ft", 1.355818),
+        ("1 lbf in", 1.129848e-1),
+        ("1 lb", 4.535924e-1),
+        ("1 rpm", 1.047198e-1),
+        ("1 GPa", 1e9),
+        ("1 cm", 1e-2),
+        ("1 kNm", 1e3),
+    ],
+)
+def test_units_have_the_factors_of_their_definitions(text, si):
+    unit = text.removeprefix("1 ")
+    found = parse_expectation(f"x < {text}", Vocabulary({"x": read_unit(unit).symbol}))
+    assert found.right.value == pytest.approx(si, rel=5e-7)  # half of the last digit
+
+
+@pytest.mark.parametrize(
+    ("name", "si"),
+    [
+        ("limit_gpa", 1e9),
+        ("way_cm", 1e-2),
+        ("way_inch", 0.0254),
+        ("turn_deg_s", math.pi / 180.0),
+        ("drop_mpa_s", 1e6),
+        ("pressure_in", 1.0),
+        ("gain_kp", 1.0),
+    ],
+)
+def test_a_parameter_has_the_unit_that_its_name_ends_in(name, si):
+    assert unit_of_name(name).unit.factor == si
 
 
 def test_arithmetic_keeps_the_units():

@@ -24,6 +24,7 @@ from support.modbus_traffic import (
 )
 from support.virtual_loop import VirtualLoop
 
+from hil_bench.abilities.common.socketcand_hub import JOIN_DELAY
 from hil_bench.abilities.hub import server as socketcand_hub
 from hil_bench.abilities.hub.server import Hub
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
@@ -130,11 +131,13 @@ class Rows:
 
     def __init__(self):
         self.row = None
+        self.is_new = asyncio.Event()
         self._sequence = 0
 
     def write(self, values):
         self._sequence += 1
         self.row = SimpleNamespace(sequence=self._sequence, values=tuple(values))
+        self.is_new.set()
 
     def read(self):
         return self.row
@@ -194,8 +197,7 @@ class World:
         server = self._start(self._serve())
         hub = self._start(self._host_hub())
         ticking = self._start(self._tick())
-        while self._rows.row is None:
-            await asyncio.sleep(0.01)
+        await self._see(lambda: self._rows.row is not None)
         clients = [self._start(self._be_honest(number)) for number in range(self._honest)]
         hostile = [
             self._start(self._be_hostile(self._honest + number)) for number in range(HOSTILE)
@@ -210,8 +212,18 @@ class World:
         for task in (server, hub, ticking, *clients, *hostile):
             if task.done() and not task.cancelled() and task.exception() is not None:
                 self.report.faults.append(f"{task.get_coro().__name__} ended: {task.exception()!r}")
-        await asyncio.sleep(0.1)  # what was under way is obeyed or not
+        await self._see(lambda: not (self.loop.is_delivering or self._server.is_waiting))
         self._conclude()
+
+    async def _see(self, is_so):
+        """Look at each row whether something is so; that it never is is a fault."""
+        try:
+            async with asyncio.timeout(LONGEST):
+                while not is_so():
+                    self._rows.is_new.clear()
+                    await self._rows.is_new.wait()
+        except TimeoutError:
+            self.report.faults.append("what was under way did not end")
 
     def _start(self, coroutine):
         return self.loop.create_task(coroutine)
@@ -276,9 +288,9 @@ class World:
         while True:
             mailbox = copy.copy(self._mailbox)  # its own counters, the same memory
             mailbox.resume()
-            server = RegisterServer(self._device.units, self._rows, mailbox, self.loop.time)
+            self._server = RegisterServer(self._device.units, self._rows, mailbox, self.loop.time)
             self._server_task = self._start(
-                process.serve(config, server, SimpleNamespace(send=len))
+                process.serve(config, self._server, SimpleNamespace(send=len))
             )
             await asyncio.wait([self._server_task])
             if not self._server_task.cancelled():
@@ -373,7 +385,7 @@ class World:
         reader, writer = await self._join_hub()
         heard = self._heard[name] = []
         await self._joined.wait()
-        await asyncio.sleep(0.1)  # all have been released by the hub
+        await asyncio.sleep(JOIN_DELAY)  # the hub's: all hear what comes from now on
         number = 0
         for _ in range(self.dice.randint(2, 6)):
             burst = [bytes([name, number + n]) for n in range(self.dice.randint(1, 5))]

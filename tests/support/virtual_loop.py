@@ -61,6 +61,11 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def time(self):
         return self._jump.now
 
+    @property
+    def is_delivering(self):
+        """True while bytes are on their way to somebody who reads."""
+        return any(end.is_delivering for end in (*self.ends, *self._clients))
+
     def call_exception_handler(self, context):
         self.errors.append(f"{context['message']}: {context.get('exception')!r}")
 
@@ -162,6 +167,10 @@ class End(asyncio.Transport):
     def begin(self):
         self._call(self._protocol.connection_made, self)
         self._expect()
+
+    @property
+    def is_delivering(self):
+        return self._delivery is not None and not self.is_gone
 
     # What asyncio's transports have.
 

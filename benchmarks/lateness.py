@@ -49,7 +49,7 @@ from hil_bench.cli.status_line import (
     bench_status_row,
     show,
 )
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics

@@ -13,7 +13,7 @@ import struct
 import time
 
 import occasion
-from hil_bench.abilities.demo.verbs.demo_session import DemoSession
+from hil_bench.abilities.demo.session import DemoSession
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import load_config

@@ -21,7 +21,7 @@ from hil_bench.cli.helpers import BenchEvents, Helpers
 from hil_bench.cli.results import ecu_text
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up, watched_run
 from hil_bench.outside.bits import BusLoad, bitrate_text, load_of
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import DurationSummary, TickStatistics, TickSummary

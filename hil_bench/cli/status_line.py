@@ -11,7 +11,7 @@ from time import monotonic_ns
 from typing import NamedTuple, Self
 
 from hil_bench.bench.bench import Bench
-from hil_bench.outside.processes.helper_process import HelperProcess, Snapshot
+from hil_bench.outside.helper_process import HelperProcess, Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import TransportCounters

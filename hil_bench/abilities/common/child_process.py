@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from hil_bench.errors import BusError
-from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.helper_process import HelperProcess
 
 logger = logging.getLogger(__name__)
 _START_TIMEOUT = 30.0

@@ -10,7 +10,7 @@ ABILITY = Ability(
             "start",
             10,
             "watch a controller move the cylinder; needs no set-up",
-            "hil_bench.abilities.demo.verbs.demo",
+            "hil_bench.abilities.demo.verbs",
         ),
     },
 )

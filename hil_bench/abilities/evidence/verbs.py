@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from hil_bench.abilities.analysis.validation.suite import validate
+from hil_bench.abilities.analysis.validation import validate
 from hil_bench.abilities.common.progress import (
     Work,
     shown_work,

@@ -18,7 +18,7 @@ from hil_bench.abilities.common.reception import capacity, say_errors_in_a_line,
 from hil_bench.abilities.common.shared_ring import SharedRing, unpack_frames
 from hil_bench.abilities.live import messages
 from hil_bench.abilities.live.client_link import ClientLink
-from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.helper_process import HelperProcess
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics
 
 # The server of the feed: what it hears from the loop it passes on to clients, and the reverse.

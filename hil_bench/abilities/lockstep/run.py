@@ -26,7 +26,7 @@ from hil_bench.cli.run_setup import (
 )
 from hil_bench.errors import ConfigError
 from hil_bench.outside.bits import USUAL_BITRATE
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.transports.transport import Transport

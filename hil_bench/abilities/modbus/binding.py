@@ -23,7 +23,7 @@ from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variabl
 from hil_bench.config.objects import parse_object
 from hil_bench.devices.quantities import RegisterValue
 from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.units import UNITS_OF
 
 _SAMPLE = "sample"

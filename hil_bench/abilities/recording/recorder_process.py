@@ -24,7 +24,7 @@ from hil_bench.abilities.recording.recorder import (
 from hil_bench.abilities.recording.report import Progress, RecordingReport
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.helper_process import HelperProcess
 from hil_bench.outside.recording.channels import LoggedFrame
 
 logger = logging.getLogger(__name__)

@@ -21,7 +21,7 @@ from hil_bench.abilities.common.processes import living
 from hil_bench.abilities.controllers.standstill import report_instead
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.helper_process import HelperProcess
 
 
 class TaskEnd(enum.Enum):

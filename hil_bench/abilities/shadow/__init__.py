@@ -16,7 +16,7 @@ ABILITY = Ability(
             "machine",
             30,
             "run the plant beside a machine on its commands, and show the differences",
-            "hil_bench.abilities.shadow.verbs.shadow",
+            "hil_bench.abilities.shadow.verbs",
         ),
     },
 )

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.abilities.analysis.validation import closed_forms as subjects
-from hil_bench.abilities.analysis.validation.closed_forms import (
+from hil_bench.abilities.analysis import closed_forms as subjects
+from hil_bench.abilities.analysis.closed_forms import (
     CheckVerdict,
     Subject,
     ValidationCheck,
@@ -16,7 +16,7 @@ from hil_bench.abilities.analysis.validation.closed_forms import (
     held_displacement,
     steady_speed,
 )
-from hil_bench.abilities.analysis.validation.suite import TABLE_I, published_checks, validate
+from hil_bench.abilities.analysis.validation import TABLE_I, published_checks, validate
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, paper_parameters
 
 PAPER = Subject(name="Table I", parameters=paper_parameters())

@@ -8,7 +8,7 @@ import can
 import numpy as np
 import pytest
 
-from hil_bench.abilities.demo.verbs.demo_session import (
+from hil_bench.abilities.demo.session import (
     DemoAxis,
     DemoSession,
     demo_profile,
@@ -33,7 +33,7 @@ def demo(directory, *arguments):
 def no_plot(monkeypatch):
     """Leave matplotlib out, for speed."""
     monkeypatch.setattr(
-        "hil_bench.abilities.demo.verbs.demo.importlib.util.find_spec", lambda _name: None
+        "hil_bench.abilities.demo.verbs.importlib.util.find_spec", lambda _name: None
     )
 
 
@@ -55,7 +55,7 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
 
 
 def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo.draw", lambda *_: (None, "none"))
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.draw", lambda *_: (None, "none"))
     words = ["--duration", "3", "--sensors", "modbus", str(MACHINES / "drum.toml")]
     assert demo(tmp_path, *words) == 0
     recording = read_recording(tmp_path / "demo.csv")
@@ -78,7 +78,7 @@ def no_extra(monkeypatch):
 
 
 def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo.draw", lambda *_: (None, "none"))
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.draw", lambda *_: (None, "none"))
     assert demo(tmp_path, "--duration", "2", "--sensors", "modbus") == 0
     recording = read_recording(tmp_path / "demo.csv")
     error = np.abs(recording["axis1.position_setpoint"] - recording["axis1.position"])
@@ -213,7 +213,7 @@ def test_only_a_paced_demo_runs_under_the_policy_of_its_bench(monkeypatch):
         asked.append((realtime, tick_ns))
         return contextlib.nullcontext()
 
-    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo_session.undisturbed", undisturbed)
+    monkeypatch.setattr("hil_bench.abilities.demo.session.undisturbed", undisturbed)
     for is_paced in (False, True):
         session = DemoSession(config, duration=0.1, is_paced=is_paced)
         with session.bench, session._undisturbed():
@@ -266,7 +266,7 @@ def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
         clocks.append(speed)
         return ScaledClock(VirtualClock(), speed)  # as slow as asked, and nobody waits
 
-    monkeypatch.setattr("hil_bench.abilities.demo.verbs.demo_session.ScaledClock", clock_of)
+    monkeypatch.setattr("hil_bench.abilities.demo.session.ScaledClock", clock_of)
     command = ["demo", "--speed", "0.25", "--duration", "0.2", "--output", str(tmp_path)]
     assert main(command) == 0
     assert clocks == [0.25]

@@ -9,8 +9,8 @@ from support.documents import ROOT
 from support.tables import from_text
 
 from hil_bench import VirtualBench, load_config
-from hil_bench.abilities.analysis.validation import closed_forms
-from hil_bench.abilities.analysis.validation.suite import validate
+from hil_bench.abilities.analysis import closed_forms
+from hil_bench.abilities.analysis.validation import validate
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.abilities.evidence import pack

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.demo.verbs import demo
+from hil_bench.abilities.demo import verbs as demo
 from hil_bench.abilities.scenario.verbs import scenario_run
 from hil_bench.cli import exit_codes, main
 from hil_bench.cli.exit_codes import SEVERITY, Ending, ExitCode, Interruption, worst

@@ -11,7 +11,7 @@ from support.tables import from_text
 from hil_bench.abilities.common.work import WorkView
 from hil_bench.abilities.recording.frames import message_of, read_frames
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.shadow.verbs import shadow
+from hil_bench.abilities.shadow import verbs as shadow
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 
@@ -139,10 +139,8 @@ class SilentBus:
 @pytest.fixture
 def silent_bus(monkeypatch):
     bus = SilentBus()
-    monkeypatch.setattr(
-        "hil_bench.abilities.shadow.verbs.shadow.open_can_bus", lambda *_: (bus, "silent")
-    )
-    monkeypatch.setattr("hil_bench.abilities.shadow.verbs.shadow.time.monotonic", lambda: bus.now)
+    monkeypatch.setattr("hil_bench.abilities.shadow.verbs.open_can_bus", lambda *_: (bus, "silent"))
+    monkeypatch.setattr("hil_bench.abilities.shadow.verbs.time.monotonic", lambda: bus.now)
     return bus
 
 

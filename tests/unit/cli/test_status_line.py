@@ -24,7 +24,7 @@ from hil_bench.cli.status_line import (
     in_place,
     show,
 )
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.transport import TransportCounters
 

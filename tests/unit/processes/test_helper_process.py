@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.processes.helper_process import SHIELDED, HelperProcess, start_shielded
+from hil_bench.outside.helper_process import SHIELDED, HelperProcess, start_shielded
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads masks from /proc")
 

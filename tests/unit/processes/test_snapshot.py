@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.processes.helper_process import (
+from hil_bench.outside.helper_process import (
     Snapshot,
     SnapshotRow,
 )
@@ -102,7 +102,7 @@ def test_a_reader_that_is_killed_leaves_the_writer_at_work():
 
 PROGRAM = """
 import multiprocessing, os, signal, sys
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 
 def read(snapshot, pipe):
     pipe.send(snapshot.read().values)

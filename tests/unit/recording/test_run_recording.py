@@ -48,7 +48,7 @@ def test_only_the_whole_bus_has_frames_that_are_for_nobody_here(
 
 def test_a_demo_is_recorded_on_one_time_base(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
-        "hil_bench.abilities.demo.verbs.demo.importlib.util.find_spec", lambda _name: None
+        "hil_bench.abilities.demo.verbs.importlib.util.find_spec", lambda _name: None
     )
     path = tmp_path / "demo.mf4"
     arguments = ["--speed", "max", "--duration", "0.2", "--output", str(tmp_path)]

@@ -32,7 +32,7 @@ from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.run_setup import watched_run
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 
 logger = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ from hil_bench.abilities.common.arguments import check_one_bus
 from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.recording.frames import message_of, read_frames
+from hil_bench.abilities.shadow.report import ShadowReport
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
-from hil_bench.abilities.shadow.verbs.shadow_report import ShadowReport
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_bench.abilities.common.members import Members, find_members
-from hil_bench.abilities.demo.verbs.demo_sensors import (
+from hil_bench.abilities.demo.sensors import (
     SensorBus,
     Sensors,
     Shaft,
@@ -28,7 +28,7 @@ from hil_bench.cli.status_line import (
     bench_status_row,
 )
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.helper_process import Snapshot
+from hil_bench.outside.helper_process import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from hil_bench.abilities.analysis.validation.closed_forms import (
+from hil_bench.abilities.analysis.closed_forms import (
     Subject,
     ValidationCheck,
     closed_form_checks,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_output_argument, check_one_bus
 from hil_bench.abilities.common.files import make_directory
-from hil_bench.abilities.demo.verbs.demo_sensors import SensorBus
-from hil_bench.abilities.demo.verbs.demo_session import (
+from hil_bench.abilities.demo.sensors import SensorBus
+from hil_bench.abilities.demo.session import (
     CYCLE,
     DemoReport,
     DemoSession,

@@ -1,1 +1,0 @@
-"""The plant held against closed forms, against Table I as printed and against other tools."""

@@ -1,1 +1,0 @@
-"""The command line of this ability: a verb a module."""

@@ -305,7 +305,7 @@ class World:
                 self._server_task.cancel()
 
     async def _host_hub(self):
-        await (await Hub().start("", HUB)).serve_forever()
+        await (await Hub().start(HUB)).serve_forever()
 
     # Clients of the Modbus server.
 

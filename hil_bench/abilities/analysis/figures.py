@@ -61,7 +61,7 @@ class TrajectoryPair(NamedTuple):
     reduced: Recording
 
 
-def draw_root_locus(locus: RootLocus, *, title: str = "") -> "Figure":
+def draw_root_locus(locus: RootLocus) -> "Figure":
     """Draw the closed loop's poles over the gain in the complex plane."""
     figure, place = _one_panel()
     centre = 1.15 * float(np.abs(locus.open_loop_poles.imag).max() or 1.0)
@@ -92,7 +92,7 @@ def draw_root_locus(locus: RootLocus, *, title: str = "") -> "Figure":
     place.set_aspect("equal")
     place.plot([], [], "|", color=BLUE, markersize=7, label="gain $k$ [m²/s]")
     place.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    place.set_title(title, loc="left")
+    place.set_title("Root locus of $k\\,G(s)\\,s^{-1}$", loc="left")
     return figure
 
 
@@ -134,7 +134,7 @@ def _draw_gains(place: "Axes", locus: RootLocus) -> None:
                 )
 
 
-def draw_flow_pressure(curves: FlowPressureCurves, *, title: str = "") -> "Figure":
+def draw_flow_pressure(curves: FlowPressureCurves) -> "Figure":
     """Draw load flow over load pressure, a curve an orifice state."""
     from matplotlib import colormaps  # noqa: PLC0415 - an extra, and slow to import
 
@@ -159,7 +159,7 @@ def draw_flow_pressure(curves: FlowPressureCurves, *, title: str = "") -> "Figur
     place.set_xlim(left=-0.13 * float(pressure[-1]), right=1.01 * float(pressure[-1]))
     place.set_xlabel("Load pressure $P_L$ [bar]")
     place.set_ylabel("Load flow $Q_L$ [l/min]")
-    place.set_title(title, loc="left")
+    place.set_title("Static load flow over load pressure", loc="left")
     return figure
 
 
@@ -202,7 +202,7 @@ def draw_responses(curves: Sequence[ResponseCurve], *, unit: str, title: str = "
     return figure
 
 
-def draw_trajectories(pairs: Sequence[TrajectoryPair], *, title: str = "") -> "Figure":
+def draw_trajectories(pairs: Sequence[TrajectoryPair]) -> "Figure":
     """Draw velocity over time, a panel a model, beside the phase portrait of both."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
@@ -213,7 +213,7 @@ def draw_trajectories(pairs: Sequence[TrajectoryPair], *, title: str = "") -> "F
         lower = figure.add_subplot(grid[2 * number + 1, 0], sharex=upper, sharey=upper)
         portrait = figure.add_subplot(grid[2 * number : 2 * number + 2, 1])
         _draw_pair(upper, lower, portrait, pair)
-    figure.suptitle(title)
+    figure.suptitle("Velocity and phase portrait under a sinusoidal set-point")
     figure.align_ylabels()
     return figure
 

@@ -208,11 +208,7 @@ def trajectories_study(pairs: Sequence[TrajectoryPair], *, name: str = "trajecto
         title="State trajectories",
         facts=facts,
         tables=tables,
-        figures={
-            name: lambda: draw_trajectories(
-                pairs, title="Velocity and phase portrait under a sinusoidal set-point"
-            )
-        },
+        figures={name: lambda: draw_trajectories(pairs)},
     )
 
 
@@ -346,7 +342,7 @@ def root_locus_study(parameters: PlantParameters, *, name: str = "root-locus") -
             Fact("frequency there", with_spool.critical_frequency, "rad/s"),
         ],
         tables={name: make_table(columns)},
-        figures={name: lambda: draw_root_locus(locus, title="Root locus of $k\\,G(s)\\,s^{-1}$")},
+        figures={name: lambda: draw_root_locus(locus)},
     )
 
 
@@ -365,9 +361,7 @@ def flow_pressure_study(parameters: PlantParameters, *, name: str = "flow-pressu
             Fact("load pressure without flow", float(curves.load_pressure[-1]), "Pa"),
         ],
         tables={name: make_table(columns)},
-        figures={
-            name: lambda: draw_flow_pressure(curves, title="Static load flow over load pressure")
-        },
+        figures={name: lambda: draw_flow_pressure(curves)},
     )
 
 

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Self
 
 from hil_bench.abilities.common.child_process import ChildProcess
-from hil_bench.abilities.hub.server import HubLimits, run_hub
+from hil_bench.abilities.hub.server import HOST, HubLimits, run_hub
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of
@@ -285,27 +285,26 @@ class HubProcess:
     It ends with the `with` block, and when its parent process dies; Ctrl-C is left to the parent.
 
     Args:
-        host: address to listen on; "127.0.0.1" keeps the bus on this machine.
         port: 0 takes a free one.
         channels: names that clients may open, one bus each.
         bitrate: that limits what each client sends [bit/s]; None for no limit.
         fd: channels of CAN FD; how many times faster the data phase is on each.
 
     Attributes:
-        host: address it listens on.
+        host: address it listens on, which keeps the bus on this machine.
         port: port it listens on; the actual one within the `with` block.
     """
 
+    host = HOST
+
     def __init__(
         self,
-        host: str = "127.0.0.1",
         port: int = protocol.DEFAULT_PORT,
         channels: Sequence[str] = ("can0",),
         *,
         bitrate: float | None = USUAL_BITRATE,
         fd: Mapping[str, float] | None = None,
     ) -> None:
-        self.host = host
         self.port = port
         self._channels = tuple(channels)
         self._limits = HubLimits(bitrate, secrets.token_hex(8), fd or {})
@@ -344,14 +343,13 @@ class HubProcess:
         level = logging.getLogger().getEffectiveLevel()
         return ChildProcess(
             _run,
-            (self.host, self.port, self._channels, self._limits, level),
+            (self.port, self._channels, self._limits, level),
             name="hil-bench-hub",
             label=f"hub {self.host}:{self.port}",
         )
 
 
 def _run(
-    host: str,
     port: int,
     channels: Sequence[str],
     limits: HubLimits,
@@ -361,6 +359,6 @@ def _run(
     """Run a hub in this process, which is the child, and report its port or why there is none."""
     logging.basicConfig(level=level, format="hil-bench: %(message)s")
     try:
-        run_hub(host, port, connection.send, channels, limits)
+        run_hub(port, connection.send, channels, limits)
     except (BusError, ValueError) as error:
         connection.send(str(error))

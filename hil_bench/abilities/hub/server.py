@@ -29,6 +29,9 @@ from hil_bench.frame import bits_of, frame_bits
 from hil_bench.outside.bits import bitrate_text
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
+HOST = "127.0.0.1"
+"""The address of each hub."""
+
 MAX_CLIENTS = 64
 """Most programs on all channels."""
 
@@ -116,16 +119,16 @@ class Hub:
             _Client.drop, room, clock=lambda: self.clock() * 1e-9
         )
 
-    async def start(self, host: str, port: int) -> asyncio.Server:
-        """Listen; port 0 takes a free one.
+    async def start(self, port: int) -> asyncio.Server:
+        """Listen on this machine; port 0 takes a free one.
 
         Raises:
-            BusError: the address cannot be had.
+            BusError: the port cannot be used.
         """
         try:
-            return await reception.serve_at(lambda: _Client(self), host, port)
+            return await reception.serve_at(lambda: _Client(self), HOST, port)
         except OSError as error:
-            what = f"hub {host}:{port}: "
+            what = f"hub {HOST}:{port}: "
             if error.errno == errno.EADDRINUSE:
                 what += "the port is in use, perhaps by another hub; port 0 takes a free one"
             else:
@@ -352,7 +355,6 @@ def _address(peer: object) -> str:
 
 
 def run_hub(
-    host: str,
     port: int,
     ready: Callable[[int], None],
     channels: Sequence[str] = ("can0",),
@@ -361,18 +363,17 @@ def run_hub(
     """Serve until the process ends or a signal stops it.
 
     Args:
-        host: address to listen on; "127.0.0.1" keeps the bus on this machine.
         port: 0 takes a free one.
         ready: told the port as soon as clients may connect.
         channels: names that clients may open, one bus each.
         limits: how much clients may send.
     """
-    asyncio.run(_serve(Hub(channels, limits), host, port, ready))
+    asyncio.run(_serve(Hub(channels, limits), port, ready))
 
 
-async def _serve(hub: Hub, host: str, port: int, ready: Callable[[int], None]) -> None:
+async def _serve(hub: Hub, port: int, ready: Callable[[int], None]) -> None:
     reception.say_errors_in_a_line("hub")
-    server = await hub.start(host, port)
+    server = await hub.start(port)
     patience = asyncio.create_task(reception.watch_over(hub.waiting))
     ready(server.sockets[0].getsockname()[1])
     try:

@@ -53,7 +53,7 @@ class World:
 
     def run(self, scenario):
         async def whole():
-            await self.hub.start("", PORT)
+            await self.hub.start(PORT)
             await scenario(self)
 
         try:

@@ -25,6 +25,9 @@ logger = logging.getLogger(__name__)
 ANSWER_TIMEOUT = 1.0
 """Longest wait for the loop to take a write [s]."""
 
+_STALE_AFTER = 0.5
+"""Age from which the newest row is refused [s]."""
+
 MOST_WAITING = 1024
 """Writes that may wait for room in the mailbox: each client of a full server has one."""
 
@@ -80,7 +83,6 @@ class RegisterServer:
         rows: where the values come from.
         mailbox: where writes go.
         clock: seconds that never step back.
-        stale_after: age from which the newest row is refused [s].
         default_unit: the unit that unit-IDs 0 and 255 reach; None for none.
 
     Attributes:
@@ -94,7 +96,6 @@ class RegisterServer:
         mailbox: Mailbox,
         clock: Callable[[], float],
         *,
-        stale_after: float = 0.5,
         default_unit: int | None = None,
     ) -> None:
         self.on_wait: Callable[[], None] = _do_nothing
@@ -103,7 +104,6 @@ class RegisterServer:
         self._rows = rows
         self._mailbox = mailbox
         self._clock = clock
-        self._stale_after = stale_after
         self._queued: deque[_PendingWrite] = deque()
         self._posted: deque[tuple[int, _PendingWrite]] = deque()
         self._sequence = -1
@@ -236,7 +236,7 @@ class RegisterServer:
             ModbusException: 4, there is none, or it is too old.
         """
         row = self._watch()
-        if row is None or self._clock() - self._moved_at > self._stale_after:
+        if row is None or self._clock() - self._moved_at > _STALE_AFTER:
             raise register_map.ModbusException(register_map.ExceptionCode.SERVER_DEVICE_FAILURE)
         return row
 

@@ -74,8 +74,9 @@ def _set_aside():
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_options():
-    """Give a pytest that a test starts its own options: those of this one are not for it."""
-    os.environ.pop("PYTEST_ADDOPTS", None)
+    """Give a pytest that a test starts, and a bench, their own options, not those of this one."""
+    for name in ("PYTEST_ADDOPTS", "HIL_BENCH_CONFIG", "HIL_BENCH_SEED"):
+        os.environ.pop(name, None)
 
 
 @pytest.fixture(autouse=True)

@@ -51,3 +51,12 @@ class Client:
 
     def close(self):
         self.socket.close()
+
+
+def receive(transport, count):
+    """Return the next frames; pytest-timeout ends it where they do not come."""
+    frames = []
+    while len(frames) < count:
+        transport.wait(0.1)
+        frames += transport.receive(count - len(frames))
+    return frames

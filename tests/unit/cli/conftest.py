@@ -4,12 +4,6 @@ import pytest
 from support.signals import SIGNALS
 
 
-@pytest.fixture(autouse=True)
-def _no_environment(monkeypatch):
-    monkeypatch.delenv("HIL_BENCH_CONFIG", raising=False)
-    monkeypatch.delenv("HIL_BENCH_SEED", raising=False)
-
-
 @pytest.fixture
 def signals_that_are_heard():
     """Undo what a shell without job control does to what it starts in the background.

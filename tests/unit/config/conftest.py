@@ -3,12 +3,6 @@ from pathlib import Path
 import pytest
 
 
-@pytest.fixture(autouse=True)
-def _no_environment(monkeypatch):
-    monkeypatch.delenv("HIL_BENCH_CONFIG", raising=False)
-    monkeypatch.delenv("HIL_BENCH_SEED", raising=False)
-
-
 @pytest.fixture
 def write(tmp_path, monkeypatch):
     """Writes bench.toml in a directory of its own, which is the working directory."""

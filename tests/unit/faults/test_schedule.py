@@ -59,28 +59,19 @@ def test_a_fault_begins_and_ends_in_its_ticks(schedule):
     assert not fault.is_active
 
 
-def test_times_between_ticks_act_at_the_next(schedule):
-    note, _ = add(schedule, at=0.0025, duration=0.0012)
-    run(schedule, *range(10))
-    assert note.times == [("begin", 3), ("end", 4)]  # 3.7 ms is after tick 3
-
-
-def test_a_duration_counts_from_the_first_tick(schedule):
-    note, _ = add(schedule, duration=0.002)
-    run(schedule, 7, 8, 9, 10)
-    assert note.times == [("begin", 7), ("end", 9)]
-
-
-def test_even_the_shortest_fault_lasts_a_tick(schedule):
-    note, _ = add(schedule, at=0.001, duration=1e-9)
-    run(schedule, 1, 2, 3)
-    assert note.times == [("begin", 1), ("end", 2)]
-
-
-def test_no_time_is_one_tick(schedule):
-    note, _ = add(schedule, duration=0.0)
-    run(schedule, 1, 2, 3)
-    assert note.times == [("begin", 1), ("end", 2)]
+@pytest.mark.parametrize(
+    ("times", "first", "begin", "end"),
+    [
+        ({"at": 0.0025, "duration": 0.0012}, 0, 3, 4),  # 3.7 ms is after tick 3
+        ({"duration": 0.002}, 7, 7, 9),  # it counts from the first tick
+        ({"at": 0.001, "duration": 1e-9}, 1, 1, 2),  # a tick at least
+        ({"duration": 0.0}, 1, 1, 2),
+    ],
+)
+def test_times_between_ticks_act_at_the_next(schedule, times, first, begin, end):
+    note, _ = add(schedule, **times)
+    run(schedule, *range(first, first + 5))
+    assert note.times == [("begin", begin), ("end", end)]
 
 
 def test_a_fault_to_come_is_due_at_its_time(schedule):

@@ -9,6 +9,7 @@ import time
 
 import can
 import pytest
+from support.hub_client import receive
 from support.patience import GUARD
 
 from hil_bench.abilities.common.socketcand_hub import (
@@ -41,15 +42,6 @@ FRAMES = [
 def hub():
     with HubProcess(port=0, channels=("can0", "can1"), fd={"can0": SPEEDUP}) as hub:
         yield hub
-
-
-def receive(transport, count):
-    """Return the next frames; pytest-timeout ends it where they do not come."""
-    frames = []
-    while len(frames) < count:
-        transport.wait(0.1)
-        frames += transport.receive(count - len(frames))
-    return frames
 
 
 @pytest.mark.parametrize(

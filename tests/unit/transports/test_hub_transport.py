@@ -7,6 +7,7 @@ import threading
 
 import can
 import pytest
+from support.hub_client import receive
 from support.patience import GUARD
 
 from hil_bench.abilities.hub import process as hub_transport
@@ -28,15 +29,6 @@ FRAMES = [
 def hub():
     with HubProcess(port=0, channels=("can0", "can1")) as hub:
         yield hub
-
-
-def receive(transport, count):
-    """Return the next frames; pytest-timeout ends it where they do not come."""
-    frames = []
-    while len(frames) < count:
-        transport.wait(0.1)
-        frames += transport.receive(count - len(frames))
-    return frames
 
 
 def wait_until_down(transport):

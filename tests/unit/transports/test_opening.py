@@ -121,20 +121,16 @@ def test_a_missing_driver_or_package_is_said(monkeypatch, error):
     )
 
 
-def test_any_other_failure_is_one_line(monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(RuntimeError("first line\nsecond line"), "first line"), (RuntimeError(), "RuntimeError")],
+)
+def test_any_other_failure_is_one_line(monkeypatch, error, said):
     def refuse(**_kwargs):
-        raise RuntimeError("first line\nsecond line")
+        raise error
 
     monkeypatch.setattr(can, "Bus", refuse)
-    assert refusal("pcan", "PCAN_USBBUS1") == "pcan PCAN_USBBUS1: first line"
-
-
-def test_a_failure_without_words_is_named(monkeypatch):
-    def refuse(**_kwargs):
-        raise RuntimeError
-
-    monkeypatch.setattr(can, "Bus", refuse)
-    assert refusal("pcan", "PCAN_USBBUS1") == "pcan PCAN_USBBUS1: RuntimeError"
+    assert refusal("pcan", "PCAN_USBBUS1") == f"pcan PCAN_USBBUS1: {said}"
 
 
 @pytest.mark.parametrize("channel", [None, ""])

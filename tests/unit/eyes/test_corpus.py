@@ -73,6 +73,7 @@ def test_each_fault_is_found_first_where_it_fits_first(fault):
         ("canj1939_beside_canopen", "message_stays_out"),
         ("canj1939_bam", "ecu_falls_silent"),
         ("kernelj1939_slow", "trouble_code"),
+        ("hilbench_lever_traffic", "device_of_another_name_at_an_address"),
     ],
 )
 def test_what_was_missed_at_first_sight_is_found(name, fault):

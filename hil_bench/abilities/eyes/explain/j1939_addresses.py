@@ -66,6 +66,8 @@ class Addresses(OfJ1939):
         self._without: dict[_Device, tuple[str, Sight]] = {}
         self._contended: dict[_Device, tuple[Sight, Sight]] = {}
         self._insists: dict[tuple[Who, bytes], Evidence] = {}
+        self._places: dict[_Device, int] = {}
+        self._kept: dict[_Device, tuple[Sight, Sight]] = {}
         self._in_use: dict[Who, None] = {}
         self._newcomers: dict[int, Sight] = {}
         self._violations: dict[Who, Evidence] = {}
@@ -87,6 +89,8 @@ class Addresses(OfJ1939):
                     self._violations.setdefault((bus, message.source), Evidence()).append(sight)
 
     def _hear_claim(self, bus: int, address: int, name: bytes, sight: Sight) -> None:
+        if len(self._places) < _MOST:
+            self._places[bus, name] = address
         if address == signals.NULL:  # without a contender it merely signs off
             contention = self._contended.pop((bus, name), None)
             newcomer = self._newcomers.get(bus)
@@ -101,12 +105,24 @@ class Addresses(OfJ1939):
         if owner is None and (bus, address) in self._in_use:
             self._newcomers[bus] = sight  # somebody has it whose claim was before the log
         if owner is not None and owner[0] != name:
-            loser = max(owner[0], name, key=lambda each: int.from_bytes(each, "little"))
-            self._contended[bus, loser] = owner[1], sight
-            if loser == name and len(self._insists) < _MOST:
-                self._insists.setdefault(((bus, address), name), Evidence()).append(sight)
+            self._contest((bus, address), name, sight, *owner)
         if len(self._owners) < _MOST:
             self._owners[bus, address] = name, sight
+
+    def _contest(self, who: Who, name: bytes, sight: Sight, owner: bytes, claim: Sight) -> None:
+        """Take a claim of an address that another one has claimed."""
+        bus, address = who
+        loser = max(owner, name, key=lambda each: int.from_bytes(each, "little"))
+        self._contended[bus, loser] = claim, sight
+        if loser != name:  # the other one may have to defend it
+            self._kept.pop((bus, loser), None)
+            return
+        if len(self._insists) < _MOST:
+            self._insists.setdefault((who, name), Evidence()).append(sight)
+        is_there = self._places.get((bus, owner)) == address
+        is_asked = sight.message is not None and sight.message.is_answer  # so it is no restart
+        if is_there and is_asked and len(self._kept) < _MOST:
+            self._kept.setdefault((bus, name), (claim, sight))
 
     def findings(self, end: int) -> Iterator[Finding]:
         """Yield the devices without an address, and the addresses of two.
@@ -124,12 +140,23 @@ class Addresses(OfJ1939):
                 text = f"two claim {first.node} in turns from {seconds(first.now)} on: NAME"
                 text += f" {_name(name)} has to yield, and claims it {said.total} times"
                 yield finding(Cause.ADDRESS_CLASH, first.node, said, text)
+        for (_, name), (first, second) in self._kept.items():
+            if name not in insisting and first.message is not None:
+                text = (
+                    f"the NAME at {second.node} changes: {_name(first.message.data or b'')} claims"
+                )
+                text += (
+                    f" it at {seconds(first.now)}, and {_name(name)}, which has to yield, says at"
+                )
+                text += f" {seconds(second.now)} that it has it"
+                yield Finding(Cause.ADDRESS_CLASH, second.node, first.now, text, (first, second))
         for (_, name), (node, sight) in self._without.items():
             text = f"the device of NAME {_name(name)} cannot claim {node}, at {seconds(sight.now)}"
             text += ": another one of a smaller NAME has it"
             yield Finding(Cause.ADDRESS_CLASH, node, sight.now, text, (sight,))
-        for (_, name), (first, second) in self._contended.items():
-            if end - second.now > _SETTLED and name not in insisting:
+        for (bus, name), (first, second) in self._contended.items():
+            is_open = name not in insisting and (bus, name) not in self._kept
+            if end - second.now > _SETTLED and is_open:
                 text = f"{second.node} is claimed by two, at {seconds(second.now)}; NAME"
                 text += f" {_name(name)} has to yield, and claims no other address"
                 sights = (first, second)

@@ -90,6 +90,24 @@ def test_dummy_takes_its_place_and_is_dropped(dictionary):
     assert [variable.value for variable in mapping.variables] == [5]
 
 
+@pytest.mark.parametrize("guard", [{"low": 1}, {"high": 6}, "check", "hook"])
+def test_each_guard_alone_stands_before_the_value(guard):
+    """A limit, a check and a hook; what a hook refuses has been written."""
+    limits = guard if isinstance(guard, dict) else {}
+    variable = Variable(0x2000, 0, "a", datatypes.UNSIGNED8, mappable=True, default=3, **limits)
+
+    def refuse(_value):
+        raise SdoAbort(0x08000020, "not now")
+
+    if not limits:
+        {"check": variable.add_check, "hook": variable.add_hook}[guard](refuse)
+    entries = [MappingEntry(0x2000, 0, 8)]
+    mapping = PdoMapping(ObjectDictionary([variable]), entries, Direction.RPDO)
+    value = 0 if guard == {"low": 1} else 7
+    assert mapping.write(bytes([value])) == 1
+    assert variable.value == (value if guard == "hook" else 3)
+
+
 def test_refused_value_leaves_the_others():
     limited = Variable(0x2000, 0, "a", datatypes.UNSIGNED8, high=10, mappable=True)
     free = Variable(0x2001, 0, "b", datatypes.UNSIGNED8, mappable=True)

@@ -64,6 +64,11 @@ def test_a_producer_keeps_its_identifier(object_dictionary, cob_id, abort):
     assert download(node, 0x1005, cob_id) == abort
 
 
+@pytest.mark.parametrize(("cob_id", "abort"), [(PRODUCER, VALUE), (CONSUMER, None), (0x81, None)])
+def test_a_device_without_a_period_never_produces(object_dictionary, cob_id, abort):
+    assert download(node_without(object_dictionary, 0x1006), 0x1005, cob_id) == abort
+
+
 @pytest.mark.parametrize("cob_id", [0x81, PRODUCER + 1])
 def test_a_consumer_takes_another_identifier(object_dictionary, cob_id):
     node = node_without(object_dictionary)

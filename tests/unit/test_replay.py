@@ -28,6 +28,7 @@ def test_frames_are_sent_at_their_times_from_the_first_on(speed):
     )
     assert sent == [(number, 1_000 + round(number * 1_000_000 / speed)) for number in range(4)]
     assert (report.frames, report.latest) == (4, 0.0)
+    assert report.duration == pytest.approx(3e-3 / speed)
 
 
 def test_a_slow_bus_is_told():
@@ -156,10 +157,11 @@ def test_a_pressure_that_is_unknown_at_first_is_not_begun_with(recorded):
     assert np.isfinite(simulated["axis1.P_A"]).all()
 
 
-def leaping(rows, time):
-    """Return seven rows of 1 ms and one of another time."""
+def leaping(rows, time, row=7):
+    """Return eight rows of 1 ms, one of them of another time."""
     rows = rows[:8].copy()
-    rows["time"] = [*np.arange(7) / 1000, time]
+    rows["time"] = np.arange(8) / 1000
+    rows["time"][row] = time
     return rows
 
 
@@ -197,6 +199,10 @@ def leaping(rows, time):
         (
             lambda rows: leaping(rows, np.nan),
             "the recording's row after 0.006 s is at nan s; give rows at most 3600 s apart",
+        ),
+        (
+            lambda rows: leaping(rows, np.nan, row=0),
+            "the recording's row after nan s is at 0.001 s; give rows at most 3600 s apart",
         ),
     ],
 )

@@ -147,6 +147,32 @@ def test_what_is_out_of_tolerance_fails(run_mf4, make_file, capsys):
     assert not verdicts["axis1.P_A"]
 
 
+@pytest.mark.parametrize(
+    ("unit", "position", "code", "said"),
+    [
+        # 100 rows of 1 ms, of which the last 49 do not have the position.
+        ("m", "nan", 6, "1 mm: inconclusive; seen 0.05 of 0.099 s"),
+        (
+            "bar",
+            "0.0",
+            2,
+            'axis1.position is in "bar", which is no unit of it; give it in mm or rev',
+        ),
+        # No cylinder of the bench is as long.
+        ("m", "9.0", 1, "axis1.position is 9000 mm at most, more than "),
+    ],
+)
+def test_what_a_column_does_not_show_and_what_it_cannot_be(
+    make_file, cli, unit, position, code, said
+):
+    rows = [(0.001 * row, position if row > 50 else "0.0", 0.0) for row in range(100)]
+    text = OURS.format("".join(f"{t:.3f},{x},{u}\n" for t, x, u in rows))
+    file = make_file("ours.csv", text.replace("s,m,-", f"s,{unit},-"))
+    shown = cli(["replay", str(file), "--virtual"], code)
+    assert said in shown.out + shown.err
+    assert (f"{file}: " in shown.err) == (position != "nan")
+
+
 @from_text("arguments", "message")
 def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, cli):
     assert (

@@ -19,7 +19,6 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from hil_bench.abilities.common import reception
@@ -49,26 +48,6 @@ _BITS_OF_OTHERS = frame_bits(8)
 _QUICKACK = getattr(socket, "TCP_QUICKACK", None)
 
 
-@dataclass(slots=True)
-class HubCounters:
-    """The counters of a hub.
-
-    Attributes:
-        connections: clients that connected.
-        frames: frames that clients sent.
-        bad_commands: commands that were refused.
-        dropped_clients: clients that were cut off: too slow, no end of a command in sight, or
-            never in the raw mode, or nothing but malformed commands there.
-        waits: how often a client had to wait since it had sent more than the bit rate carries.
-    """
-
-    connections: int = 0
-    frames: int = 0
-    bad_commands: int = 0
-    dropped_clients: int = 0
-    waits: int = 0
-
-
 class HubLimits(NamedTuple):
     """The limits on the clients of a hub.
 
@@ -95,7 +74,6 @@ class Hub:
         clock: time by which that is limited [ns].
 
     Attributes:
-        counters: what passed so far.
         limits: as passed in.
         clock: as passed in.
         waiting: clients that are not in the raw mode yet.
@@ -109,7 +87,6 @@ class Hub:
     ) -> None:
         for channel in channels:
             protocol.check_channel(channel)
-        self.counters = HubCounters()
         self.limits = limits
         self.clock = clock
         self._tell_at = 0
@@ -150,8 +127,7 @@ class Hub:
         return ", ".join(self._buses)
 
     def tell_surplus(self, peer: object) -> None:
-        """Count that a client has to wait, and say so now and then."""
-        self.counters.waits += 1
+        """Say now and then that a client has to wait."""
         now, bitrate = self.clock(), self.limits.bitrate
         if now >= self._tell_at and bitrate is not None:
             self._tell_at = now + _TOLD_AGAIN
@@ -189,7 +165,6 @@ class _Client(asyncio.Protocol):
         """Greet the client; asyncio sets TCP_NODELAY."""
         self._transport = cast("asyncio.Transport", transport)
         self._socket = transport.get_extra_info("socket")
-        self._hub.counters.connections += 1
         self._hub.waiting.enter(self)
         self._write(b"< hi >")
 
@@ -206,7 +181,6 @@ class _Client(asyncio.Protocol):
             self._transport.pause_reading()
             self._hub.tell_surplus(_address(self._transport.get_extra_info("peername")))
         if len(self._rest) > MAX_COMMAND:
-            self._hub.counters.bad_commands += 1
             self.drop()
         elif _QUICKACK is not None:
             # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
@@ -250,17 +224,14 @@ class _Client(asyncio.Protocol):
         if self._in_raw_mode:
             self._release()
             frame = _frame_of(command, self._speedup)
-            if frame is None and protocol.is_remote_request(command):
-                # Nobody can be told of it, and python-can loses its bus over an error.
-                self._hub.counters.bad_commands += 1
-            elif frame is None:
+            if frame is not None:
+                self._bad = 0
+            elif not protocol.is_remote_request(command):  # over an error, python-can loses its bus
                 is_fd = not self._speedup and protocol.is_fd_command(command)
                 self._refuse(protocol.CLASSICAL if is_fd else b"unknown command")
                 self._bad += 1
                 if self._bad >= protocol.MOST_BAD:
                     self.drop()
-            else:
-                self._bad = 0
             return frame
         match command.split():
             case [b"<", b"owner", word] if word == self._hub.limits.owner.encode():
@@ -302,14 +273,12 @@ class _Client(asyncio.Protocol):
             self._write(b"".join(held_back))
 
     def _broadcast(self, frames: list[bytes]) -> None:
-        self._hub.counters.frames += len(frames)
         data = b"".join(frames)
         for client in tuple(self._bus or ()):
             if client is not self:
                 client.deliver(data)
 
     def _refuse(self, reason: bytes) -> None:
-        self._hub.counters.bad_commands += 1
         self._write(b"< error " + reason + b" >")
 
     def _write(self, data: bytes) -> None:
@@ -323,7 +292,6 @@ class _Client(asyncio.Protocol):
     def drop(self) -> None:
         """Cut the connection, whatever is still to be written."""
         self._commands.clear()
-        self._hub.counters.dropped_clients += 1
         self._hub.forget(self)
         self._transport.abort()
 

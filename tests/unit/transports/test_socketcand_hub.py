@@ -45,9 +45,6 @@ class HostedServer:
         self.bus.wait(0.0)
         self.bus.receive(1000)
 
-    def check(self, **counters):
-        pass  # it counts what concerns the bench
-
     def open_another(self):
         hosted_bus.HostedBus(port=self.port)
 
@@ -69,9 +66,6 @@ class HubServer:
 
     def serve(self):
         self.runner.run(asyncio.sleep(0))
-
-    def check(self, **counters):
-        assert {name: getattr(self.hub.counters, name) for name in counters} == counters
 
     def open_another(self):
         self.runner.run(Hub().start(self.port))
@@ -142,7 +136,6 @@ def test_a_frame_reaches_the_others_and_not_its_sender(server, join, sent, heard
     assert first.hear() == second.hear() == heard
     first.say(b"< send 001 0 >")
     assert sender.hear() == b"< frame 001  >"  # the first thing it hears
-    server.check(connections=3, frames=2, bad_commands=0)
 
 
 def test_a_frame_carries_the_time_in_seconds_and_microseconds(hub, join, monkeypatch):
@@ -159,7 +152,6 @@ def test_frames_keep_their_order_however_they_are_cut_up(server, join):
         sender.say(stream[start : start + 7])
     for n in range(200):
         assert listener.hear() == b"< frame %03X  >" % n
-    server.check(frames=200)
 
 
 @TWO_CHANNELS
@@ -179,7 +171,6 @@ def test_a_channel_that_is_not_there_is_refused_with_those_that_are(server, conn
     assert client.hear() == b"< error could not open bus; this hub has can0, can1 >"
     client.say(b"< open can1 >")
     assert client.hear() == b"< ok >"
-    server.check(bad_commands=1)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +199,6 @@ def test_a_bad_command_is_answered_and_the_client_stays(server, join, bad):
     assert client.hear() == b"< error unknown command >"
     client.say(b"< send 001 0 >")
     assert listener.hear() == b"< frame 001  >"
-    server.check(frames=1, bad_commands=1)
 
 
 def test_a_remote_frame_of_python_can_is_dropped_without_an_error(server, join):
@@ -218,7 +208,6 @@ def test_a_remote_frame_of_python_can_is_dropped_without_an_error(server, join):
     assert listener.hear() == b"< frame 001  >"
     listener.say(b"< send 002 0 >")
     assert client.hear() == b"< frame 002  >"
-    server.check(frames=2, bad_commands=1)
 
 
 @pytest.mark.parametrize("early", [b"< rawmode >", b"< send 123 0 >", b"< open >", b"< open a b >"])
@@ -235,7 +224,6 @@ def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else(server, jo
     assert client.hear() is None
     other.say(b"< send 001 0 >")
     assert listener.hear() == b"< frame 001  >"
-    server.check(bad_commands=1, dropped_clients=1)
 
 
 @pytest.mark.long
@@ -247,9 +235,9 @@ def test_a_client_that_does_not_read_is_cut_off_and_others_lose_nothing(hub, joi
         sender.say(b"".join(b"< send 123 1 %x >" % (k % 256) for k in range(frames)))
         for k in range(frames):
             assert listener.hear() == b"< frame 123 %02X >" % (k % 256)
-        if hub.hub.counters.dropped_clients:
+        if len(hub.hub.bus("can0")) == 2:
             break
-    hub.check(dropped_clients=1)
+    assert len(hub.hub.bus("can0")) == 2
 
 
 def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(server, join, monkeypatch):
@@ -281,7 +269,6 @@ def test_a_client_that_leaves_is_forgotten(server, join):
         join(server).close()
     join(server).say(b"< send 002 0 >")
     assert stays.hear() == b"< frame 002  >"
-    server.check(connections=2 * server.most_clients + 2)
 
 
 def test_more_clients_than_there_is_room_for_are_turned_away(server, connect, join):
@@ -315,7 +302,6 @@ def test_a_client_that_sends_nothing_but_nonsense_is_cut_off(server, join):
     answers = [client.hear() for _ in range(3 * MOST_BAD - 1)]
     assert answers == (3 * MOST_BAD - 2) * [b"< error unknown command >"] + [None]
     assert listener.hear() == b"< frame 002  >"
-    server.check(dropped_clients=1)
 
 
 def test_a_port_in_use_is_said_in_one_line(server):
@@ -343,7 +329,8 @@ def test_who_does_not_join_in_time_goes_and_a_silent_listener_stays(hub, connect
     hub.now += 4_999_999_999
     hub.hub.waiting.look()
     sender = join(hub)
-    hub.check(dropped_clients=0)
+    with pytest.raises(BlockingIOError):  # it is still there
+        idler.socket.recv(1)
     hub.now += 1
     hub.hub.waiting.look()
     assert idler.hear() is None
@@ -351,7 +338,6 @@ def test_who_does_not_join_in_time_goes_and_a_silent_listener_stays(hub, connect
     hub.hub.waiting.look()
     sender.say(b"< send 001 0 >")
     assert listener.hear() == b"< frame 001  >"
-    hub.check(dropped_clients=1)
 
 
 @pytest.mark.parametrize("name", ["", "can 0", "a" * 16, "can0>", "kän"])

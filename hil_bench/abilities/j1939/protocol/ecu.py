@@ -30,14 +30,9 @@ class Transport:
     def __init__(
         self, put_control: transmission.Put, put_data: transmission.Put, deliver: Deliver
     ) -> None:
-        self._line = transmission.Line(put_control)
-        self._reception = Reception(self._line, deliver)
-        self._transmission = transmission.Transmission(self._line, put_data)
-
-    @property
-    def counters(self) -> transmission.TransportCounters:
-        """The counters so far."""
-        return self._line.counters
+        line = transmission.Line(put_control)
+        self._reception = Reception(line, deliver)
+        self._transmission = transmission.Transmission(line, put_data)
 
     @property
     def due(self) -> int:
@@ -56,15 +51,12 @@ class Transport:
     def take_control(self, source: int, destination: int, data: bytes, now: int) -> None:
         """Take a TP.CM message."""
         if len(data) != 8 or source >= signals.NULL:
-            self._line.counters.ignored += 1
             return
         group = int.from_bytes(data[5:8], "little")
         control = data[0]
         if destination == signals.GLOBAL:
             if control == transmission.Control.BAM:
                 self._reception.take_bam(source, group, data, now)
-            else:
-                self._line.counters.ignored += 1
         elif control == transmission.Control.RTS:
             self._reception.take_rts(source, group, data, now)
         elif control == transmission.Control.CTS:
@@ -72,9 +64,8 @@ class Transport:
         elif control == transmission.Control.END:
             self._transmission.take_end(source, group, data, now)
         elif control == transmission.Control.ABORT:
-            self._take_abort(source, group, data[1], now)
-        else:
-            self._line.counters.ignored += 1
+            self._reception.end(source, group)
+            self._transmission.end(source, group, now)
 
     def take_data(self, source: int, destination: int, data: bytes, now: int) -> None:
         """Take a TP.DT message."""
@@ -84,13 +75,6 @@ class Transport:
         """End the sessions whose time is over, and send packets to all that are due."""
         self._reception.serve(now)
         self._transmission.serve(now)
-
-    def _take_abort(self, source: int, group: int, reason: int, now: int) -> None:
-        found = self._reception.end(source, group)
-        if self._transmission.end(source, group, now) or found:
-            self._line.counters.ended[reason] += 1
-        else:
-            self._line.counters.ignored += 1
 
 
 USUAL_PRIORITY: Final = 6

@@ -89,42 +89,34 @@ class Reception:
     def take_bam(self, source: int, group: int, data: bytes, now: int) -> None:
         """Take an announcement to all."""
         size, packets = data[1] | data[2] << 8, data[3]
-        if self._broadcasts.pop(source, None) is not None:
-            self._line.counters.lost += 1
-        if not transmission.fits(group, size, packets) or len(self._broadcasts) >= MOST_SESSIONS:
-            self._line.counters.ignored += 1
-            return
-        deadline = self._wait(now + transmission.T1)
-        self._broadcasts[source] = _Incoming(group, size, packets, packets, deadline)
+        self._broadcasts.pop(source, None)
+        if transmission.fits(group, size, packets) and len(self._broadcasts) < MOST_SESSIONS:
+            deadline = self._wait(now + transmission.T1)
+            self._broadcasts[source] = _Incoming(group, size, packets, packets, deadline)
 
     def take_data(self, source: int, destination: int, data: bytes, now: int) -> None:
         """Take a TP.DT message."""
         sessions = self._broadcasts if destination == GLOBAL else self._incoming
         session = sessions.get(source)
         if session is None or len(data) != 8:
-            self._line.counters.ignored += 1
-        elif destination == GLOBAL:
+            return
+        if destination == GLOBAL:
             self._take_broadcast_packet(source, session, data, now)
         else:
             self._take_packet(source, session, data, now)
 
-    def end(self, source: int, group: int) -> bool:
-        """End a session that its sender has ended; return whether there was one."""
+    def end(self, source: int, group: int) -> None:
+        """End a session that its sender has ended, if there is one."""
         session = self._incoming.get(source)
-        if session is None or session.group != group:
-            return False
-        del self._incoming[source]
-        return True
+        if session is not None and session.group == group:
+            del self._incoming[source]
 
     def serve(self, now: int) -> None:
         """End the sessions whose time is over."""
         if now < self.due:
             return
-        for source in [
-            each for each, session in self._broadcasts.items() if now >= session.deadline
-        ]:
+        for source in [each for each, open_ in self._broadcasts.items() if now >= open_.deadline]:
             del self._broadcasts[source]
-            self._line.counters.lost += 1
         for source in [each for each, session in self._incoming.items() if now >= session.deadline]:
             session = self._incoming[source]
             if session.has_gap:
@@ -141,7 +133,6 @@ class Reception:
     ) -> None:
         if data[0] != session.following:
             del self._broadcasts[source]
-            self._line.counters.lost += 1
             return
         self._keep(session, data, now)
         if session.following > session.packets:
@@ -174,7 +165,6 @@ class Reception:
         session.deadline = self._wait(now + transmission.T1)
 
     def _finish(self, source: int, session: _Incoming) -> None:
-        self._line.counters.received += 1
         self._deliver(session.group, source, bytes(session.data[: session.size]))
 
     def _ask(self, source: int, session: _Incoming, now: int) -> None:

@@ -1,8 +1,8 @@
 """Long messages, sent in packets."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
@@ -60,39 +60,14 @@ class AbortReason(IntEnum):
     OTHER = 250
 
 
-@dataclass(slots=True)
-class TransportCounters:
-    """The counters of transport sessions.
-
-    Attributes:
-        received: whole messages.
-        sent: messages that arrived, or were sent to all.
-        aborted: sessions that this device ended, by the reason.
-        ended: sessions that the other device ended, by its reason.
-        lost: messages to all that stayed incomplete.
-        ignored: frames that belong to no session or say nothing.
-    """
-
-    received: int = 0
-    sent: int = 0
-    aborted: Counter[int] = field(default_factory=Counter)
-    ended: Counter[int] = field(default_factory=Counter)
-    lost: int = 0
-    ignored: int = 0
-
-
 class Line:
-    """Sends the frames of connection management, and counts what happens to sessions.
+    """Sends the frames of connection management.
 
     Args:
         put: sends TP.CM.
-
-    Attributes:
-        counters: what has happened so far.
     """
 
     def __init__(self, put: Put) -> None:
-        self.counters = TransportCounters()
         self._put = put
 
     def control(self, destination: int, group: int, head: bytes) -> None:
@@ -101,7 +76,6 @@ class Line:
 
     def refuse(self, partner: int, group: int, reason: AbortReason) -> None:
         """End a session, or refuse to begin one."""
-        self.counters.aborted[reason] += 1
         self.control(partner, group, bytes((Control.ABORT, reason, 0xFF, 0xFF, 0xFF)))
 
 
@@ -183,7 +157,6 @@ class Transmission:
         """Take what a receiver asks for."""
         sent = self._outgoing.get(source)
         if sent is None or sent.group != group:
-            self._line.counters.ignored += 1
             return
         count, first = data[1], data[2]
         if not count:
@@ -207,24 +180,20 @@ class Transmission:
         """Take the acknowledgement of a whole message."""
         sent = self._outgoing.get(source)
         if sent is None or sent.group != group:
-            self._line.counters.ignored += 1
             return
         is_whole = sent.reached == len(sent.packets) and data[1] | data[2] << 8 == len(sent.data)
         if not is_whole:
             self._fail(source, AbortReason.OTHER, now)
             return
         del self._outgoing[source]
-        self._line.counters.sent += 1
         self._open_waiting(source, now)
 
-    def end(self, destination: int, group: int, now: int) -> bool:
-        """End a session that its receiver has ended; return whether there was one."""
+    def end(self, destination: int, group: int, now: int) -> None:
+        """End a session that its receiver has ended, if there is one."""
         sent = self._outgoing.get(destination)
-        if sent is None or sent.group != group:
-            return False
-        del self._outgoing[destination]
-        self._open_waiting(destination, now)
-        return True
+        if sent is not None and sent.group == group:
+            del self._outgoing[destination]
+            self._open_waiting(destination, now)
 
     def serve(self, now: int) -> None:
         """End the sessions whose time is over, and send packets to all that are due."""
@@ -266,7 +235,6 @@ class Transmission:
         sent.deadline = self._wait(now + BAM_GAP)
         if sent.following > len(sent.packets):
             del self._outgoing[GLOBAL]
-            self._line.counters.sent += 1
             self._open_waiting(GLOBAL, now)
 
     def _fail(self, destination: int, reason: AbortReason, now: int) -> None:

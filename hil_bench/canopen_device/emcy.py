@@ -96,10 +96,6 @@ class EmcyProducer(Service):
         """The codes of the errors that are present."""
         return frozenset(code for code, _ in self._present)
 
-    def is_present(self, code: int, source: int = 0) -> bool:
-        """Return True if the error was raised and not cleared."""
-        return (code, source) in self._present
-
     @property
     def can_id(self) -> int | None:
         """The identifier of its messages, None where they are switched off."""

@@ -20,6 +20,7 @@ from hil_bench.abilities.campaign.table import Outcome
 from hil_bench.abilities.common.figure_style import BLUE, GREEN, ORANGE, RED, STYLE, settle_layout
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.common.page import render_page
+from hil_bench.abilities.common.work import Histogram
 from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
 from hil_bench.errors import (
@@ -68,26 +69,8 @@ _BINS = 30
 _ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-class Bins(NamedTuple):
-    """Margins in bins of one width.
-
-    Attributes:
-        low: lower edge of the first bin.
-        high: upper edge of the last bin.
-        counts: margins of each bin.
-        below: margins below the first bin, infinite ones too.
-        above: margins above the last bin, likewise.
-    """
-
-    low: float
-    high: float
-    counts: list[int]
-    below: int
-    above: int
-
-
-def bin_margins(margins: Sequence[float]) -> Bins:
-    """Return the bins of some margins, each as a share of the tolerance; NaN is left out."""
+def bin_margins(margins: Sequence[float], name: str = "") -> Histogram:
+    """Return the distribution of a requirement's margins; NaN is left out."""
     values = np.asarray([each for each in margins if not math.isnan(each)], dtype=np.float64)
     inside = values[np.abs(values) <= LARGEST]
     low = min(0.0, float(inside.min(initial=0.0)))
@@ -97,7 +80,9 @@ def bin_margins(margins: Sequence[float]) -> Bins:
     edges = np.arange(first, last + 1) * step
     counts, _ = np.histogram(inside, edges)
     below, above = int((values < -LARGEST).sum()), int((values > LARGEST).sum())
-    return Bins(float(edges[0]), float(edges[-1]), [int(each) for each in counts], below, above)
+    return Histogram(
+        name, float(edges[0]), float(edges[-1]), [int(each) for each in counts], below, above
+    )
 
 
 def _step(raw: float) -> float:
@@ -131,7 +116,7 @@ def margin_figure(margins: Sequence[float]) -> str:
 
 def _draw_bins(axes: "Axes", margins: Sequence[float]) -> None:
     """Draw the bins, and beside them, hatched, the margins that lie beyond."""
-    low, high, counts, below, above = bin_margins(margins)
+    _, low, high, counts, below, above = bin_margins(margins)
     width = (high - low) / len(counts)
     lefts = low + width * np.arange(len(counts))
     fails = lefts < -0.5 * width

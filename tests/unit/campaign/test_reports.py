@@ -243,7 +243,7 @@ def test_bins_have_the_next_round_width_that_makes_no_more_than_thirty():
     for margin in (10.0**-power * digits for power in range(3) for digits in range(1, 300, 7)):
         if margin > 3.0:
             continue
-        low, high, counts, _, _ = bin_margins([margin])
+        _, low, high, counts, _, _ = bin_margins([margin])
         width = (high - low) / len(counts)
         digits = width / 10.0 ** math.floor(math.log10(width) + 1e-9)
         rounds = [r for r in (1.0, 2.0, 2.5, 5.0, 10.0) if r == pytest.approx(digits)]

@@ -20,7 +20,7 @@ def watching(rig):
 
 
 def is_lost(rig):
-    return rig.node.emcy.is_present(0x8130, source=WATCHED)
+    return 0x8130 in rig.node.emcy.present
 
 
 def test_after_a_reset_watching_begins_with_the_next_heartbeat(watching):
@@ -95,7 +95,7 @@ def test_watching_survives_the_change_of_another_entry(rig):
     rig.run(5)
     dictionary.download(0x1016, 2, (8 << 16 | 10).to_bytes(4, "little"))
     rig.run(5)
-    assert rig.node.emcy.is_present(0x8130, source=7)
+    assert is_lost(rig)
 
 
 def test_unused_entry_frees_the_node(rig):

@@ -91,7 +91,7 @@ def test_parameters_that_make_no_sense_are_not_used(eds_path, changes, problem):
     with pytest.raises(StorageError, match=problem):
         raise StorageError(node.storage_problem)
     assert node.node_id == 5
-    assert node.emcy.is_present(0x5530)
+    assert 0x5530 in node.emcy.present
     defaults = load_eds(eds_path, 5)
     for variable in node.object_dictionary:
         if variable.index not in {0x1001, 0x1003}:

@@ -109,7 +109,7 @@ class PlainBus:
     def __init__(self, stations, gaps, recovery):
         self.stations, self.gaps, self.recovery = stations, gaps, recovery
         self.gap = next(gaps) if gaps else None
-        self.passed, self.broken, self.free, self.busy, self.numbers = [], [], 0, 0, 0
+        self.passed, self.broken, self.free, self.numbers = [], [], 0, 0
 
     def put(self, time, station, frame):
         self.numbers += 1
@@ -193,7 +193,6 @@ class PlainBus:
         absent = [each for each in self.stations if each.is_off]
         kind, place, length, culprit, deaf = self.outcome(sender, frame, others)
         end = self.free = begin + length
-        self.busy += length
         while puts and puts[0][0] < end:
             self.put(*puts.pop(0))
         for each in absent:
@@ -293,4 +292,4 @@ def test_a_bus_does_what_a_plain_one_does(seed):
     assert told == {each.name: each.told for each in plain}
     for key in KEPT:
         assert [getattr(each, key) for each in real] == [getattr(each, key) for each in plain], key
-    assert (wire.passed, wire.failed, wire.busy) == (len(passed), len(errors), bus.busy * US)
+    assert (wire.passed, wire.failed) == (len(passed), len(errors))

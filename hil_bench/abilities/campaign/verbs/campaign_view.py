@@ -96,8 +96,7 @@ class CampaignView:
 
     def _histograms(self) -> Iterator[Histogram]:
         for (scenario, requirement), margins in self._margins.items():
-            low, high, counts, below, above = bin_margins(margins)
-            yield Histogram(f"{scenario} {requirement}", low, high, counts, below, above)
+            yield bin_margins(margins, f"{scenario} {requirement}")
 
     def _courses(self) -> Iterator[Course]:
         for (scenario, requirement), points in self._best.items():

@@ -84,7 +84,6 @@ class Wire:
     Attributes:
         bitrate: as passed in.
         due: when something happens next [ns]; a begin may give way to what is put before it.
-        busy: time that frames and errors were on the bus [ns].
         passed: frames that have passed.
         failed: transmissions that failed.
         on_error: is told each error.
@@ -103,7 +102,6 @@ class Wire:
         self.bitrate = bitrate
         self._data_bitrate = data_bitrate or bitrate
         self.due = NEVER
-        self.busy = 0
         self.passed = 0
         self.failed = 0
         self.on_error: Callable[[ErrorFrame], None] | None = None
@@ -285,7 +283,6 @@ class Wire:
         """Count what has passed or failed; return it where it has passed."""
         self._going = None
         begin, end = self._begun, self._begun + self._time(attempt)
-        self.busy += end - begin
         self._free_at = end
         for absence in self._off.values():
             absence.see(begin, end, self.bits)
@@ -355,7 +352,6 @@ class Wire:
         sent = (now - self._begun) * self.bitrate // _NS_PER_S
         broken = Broken(ErrorKind.STUFF, sent, sent + 2 * FLAG + AFTER_FLAGS)
         self._free_at = self._begun + self.bits(broken.length)
-        self.busy += self._free_at - self._begun
         self.failed += 1
         for station in attempt.senders:
             station.take_back()
@@ -438,7 +434,6 @@ class Wire:
             self._waiting.enter(station)
         if attempt is not None:
             self.failed += 1
-            self.busy += now - self._begun
             sent = (now - self._begun) * self.bitrate // _NS_PER_S
             self._report(Broken(ErrorKind.DOMINANT, sent, sent), attempt, now)
         self._stuck_counts = {each: (each.tec, each.rec) for each in self._listeners}
@@ -450,7 +445,6 @@ class Wire:
         if self._stuck_since is None or self._sticking:
             return
         self._count_stuck(now)
-        self.busy += now - self._stuck_since
         self._stuck_since = None
         self._free_at = now + self.bits(AFTER_FLAGS)
         for absence in self._off.values():

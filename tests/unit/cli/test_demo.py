@@ -12,6 +12,8 @@ from hil_bench.abilities.demo.session import (
     DemoAxis,
     DemoSession,
     demo_profile,
+    setpoint_position,
+    tracking_error,
     tuned_parameters,
 )
 from hil_bench.abilities.recording.reading import read_recording
@@ -20,6 +22,7 @@ from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.outside.recording import block_file
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 
 MACHINES = Path(__file__).parents[3] / "examples" / "machines"
@@ -193,6 +196,35 @@ def test_the_controller_fits_a_tank_under_pressure_and_a_slow_spool():
     # than the piston: a fifth of 2 * 0.8 * 40 1/s.
     assert tuned.full_speed == pytest.approx(0.26004, rel=1e-4)
     assert tuned.position_gain == pytest.approx(12.8)
+
+
+@pytest.mark.parametrize(
+    ("keys", "fastest"),
+    [
+        ({}, 0.15),  # 60 % of either way's speed are more
+        ({"supply_pressure_bar": 50}, None),  # and here less
+        ({"load_n": 1e5}, 0.01),  # which it cannot lift
+    ],
+)
+def test_the_demo_is_no_faster_than_the_slower_way(keys, fastest):
+    axis = load_config(tables={"plant": {"axis1": keys}}).first_axis
+    if fastest is None:
+        ways = [steady_motion(axis.parameters, axis.options, extends=way) for way in (True, False)]
+        fastest = 0.6 * min(way.speed for way in ways)
+        assert 0.01 < fastest < 0.15
+    profile = demo_profile(0.0, axis)
+    speeds = [abs(profile.at(0.01 * step).speed) for step in range(1500)]
+    assert max(speeds) == pytest.approx(fastest)
+    assert setpoint_position(profile, 2.0, 2.5) == profile.at(0.5).position != 0.0
+
+
+def test_the_tracking_error_counts_the_rows_that_have_a_set_point():
+    """Of 3 and -4 mm: 25 / 2 mm² in the mean."""
+    rows = np.zeros(3, dtype=[("x", float), ("x_setpoint", float)])
+    rows["x"] = 1.0, 1.0, 1.0
+    rows["x_setpoint"] = np.nan, 1.003, 0.996
+    assert tracking_error(rows, "x") == pytest.approx((1e-3 * np.sqrt(12.5), 4e-3))
+    assert np.isnan(tracking_error(rows[:1], "x")).all()
 
 
 def test_a_shaft_turns_for_ever_as_fast_as_its_swing_lets_it():

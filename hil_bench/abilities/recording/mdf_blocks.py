@@ -1,5 +1,6 @@
 """Blocks of MDF 4 files, and the events in them."""
 
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -153,6 +154,9 @@ _MARKER, _BEGIN, _END, _OTHER = 6, 1, 2, 0
 _LINKS = 5  # next, parent, the event where the range begins, name, comment
 _FIRST = IDENTIFICATION_SIZE + HEADER.size + 8 * 4
 """Address of the HD block's link to the first event."""
+_COMMENT = _FIRST + 8
+"""Address of its link to the comment."""
+_HEADING = re.compile(rb"<TX>[^<]")
 
 _MOST_EVENTS = 10_000
 _FARTHEST = 1 << 40  # an address that any file of ours has
@@ -181,6 +185,18 @@ def read_events(path: Path) -> list[Span]:
     """
     with about_file(path, what="cannot be read", right="give a recording"), path.open("rb") as file:
         return list(_read(file))
+
+
+def has_heading(path: Path) -> bool:
+    """Return True if an MF4 file says of what it is, as that of a bench and not that of a bus.
+
+    `ConfigError` where the file cannot be read.
+    """
+    with about_file(path, what="cannot be read", right="give a recording"), path.open("rb") as file:
+        file.seek(_COMMENT)
+        (address,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
+        file.seek(min(address, _FARTHEST))
+        return bool(address) and _HEADING.search(file.read(_LONGEST_NAME)) is not None
 
 
 def _pack(spans: Sequence[Span], start: int) -> bytes:

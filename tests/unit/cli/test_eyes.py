@@ -166,6 +166,11 @@ def test_rows_at_even_ticks_hold_no_value_of_a_silent_node(folder, cli):
     # 52 bar came at 0.4 ms, stands at 2 ms, and is older than 3 ms at 4 ms
     assert dict(zip(times, bars, strict=True)) == {0: 50, 1: 51, 2: 52, 3: 52, 10: 53}
     assert "values stand up to 0.6 ms late" in said.err
+    for path in ("p.csv", "p.mf4"):  # neither has the events of a bench
+        cli(["decode", "p.log", "bench.toml", "-o", path, "--tick", "1"])
+        requirement = "always pressure_a.ai_input_process_value_1 < 250 bar"
+        (folder / "r.toml").write_text(f"[[expect]]\nid = 'R'\nthat = '{requirement}'\n")
+        assert "does not hold the faults of its run: " in cli(f"judge r.toml {path}").err
 
 
 @pytest.mark.parametrize(("shift", "first"), [(0.0, 5000), (1.7e9, 0)])

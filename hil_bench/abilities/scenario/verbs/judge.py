@@ -8,7 +8,7 @@ from pathlib import Path
 from hil_bench.abilities.common.arguments import add_column_arguments
 from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
-from hil_bench.abilities.recording.mdf_blocks import read_events
+from hil_bench.abilities.recording.mdf_blocks import has_heading, read_events
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import is_csv_of_bench, read_recording
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -116,13 +116,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _unseen_faults(args: argparse.Namespace, path: Path, found: Judged) -> list[str]:
-    """Return, beside a pass by a CSV file of the bench, that it says nothing of faults."""
+    """Return, beside a pass by a file of ours without events, that it says nothing of faults."""
     has_passed = RequirementOutcome.PASSED in (each.judgement.outcome for each in found.findings)
-    is_of_bench = path.suffix.lower() == ".csv" and is_csv_of_bench(path)
-    if not has_passed or not is_of_bench or args.columns or args.map:
+    if not has_passed or args.columns or args.map:
         return []
-    unknown = "whether one changed nothing is not known; an .mf4 file says it"
-    return [f"a CSV file does not hold the faults of its run: {unknown}"]
+    if path.suffix.lower() == ".mf4":
+        what = "" if has_heading(path) else "a recording of a bus"
+    else:
+        what = "a CSV file" if path.suffix.lower() == ".csv" and is_csv_of_bench(path) else ""
+    unknown = "whether one changed nothing is not known; the .mf4 file of the run says it"
+    return [f"{what} does not hold the faults of its run: {unknown}"] * bool(what)
 
 
 def _options(args: argparse.Namespace) -> list[str]:

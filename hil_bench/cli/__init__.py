@@ -213,7 +213,8 @@ def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     clear = "\r\x1b[J" if sys.stderr.isatty() else ""
     text = f"{clear}hil-bench: %(message)s"
     logging.basicConfig(level=level, format=text, force=True, handlers=[PatientHandler()])
-    if sys.stderr.isatty() and not quiet:  # somebody waits for it
-        logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel").setLevel(logging.INFO)
+    is_awaited = sys.stderr.isatty() and not quiet  # somebody waits for the kernels
+    kernel = logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel")
+    kernel.setLevel(logging.INFO if is_awaited else logging.NOTSET)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)

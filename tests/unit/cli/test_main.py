@@ -227,12 +227,15 @@ def test_a_run_imports_what_it_needs(tmp_path):
     [(True, [], True), (True, ["-q"], False), (False, [], False), (False, ["-v"], True)],
 )
 def test_who_waits_at_a_terminal_is_told_of_compiling(monkeypatch, is_terminal, words, says):
+    """So it is whatever a call before in this process was told."""
     kernels = logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel")
     level, root = kernels.level, logging.getLogger().level
     monkeypatch.setattr("sys.stderr.isatty", lambda: is_terminal)
     try:
-        assert main(["completion", "bash", *words]) == 0
-        assert kernels.isEnabledFor(logging.INFO) == says
+        for before in (logging.NOTSET, logging.INFO):
+            kernels.setLevel(before)
+            assert main(["completion", "bash", *words]) == 0
+            assert kernels.isEnabledFor(logging.INFO) == says
     finally:
         kernels.setLevel(level)
         logging.getLogger().setLevel(root)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hil_bench.abilities.recording.reading import (
+from hil_bench.abilities.recording.foreign_tables import (
     Columns,
     Values,
     as_recording,
-    in_own_units,
     read_columns,
 )
+from hil_bench.abilities.recording.reading import in_own_units
 from hil_bench.abilities.recording.table_heads import RAW_UNITS
 from hil_bench.config.document import read_document
 from hil_bench.config.settings import Key, Problems, read_table

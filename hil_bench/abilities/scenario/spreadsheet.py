@@ -8,7 +8,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.abilities.recording.reading import check_marks
+from hil_bench.abilities.recording.foreign_tables import check_marks
 from hil_bench.abilities.scenario.records import Amount, Reference
 from hil_bench.errors import ConfigError, about_file
 

@@ -8,13 +8,9 @@ import pytest
 from scipy.io import savemat
 from support.tables import from_text
 
-from hil_bench.abilities.recording import reading
-from hil_bench.abilities.recording.reading import (
-    as_recording,
-    in_own_units,
-    read_columns,
-    read_recording,
-)
+from hil_bench.abilities.recording import foreign_tables
+from hil_bench.abilities.recording.foreign_tables import as_recording, read_columns
+from hil_bench.abilities.recording.reading import in_own_units, read_recording
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import recording_channels
 
@@ -43,7 +39,7 @@ def test_the_columns_of_a_csv_file_are_found(tmp_path, text):
 
 def test_a_table_of_numbers_is_read_by_rows_of_c(tmp_path, monkeypatch):
     """10^6 rows take 8 s field by field in Python, and 2 s by NumPy's reader."""
-    monkeypatch.setattr(reading, "_read_slowly", None)
+    monkeypatch.setattr(foreign_tables, "_read_slowly", None)
     text = "# logger\n\nt;s [mm]\n0;1,5\n\n0,1;2,5\n"
 
     columns, _ = read_columns(write(tmp_path, text))

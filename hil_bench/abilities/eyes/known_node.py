@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
-from hil_bench.abilities.eyes.values import Reader, Scale, decides_scale, number_in, profile_of
+from hil_bench.abilities.eyes.values import Reader, Scale, decides_scale, number_in
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_commissioning, warn_of_findings
 from hil_bench.bench.power_on import load_objects
@@ -119,11 +119,6 @@ class KnownNode:
         text = own.value if own is not None and not self.has_eds else ""
         told = f' "{printable(text.rstrip(chr(0)))}"' if text and isinstance(text, str) else ""
         return f"node {self.node_id}{told}"
-
-    @property
-    def profile(self) -> int:
-        """The number of its device profile, 0 for none."""
-        return profile_of(self.objects)
 
     def number(self, index: int, subindex: int = 0, absent: int = 0) -> int:
         """Return the value of an integer object, or `absent`."""

@@ -147,20 +147,15 @@ class Complaints:
 
     Args:
         clock: seconds that never step back.
-
-    Attributes:
-        count: errors so far, with those that got no line.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self.count = 0
         self._clock = clock
         self._unsaid = 0
         self._quiet_until = -float("inf")
 
     def add(self, peer: str, reason: str) -> None:
         """Log the error of a client, or count it where there was a line just now."""
-        self.count += 1
         now = self._clock()
         if now < self._quiet_until:
             self._unsaid += 1

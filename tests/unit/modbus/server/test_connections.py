@@ -225,12 +225,11 @@ async def test_a_connection_that_is_reset_is_named(pool, connect, caplog):
     assert messages(caplog) == ["modbus client PEER: lost: Connection reset by peer"]
 
 
-async def test_many_bad_clients_get_few_lines(pool, connect, caplog):
+async def test_many_bad_clients_get_few_lines(connect, caplog):
     for _ in range(50):
         stream = await connect()
         stream[1].write(b"GET / HTTP/1.1\r\n\r\n")
         assert await is_closed(stream)
-    assert pool.complaints.count == 50
     assert 1 <= len(caplog.records) < 50
 
 
@@ -253,7 +252,6 @@ def test_errors_that_got_no_line_are_counted_in_the_next(caplog):
     complaints = Complaints(lambda: next(now))
     for _ in times:
         complaints.add("peer", "why")
-    assert complaints.count == 7
     assert [record.getMessage() for record in caplog.records] == [
         "modbus client peer: why",
         "modbus client peer: why (2 more errors since the last line)",

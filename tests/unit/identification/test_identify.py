@@ -1,6 +1,7 @@
 """From records of machines to the machines: parameters, predictions, and the ladder's choice."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -163,6 +164,16 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(rec
     (found,) = line.without(np.array([0.05, 0.4]), [[0]])
 
     assert found == pytest.approx(right, abs=1e-6)
+
+
+def test_a_blurred_residual_is_the_mean_of_the_rows_about_it_that_count():
+    """Of three rows each; the ends count twice, as rows beyond them are like them."""
+    course = SimpleNamespace(record=SimpleNamespace(interval=TICK))
+    problem = SimpleNamespace(bench=SimpleNamespace(blur=3 * TICK, course=course))
+    rows = np.array([[3.0, 0.0], [6.0, 0.0], [np.nan, 9.0], [12.0, 0.0]])
+    found = Problem._blurred(problem, rows, np.isfinite(rows))
+    # By hand, (3 + 3 + 6) / 3, 0; (3 + 6) / 2, (0 + 0 + 9) / 3; 3; 12, (9 + 0 + 0) / 3.
+    assert found == pytest.approx([4.0, 0.0, 4.5, 3.0, 3.0, 12.0, 3.0])
 
 
 def test_of_a_machine_with_a_load_the_mass_of_the_load_is_free(record):

@@ -151,8 +151,9 @@ def test_the_run_ends_with_it_where_that_is_wanted(caplog, is_needed):
     assert bed.helpers.is_over
     assert bed.helpers.code is ExitCode.LOST
     assert helper.starts == 0
-    (said,) = caplog.messages
-    assert said.endswith("the run ends (--end-on-loss)")
+    (said,) = caplog.records
+    assert said.getMessage().endswith("the run ends (--end-on-loss)")
+    assert said.levelname == ("ERROR" if is_needed else "WARNING")
 
 
 def test_one_that_is_not_needed_leaves_the_run_complete():

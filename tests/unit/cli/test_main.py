@@ -290,6 +290,12 @@ def test_a_warning_takes_the_place_of_the_status_lines(monkeypatch, stream, clea
     assert sys.stderr.getvalue() == f"{clear}hil-bench: careful\n"
 
 
+def test_a_unit_that_nobody_knows_is_named(cli):
+    assert (
+        "--units: units 'furlong': give some of metric" in cli("plot x.csv --units furlong", 2).err
+    )
+
+
 @pytest.mark.parametrize("before", [None, "psi"])
 def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
     """A notebook calls `main` again and again in one process."""

@@ -11,7 +11,7 @@ import pytest
 
 from hil_bench.cli import main
 from hil_bench.cli.parser import own_verbs
-from hil_bench.cli.results import print_results
+from hil_bench.cli.results import ecu_text, print_results
 
 
 class Pair(NamedTuple):
@@ -34,6 +34,18 @@ def test_people_get_lines_and_programs_json(capsys):
     assert capsys.readouterr().out == json.dumps(expected, indent="  ") + "\n"
     print_results(options(quiet=True), ["a line"], content)
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, "claimed, address 17"),
+        ({"state": "cannot claim"}, "cannot claim"),
+        ({"codes": [[1907, 9], [84, 2]]}, "claimed, address 17, SPN 1907 FMI 9, SPN 84 FMI 2"),
+    ],
+)
+def test_a_device_of_j1939_in_words(more, said):
+    assert ecu_text({"state": "claimed", "address": 17, "codes": [], **more}) == said
 
 
 def test_json_has_escapes_of_what_no_terminal_shows(capsys):

@@ -23,7 +23,7 @@ from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.bound_objects import locate, optional, saturate
-from hil_bench.devices.motion_profiles import Ramp, RampTimes
+from hil_bench.devices.ramp import Ramp, RampTimes
 from hil_bench.errors import EdsError, SdoAbort
 
 # Compensation of cylinder and spool in the set-point of a CiA 408 valve.

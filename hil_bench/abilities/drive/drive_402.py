@@ -26,6 +26,7 @@ text of CiA 402 was not at hand. Gains, units and the refusals are this device's
 import math
 from typing import Final
 
+from hil_bench.abilities.drive.motion import Motion
 from hil_bench.abilities.drive.state_machine import (
     MOVING,
     STATUS,
@@ -48,7 +49,6 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.devices.bound_objects import TpdoTrigger, optional, required, saturate
-from hil_bench.devices.motion_profiles import Motion
 from hil_bench.errors import SdoAbort
 
 PROFILE_POSITION: Final = 1

@@ -218,6 +218,13 @@ def test_the_demo_is_no_faster_than_the_slower_way(keys, fastest):
     assert setpoint_position(profile, 2.0, 2.5) == profile.at(0.5).position != 0.0
 
 
+def test_a_short_cylinder_is_moved_with_at_most_1_5_m_s2():
+    axis = load_config(tables={"plant": {"axis1": {"stroke_mm": 20}}}).first_axis
+    profile = demo_profile(0.0, axis)
+    speeds = [profile.at(1e-4 * step).speed for step in range(20_000)]
+    assert np.abs(np.diff(speeds)).max() / 1e-4 == pytest.approx(1.5, rel=1e-3)
+
+
 def test_the_tracking_error_counts_the_rows_that_have_a_set_point():
     """Of 3 and -4 mm: 25 / 2 mm² in the mean."""
     rows = np.zeros(3, dtype=[("x", float), ("x_setpoint", float)])

@@ -121,7 +121,7 @@ def test_a_node_hears_another_in_the_next_round(pair):
     second.object_dictionary.download(0x1017, 0, bytes(2))
     pair.now += 100 * MS  # the time of 0x1016.01 after the heartbeat that was heard
     pair.round()
-    assert first.emcy.is_present(0x8130, source=6)
+    assert 0x8130 in first.emcy.present
 
 
 def test_what_was_heard_acts_before_what_came_since(pair):

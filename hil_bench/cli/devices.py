@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig, SinkConfig, SourceConfig
-from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.configuration.records import FIRST_BUS, ShownDevice
 from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
@@ -106,44 +106,6 @@ class DeviceRow:
     bus: str = FIRST_BUS
 
 
-@dataclass(frozen=True, slots=True)
-class MessageRow:
-    """One parameter group of a J1939 device.
-
-    Attributes:
-        pgn: its number.
-        role: "sends" or "takes".
-        rate_ms: time between two that are sent [ms]; 0 on request only.
-        signals: what it carries.
-    """
-
-    pgn: int
-    role: str
-    rate_ms: int
-    signals: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class EcuRow:
-    """One J1939 device of the bench.
-
-    Attributes:
-        name: as in ``[j1939.NAME]``.
-        address: that it claims first.
-        kind: of device.
-        axis: the axis that it belongs to; None where all of it is in its signals.
-        messages: what it sends and takes.
-        bus: the bus that it is on.
-    """
-
-    name: str
-    address: int
-    kind: str
-    axis: str | None
-    messages: tuple[MessageRow, ...]
-    bus: str
-
-
 def read_devices(config: BenchConfig) -> list[DeviceRow]:
     """Return the devices of a bench, from their EDS files, bus by bus in the order of node-IDs.
 
@@ -163,35 +125,17 @@ def read_devices(config: BenchConfig) -> list[DeviceRow]:
     return devices
 
 
-def read_ecus(config: BenchConfig) -> list[EcuRow]:
-    """Return the J1939 devices of a bench, bus by bus in the order of addresses."""
-    order = list(config.buses)
-    return [
-        EcuRow(
-            name=ecu.name,
-            address=ecu.address,
-            kind=ecu.kind.name,
-            axis=ecu.kind.axis_of(ecu),
-            messages=tuple(
-                MessageRow(
-                    pgn=message.group,
-                    role="sends" if message.is_sent else "takes",
-                    rate_ms=message.period // 1_000_000,
-                    signals=message.signals,
-                )
-                for message in ecu.kind.messages(ecu)
-            ),
-            bus=ecu.bus,
-        )
-        for ecu in sorted(config.ecus, key=lambda ecu: (order.index(ecu.bus), ecu.address))
-    ]
-
-
 def device_table(config: BenchConfig) -> str:
     """Return the devices of a bench as text for people; `read_devices` says what can go wrong."""
     blocks = [_device_lines(device) for device in read_devices(config)]
-    blocks += [_ecu_lines(ecu) for ecu in read_ecus(config)]
+    for title, content, lines in _others(config):
+        head = (str(content[key] or "") for key in ("name", "kind", "axis", "bus"))
+        blocks.append(iter((_head(title, *head), *lines)))
     return "\n\n".join(map("\n".join, blocks))
+
+
+def _others(config: BenchConfig) -> Iterator[ShownDevice]:
+    return (each for part in config.parts for each in part.shown_devices(config))
 
 
 def _read_device(node: NodeConfig) -> DeviceRow:
@@ -263,15 +207,6 @@ def _device_lines(device: DeviceRow) -> Iterator[str]:
         yield f"{head:48}  {bound.name} ({bound.data_type})"
 
 
-def _ecu_lines(ecu: EcuRow) -> Iterator[str]:
-    yield _head(f"J1939 {ecu.address}", ecu.name, ecu.kind, ecu.axis, ecu.bus)
-    for message in ecu.messages:
-        rate = f"every {message.rate_ms} ms" if message.rate_ms else "on request"
-        how = rate if message.role == "sends" else ""
-        head = f"  {message.role}  PGN {message.pgn} (0x{message.pgn:04X})  {how}"
-        yield f"{head:48}  {', '.join(message.signals)}"
-
-
 def _head(number: str, name: str, kind: str, axis: str | None, bus: str) -> str:
     where = "" if bus == FIRST_BUS else f"on {bus}"
     return "  ".join(filter(None, (number, name, kind, axis, where)))
@@ -318,7 +253,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     if args.json:
         rows = [asdict(device) for device in read_devices(config)]
-        rows += [asdict(ecu) for ecu in read_ecus(config)]
+        rows += [dict(each.content) for each in _others(config)]
         print(json.dumps(rows, indent=2))
     else:
         print_lines(args, device_table(config))

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 from hil_bench.config.settings import Setting
 from hil_bench.devices.kinds.kind import NodeConfig
@@ -78,6 +78,20 @@ class Served(Protocol):
     def helpers(self) -> Sequence[Any]: ...  # noqa: D102
 
 
+class ShownDevice(NamedTuple):
+    """A device beside the CANopen nodes, as `hil-bench devices` shows it.
+
+    Attributes:
+        title: what stands before its name, as in "J1939 19".
+        content: for programs; name, kind, axis and bus are shown to people, too.
+        lines: below these.
+    """
+
+    title: str
+    content: Mapping[str, Any]
+    lines: Sequence[str]
+
+
 class Part:
     """A part of a bench that an ability's table describes; what it does not define, it does not do.
 
@@ -121,6 +135,10 @@ class Part:
     def peers(self, config: "BenchConfig", surroundings: Any) -> Any:  # noqa: ANN401 - of layers above
         """Return the devices of `ecus`, built, as `hil_bench.bench.peers.Peers`."""
         return None
+
+    def shown_devices(self, config: "BenchConfig") -> Iterable[ShownDevice]:
+        """Return the devices of `ecus`, bus by bus."""
+        return ()
 
     def find_doubts(self, config: "BenchConfig") -> Iterable[str]:
         """Return doubts about it, without the name of the file, a line each."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, NamedTuple
 
 from hil_bench.abilities.j1939.configuration.signals import (
     SIGNALS_TABLE,
@@ -14,12 +14,12 @@ from hil_bench.abilities.j1939.configuration.signals import (
 )
 from hil_bench.abilities.j1939.ecus import EcuTable, build_ecus
 from hil_bench.abilities.j1939.kinds.auxiliary_valve import AUXILIARY_VALVE, FLOW
-from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind
+from hil_bench.abilities.j1939.kinds.ecu import EcuConfig, EcuKind, EcuMessage
 from hil_bench.abilities.j1939.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
 from hil_bench.abilities.j1939.protocol.signals import NULL, Name
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.nodes import OtherDrive
-from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig, Part
+from hil_bench.bench.configuration.records import FIRST_BUS, BenchConfig, Part, ShownDevice
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number
 from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
@@ -44,10 +44,46 @@ class J1939Part(Part):
         """Return the devices, built."""
         return build_ecus(self.ecus, config.buses, surroundings)
 
+    def shown_devices(self, config: BenchConfig) -> Iterator[ShownDevice]:
+        """Yield the devices, bus by bus in the order of addresses, with what they send and take."""
+        order = list(config.buses)
+        for ecu in sorted(self.ecus, key=lambda ecu: (order.index(ecu.bus), ecu.address)):
+            messages = [_Group.of(message) for message in ecu.kind.messages(ecu)]
+            content = {
+                "name": ecu.name,
+                "address": ecu.address,
+                "kind": ecu.kind.name,
+                "axis": ecu.kind.axis_of(ecu),
+                "messages": [message._asdict() for message in messages],
+                "bus": ecu.bus,
+            }
+            lines = [str(message) for message in messages]
+            yield ShownDevice(f"J1939 {ecu.address}", content, lines)
+
     def seen_from(self, bus: str) -> "J1939Part":
         """Return the devices of one bus, which is then the first."""
         ecus = (replace(ecu, bus=FIRST_BUS) for ecu in self.ecus if ecu.bus == bus)
         return J1939Part(tuple(ecus))
+
+
+class _Group(NamedTuple):
+    """A parameter group of a device, as `hil-bench devices` shows it."""
+
+    pgn: int
+    role: str
+    rate_ms: int  # 0 on request only
+    signals: tuple[str, ...]
+
+    @classmethod
+    def of(cls, message: EcuMessage) -> "_Group":
+        role = "sends" if message.is_sent else "takes"
+        return cls(message.group, role, message.period // 1_000_000, message.signals)
+
+    def __str__(self) -> str:
+        rate = f"every {self.rate_ms} ms" if self.rate_ms else "on request"
+        how = rate if self.role == "sends" else ""
+        head = f"  {self.role}  PGN {self.pgn} (0x{self.pgn:04X})  {how}"
+        return f"{head:48}  {', '.join(self.signals)}"
 
 
 TABLE: Final = "j1939"

@@ -11,7 +11,6 @@ import subprocess
 import pytest
 
 SETTLED = 100e-6  # [m], what the controller calls settled
-PATIENCE = 60.0  # [s] in real time: a busy machine needs a while to boot the devices
 
 
 def test_it_moves_to_its_targets_and_stays_there(bench, start):
@@ -38,7 +37,7 @@ def test_the_pressures_stay_below_the_supply(bench, start):
 
 def test_a_wish_to_stop_leaves_the_valve_centred_and_the_piston_at_rest(bench, start):
     controller = start("--targets-mm", "150")
-    bench.run_until(lambda: bench.values["axis1.position"] > 0.02, timeout=PATIENCE)
+    bench.run_until(lambda: bench.values["axis1.position"] > 0.02, timeout=5.0)
     assert controller.stop(signal.SIGTERM) == 130
     assert abs(bench.values["axis1.spool_position"]) < 0.01
     assert abs(bench.values["axis1.speed"]) < 2e-3
@@ -46,7 +45,7 @@ def test_a_wish_to_stop_leaves_the_valve_centred_and_the_piston_at_rest(bench, s
 
 def test_a_target_beyond_the_stroke_ends_at_the_stop_with_an_error(bench, start):
     controller = start("--targets-mm", "250", "--speed-mm-s", "400", "--dwell-ms", "300")
-    assert controller.wait(timeout=PATIENCE) == 1
+    assert controller.wait(timeout=20.0) == 1
     assert "does not settle" in controller.stderr
     assert bench.values["axis1.position"] < 0.201
 
@@ -55,7 +54,7 @@ def test_a_dead_controller_leaves_the_valve_safe(bench, start, hil_realtime):
     if not hil_realtime:
         pytest.skip("in lock-step a dead controller stops time: --hil-realtime")
     controller = start("--targets-mm", "150")
-    bench.run_until(lambda: bench.values["axis1.position"] > 0.02, timeout=PATIENCE)
+    bench.run_until(lambda: bench.values["axis1.position"] > 0.02, timeout=10.0)
     controller.process.kill()
     bench.run_until(lambda: abs(bench.values["axis1.spool_position"]) < 0.01, timeout=4.0)
 

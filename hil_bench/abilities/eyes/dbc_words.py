@@ -10,6 +10,7 @@ from hil_bench.abilities.eyes.sight import Service, Sight
 from hil_bench.abilities.j1939.configuration.dbc_file import load_dbc
 from hil_bench.abilities.j1939.configuration.signals import LENGTHS
 from hil_bench.abilities.j1939.protocol import signals as j1939
+from hil_bench.cli.results import warn_of
 
 if TYPE_CHECKING:
     from cantools.database.can import Database, Message
@@ -24,6 +25,10 @@ _PROPRIETARY: Final = frozenset({0xEF00, 0x1EF00})
 """The parameter groups whose content depends on the receiver (SAE J1939-21, proprietary A)."""
 _FRAME: Final = 8
 """Bytes of a frame: a longer message comes in several."""
+_PROTOCOL: Final = "ProtocolType"
+"""The attribute of a file that says what its messages are."""
+_FORMAT: Final = "VFrameFormat"
+"""The attribute of a message that says so."""
 
 
 def _speaks_j1939(database: "Database") -> bool:
@@ -41,9 +46,6 @@ def _is_j1939(message: "Message", *, by_file: bool) -> bool:
     has_format = message.dbc is not None and _FORMAT in message.dbc.attributes
     is_of_j1939 = message.protocol == "j1939" or (by_file and not has_format)
     return message.is_extended_frame and is_of_j1939
-
-
-_PROTOCOL, _FORMAT = "ProtocolType", "VFrameFormat"
 
 
 class _Found(NamedTuple):
@@ -90,6 +92,7 @@ class DbcMessages:
     """
 
     def __init__(self, path: Path | None) -> None:
+        self._path = path
         self.left_out = 0
         self._by_identifier: dict[tuple[int, bool], Message] = {}
         self._by_group: dict[int, list[Message]] = {}
@@ -147,6 +150,10 @@ class DbcMessages:
             f"PGN {group} comes from address {source}, and the DBC file has it of "
             f"{' and '.join(map(str, known))} alone: give it the sender FE there, for any"
         )
+
+    def warn(self) -> None:
+        """Say the hint on standard error, if there is one."""
+        warn_of([f"--dbc {self._path}: {self.hint}"] if self.hint else [])
 
     @property
     def identifiers(self) -> frozenset[int]:

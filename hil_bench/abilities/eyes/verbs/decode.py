@@ -145,7 +145,7 @@ def _print(
         is_base = is_base or not logged.frame.is_extended
         lines.show(map(dbc.explain, language.listen(decoder.take(logged))))
     lines.show(language.listen(decoder.finish()))
-    warn_of([f"--dbc {args.dbc}: {dbc.hint}"] if dbc.hint else [])
+    dbc.warn()
     return count, language if is_base else None
 
 

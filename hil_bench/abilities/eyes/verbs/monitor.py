@@ -138,5 +138,5 @@ def run(args: argparse.Namespace) -> int:
         print(", ".join(facts), file=sys.stderr)
     if language.is_foreign:
         warn_of([*language.notes(listener.frames)])
-    warn_of([f"--dbc {args.dbc}: {dbc.hint}"] if dbc.hint else [])
+    dbc.warn()
     return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE

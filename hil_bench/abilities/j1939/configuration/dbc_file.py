@@ -37,7 +37,7 @@ _RIGHT_SYNTAX: Final = (
     (r"\s*CM_\s*", r"\d", "write CM_ BO_ before the identifier of a message"),
     (r"\s*", r".", "correct this line, or the end of the one before it"),
 )
-"""What is right where a line ends, as cantools reads it, and goes on."""
+"""The remedy by what stands before and behind the place where cantools stops."""
 
 
 def load_dbc(path: Path) -> "Database":

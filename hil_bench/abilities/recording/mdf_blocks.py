@@ -143,7 +143,8 @@ def pack_text(text: str, kind: bytes = b"##TX") -> bytes:
 
 # The named times of a recording in its MF4 file, as faults: events of begin and end (EV blocks).
 #
-# They are appended when the recording has ended, so a file whose writer was killed has none.
+# They are appended when the recording has ended, and a property of the file says that they are
+# complete. A file whose bench was killed has none, and says that they are not known.
 # Tools such as asammdf show them as markers over time.
 
 _EV_DATA = struct.Struct("<BBBBB3sIHHqd")
@@ -157,25 +158,36 @@ _FIRST = IDENTIFICATION_SIZE + HEADER.size + 8 * 4
 _COMMENT = _FIRST + 8
 """Address of its link to the comment."""
 _HEADING = re.compile(rb"<TX>[^<]")
+_PROPERTY = "faults"
+_UNKNOWN, _COMPLETE = "unknown ", "complete"  # of one length, as one is written over the other
+_SAID = re.compile(rf'<e name="{_PROPERTY}">(.{{{len(_UNKNOWN)}}})'.encode())
+
+UNKNOWN_EVENTS = f'<common_properties><e name="{_PROPERTY}">{_UNKNOWN}</e></common_properties>'
+"""Of a file's comment, behind its text: `append_events` was not yet there."""
 
 _MOST_EVENTS = 10_000
 _FARTHEST = 1 << 40  # an address that any file of ours has
 _LONGEST_NAME = 1000
+_LONGEST_COMMENT = 10_000
 _NANOSECOND = 1e-9
 
 
 def append_events(path: Path, spans: Sequence[Span]) -> None:
-    """Append named times of a recording to its closed file; `OSError` as it comes."""
-    if not spans:
-        return
+    """Append all named times of a recording to its closed file; `OSError` as it comes."""
     with path.open("r+b") as file:
-        file.seek(0, 2)
-        start = file.tell() + -file.tell() % 8
-        blocks = _pack(spans, start)
-        file.write(bytes(start - file.tell()) + blocks)
-        file.flush()
-        file.seek(_FIRST)  # linked in last: until then the file is as it was
-        file.write(struct.pack("<Q", start + _name_size(spans)))
+        if spans:
+            file.seek(0, 2)
+            start = file.tell() + -file.tell() % 8
+            blocks = _pack(spans, start)
+            file.write(bytes(start - file.tell()) + blocks)
+            file.flush()
+            file.seek(_FIRST)  # linked in last: until then the file is as it was
+            file.write(struct.pack("<Q", start + _name_size(spans)))
+        begin, comment = _comment(file)
+        if said := _SAID.search(comment):
+            file.flush()
+            file.seek(begin + said.start(1))
+            file.write(_COMPLETE.encode())
 
 
 def read_events(path: Path) -> list[Span]:
@@ -187,16 +199,25 @@ def read_events(path: Path) -> list[Span]:
         return list(_read(file))
 
 
-def has_heading(path: Path) -> bool:
-    """Return True if an MF4 file says of what it is, as that of a bench and not that of a bus.
+def holds_faults(path: Path) -> bool | None:
+    """Return True if an MF4 file has all faults of its run; None for one that is of a bus.
 
     `ConfigError` where the file cannot be read.
     """
     with about_file(path, what="cannot be read", right="give a recording"), path.open("rb") as file:
-        file.seek(_COMMENT)
-        (address,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
-        file.seek(min(address, _FARTHEST))
-        return bool(address) and _HEADING.search(file.read(_LONGEST_NAME)) is not None
+        _, comment = _comment(file)
+    if not _HEADING.search(comment):
+        return None
+    said = _SAID.search(comment)
+    return said is not None and said[1] == _COMPLETE.encode()
+
+
+def _comment(file: BinaryIO) -> tuple[int, bytes]:
+    """Return where a file's comment begins, and its bytes, empty without one."""
+    file.seek(_COMMENT)
+    (address,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
+    file.seek(min(address, _FARTHEST))
+    return address, file.read(_LONGEST_COMMENT) if address else b""
 
 
 def _pack(spans: Sequence[Span], start: int) -> bytes:

@@ -211,8 +211,9 @@ class _Header:
         history = self._add(
             mdf.pack_block(b"##FH", (0, history_text), mdf.FH_DATA.pack(start_ns, 0, 0, 0, b""))
         )
+        more = mdf.UNKNOWN_EVENTS if comment else ""
         text = self._add(
-            mdf.pack_text(f"<HDcomment><TX>{escape(comment)}</TX></HDcomment>", b"##MD")
+            mdf.pack_text(f"<HDcomment><TX>{escape(comment)}</TX>{more}</HDcomment>", b"##MD")
         )
         identification = mdf.IDENTIFICATION.pack(
             b"MDF     ", b"4.10    ", b"hilbench", b"", mdf.VERSION, b"", 0, 0

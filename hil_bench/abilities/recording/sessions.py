@@ -26,9 +26,7 @@ logger = logging.getLogger(__name__)
 
 
 def write_spans(report: RecordingReport, ranges: list[Span]) -> None:
-    """Append named times to the MF4 files of an ended recording; a problem is a line."""
-    if not ranges:
-        return
+    """Append all named times to the MF4 files of an ended recording; a problem is a line."""
     from hil_bench.abilities.recording.mdf_blocks import (  # noqa: PLC0415 - takes NumPy with it
         append_events,
     )

@@ -16,6 +16,7 @@ from hil_bench.abilities.recording.recorder import (
     RecordingSink,
 )
 from hil_bench.abilities.recording.recorder_process import RecorderProcess
+from hil_bench.abilities.recording.sessions import write_spans
 from hil_bench.outside.messages import frame_of
 from hil_bench.outside.recording.channels import Channel
 
@@ -76,3 +77,4 @@ def recorded_work(
     finally:
         opened.network.observe = None
         recording.stop()
+        write_spans(recording.report, [])

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from hil_bench import RecordingWish, VirtualBench, load_config
-from hil_bench.abilities.recording.mdf_blocks import append_events, read_events
+from hil_bench.abilities.recording.mdf_blocks import append_events, holds_faults, read_events
 from hil_bench.abilities.recording.plot import Span
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli import main
@@ -45,11 +45,20 @@ def test_a_plot_shades_them(recording, tmp_path, words):
     assert drawing.count("fill: #d55e00; opacity: 0.12") == 2 * panels  # the palette's red
 
 
-def test_without_faults_the_file_stays_as_it_is(recording, tmp_path):
-    path = shutil.copy(recording, tmp_path / "copy.mf4")
-    before = path.read_bytes()
-    append_events(path, [])
-    assert path.read_bytes() == before
+def test_a_file_says_whether_its_faults_are_known(make_file, tmp_path, cli):
+    """They are written at the end, so a pass by the file of a killed bench is in doubt."""
+    recording = tmp_path / "run.mf4"
+    bench = VirtualBench(load_config(), record=RecordingWish((recording,)))
+    bench.run(0.05)
+    assert not holds_faults(recording)
+    bench.close()
+    ended = recording.read_bytes()
+    text = "[[expect]]\nid = 'R'\nthat = 'always position.measured < 200 mm'\n"
+    judge = f"judge {make_file('r.toml', text)}"
+    assert "faults" not in cli(f"{judge} {recording}").err
+    older = make_file("older.mf4", ended.replace(b'name="faults"', b'name="others"'))
+    for path in (make_file("k.mf4", ended.replace(b">complete<", b">unknown <")), older):
+        assert "it may lack faults: whether one changed nothing" in cli(f"{judge} {path}").err
 
 
 def test_names_are_anybodys(recording, tmp_path):

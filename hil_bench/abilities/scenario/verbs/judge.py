@@ -8,7 +8,7 @@ from pathlib import Path
 from hil_bench.abilities.common.arguments import add_column_arguments
 from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
-from hil_bench.abilities.recording.mdf_blocks import has_heading, read_events
+from hil_bench.abilities.recording.mdf_blocks import holds_faults, read_events
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import is_csv_of_bench, read_recording
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
@@ -120,12 +120,16 @@ def _unseen_faults(args: argparse.Namespace, path: Path, found: Judged) -> list[
     has_passed = RequirementOutcome.PASSED in (each.judgement.outcome for each in found.findings)
     if not has_passed or args.columns or args.map:
         return []
-    if path.suffix.lower() == ".mf4":
-        what = "" if has_heading(path) else "a recording of a bus"
-    else:
-        what = "a CSV file" if path.suffix.lower() == ".csv" and is_csv_of_bench(path) else ""
-    unknown = "whether one changed nothing is not known; the .mf4 file of the run says it"
-    return [f"{what} does not hold the faults of its run: {unknown}"] * bool(what)
+    unknown = "whether one changed nothing is not known"
+    is_csv = path.suffix.lower() == ".csv" and is_csv_of_bench(path)
+    faults = holds_faults(path) if path.suffix.lower() == ".mf4" else None if is_csv else True
+    if faults is None:
+        what = "a CSV file" if is_csv else "a recording of a bus"
+        seen = f"{what} does not hold the faults of its run"
+        return [f"{seen}: {unknown}; the .mf4 file of the run says it"]
+    if faults:
+        return []
+    return [f"it does not say that its recording ended, so it may lack faults: {unknown}"]
 
 
 def _options(args: argparse.Namespace) -> list[str]:

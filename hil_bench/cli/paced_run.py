@@ -163,10 +163,8 @@ def run_bench(
         begin: called before the first tick; returns what plays on the bench.
     """
     ending = Ending(args)
-    with (
-        HistogramFile(args.histograms) as histograms,
-        set_up(args, config, is_real_time=args.speed <= 1) as setup,
-    ):
+    histograms = HistogramFile(args.histograms)
+    with set_up(args, config, is_real_time=args.speed <= 1) as setup:
         announce = setup.announcement()
         guest = None if begin is None else begin(setup.session)
         paced = PacedRun(setup, announce, clock_of(args.speed), guest)

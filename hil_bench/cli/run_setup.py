@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 from hil_bench.ability import given_to
 from hil_bench.bench.configuration import BenchConfig
@@ -209,7 +209,7 @@ def set_up(
     is_real_time: bool,
     open_buses: OpenBuses = open_bus,
 ) -> Iterator[RunSetup]:
-    """Build the bench and open its companions, its buses, and what its parts serve.
+    """Build the bench and open its buses, what its parts serve, and its companions.
 
     Args:
         args: the command line.
@@ -226,10 +226,6 @@ def set_up(
     with contextlib.ExitStack() as stack:
         stack.callback(session.door.close)
         wish = stack.enter_context(exit_codes.interruption())
-        companions = [
-            stack.enter_context(module.accompany(args, session, config, is_real_time=is_real_time))
-            for module in given_to("run")
-        ]
         bus = stack.enter_context(open_buses(args, config))
         served = []
         for part in config.parts:
@@ -237,6 +233,11 @@ def set_up(
                 served.append(stack.enter_context(opened))
             else:
                 stack.enter_context(part.attached(session, config))
+        # Last: a recording replaces that of the run before, which one that cannot begin shall not.
+        companions = [
+            stack.enter_context(module.accompany(args, session, config, is_real_time=is_real_time))
+            for module in given_to("run")
+        ]
         yield RunSetup(args, config, session, bus, served, companions, wish)
 
 
@@ -294,7 +295,7 @@ def watched_run(
 
 
 class HistogramFile:
-    """A file that is opened before the run and written after it.
+    """A file that is looked at before the run and written after it.
 
     Args:
         path: the file; None for none.
@@ -304,28 +305,19 @@ class HistogramFile:
     """
 
     def __init__(self, path: Path | None) -> None:
-        self._file: IO[str] | None = None
+        self._path = path
         if path is None:
             return
         check_replaceable(path)
         with about_file(f"--histograms {path}", right="give a file in a directory of yours"):
-            self._file = path.open("w", encoding="ascii")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._file is not None:
-            with contextlib.suppress(OSError):  # `write` has said so
-                self._file.close()
+            path.open("a").close()  # what is in it stays until `write`
 
     def write(self, report: RunReport, period_ns: int, bitrate: int) -> None:
         """Write what a run did."""
-        if self._file is not None:
-            with naming(Path(self._file.name)):
-                json.dump(timing(report, period_ns, bitrate), self._file, indent=1)
-                self._file.write("\n")
-                self._file.close()
+        if self._path is not None:
+            with naming(self._path), self._path.open("w", encoding="ascii") as file:
+                json.dump(timing(report, period_ns, bitrate), file, indent=1)
+                file.write("\n")
 
 
 def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:

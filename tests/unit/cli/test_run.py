@@ -143,6 +143,22 @@ def test_a_file_that_cannot_be_written_is_told_before_the_bus_is_opened(tmp_path
     assert "cannot be written: No such file or directory" in capsys.readouterr().err
 
 
+def test_a_run_that_cannot_begin_leaves_the_files_of_the_run_before(tmp_path, make_file, cli):
+    """Neither without a bus nor with a port of its server in use."""
+    files = tmp_path / "run.csv", tmp_path / "timing.json"
+    words = ["--duration", "0.02", "--record", str(files[0]), "--histograms", str(files[1])]
+    cli(["run", *BUS, *words])
+    before = [path.read_bytes() for path in files]
+    assert "no CAN interface chosen" in cli(["run", *words], 3).err
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        modbus = make_file("b.toml", f"[modbus]\nhost = '127.0.0.1'\nport = {port}\n")
+        assert "in use" in cli(["run", str(modbus), *BUS, *words], 3).err
+    assert [path.read_bytes() for path in files] == before
+    cli(["run", *BUS, *words])
+    assert len(before[1].splitlines()) == len(files[1].read_text().splitlines())
+
+
 def test_the_bus_load_is_told(capsys):
     # Four boot-up messages of one byte: 55 bits and (42 - 1) / 4 / 2 stuff bits each, 240.5 in all;
     # in 20 ms at 100 kbit/s there is room for 2000.

@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_bench.abilities.identification.errors import BEYOND
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.ladder import ALIASES
 from hil_bench.abilities.identification.machine import DEAD, DELAY, DROOP, LAG
@@ -19,23 +18,22 @@ _OF = {**ALIASES, "relief_gradient_l_min_bar": DROOP}
 """The unknown behind a key that has another name."""
 
 
-def write_bench(found: Identification, config: BenchConfig, source: str, within: str) -> str:
+def write_bench(
+    found: Identification, config: BenchConfig, source: str, said: Sequence[str]
+) -> str:
     """Return a `bench.toml` with the machine that was found.
 
     Args:
         found: the machine.
         config: as it was read; its file's other tables stay as they are.
         source: names of the recordings.
-        within: errors of prediction, in words.
+        said: of its errors of prediction, lines.
     """
     name = found.record.axis
     text = "" if config.path is None else Path(config.path).read_text(encoding="utf-8")
     head = [
         f"# The axis {name} is as hil-bench identify found it from {source!r}.",
-        f"# Strokes that were left out of the fit are predicted within {within}; beyond the\n"
-        f"# largest opening, count on {BEYOND:g} times as much."
-        if within
-        else "# The error of prediction is not known: no stroke was left out of the fit.",
+        *(f"# {line}" for line in said),
     ]
     kept = _without_table(text, name)
     table = "\n".join([f"[plant.{name}]", *_lines(found, config.settings, source)])

@@ -92,6 +92,11 @@ class Identification:
         return self.bench.course.record
 
     @property
+    def largest_opening(self) -> float:
+        """The largest opening of its strokes, as a share of full opening."""
+        return max(one.opening for one in self.bench.course.strokes)
+
+    @property
     def keys(self) -> dict[str, float | str]:
         """The keys of `bench.toml` that were found, in their units."""
         return self.bench.template.keys(self.fit.values)

@@ -22,6 +22,7 @@ from hil_bench.abilities.identification.strokes import Stroke
 from hil_bench.units import BAR, MILLIMETRE
 
 _DISPLAY = (MILLIMETRE, BAR, BAR)
+_FULL = 0.95  # of the opening
 _HEAD = (
     f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} {'before':>12}"
 )
@@ -71,11 +72,14 @@ def error_lines(found: Identification) -> list[str]:
     """Return the errors of prediction as a user reads them."""
     if not (within := describe_errors(found.ladder.best.errors)):
         return ["errors of prediction: not known, because no stroke could be left out"]
-    return [
-        f"nine of ten strokes that were left out of the fit are predicted within {within}",
-        f"beyond the largest opening, count on {BEYOND:g} times as much",
-        *found.ladder.notes,
-    ]
+    lines = [f"nine of ten strokes that were left out of the fit are predicted within {within}"]
+    if found.largest_opening < _FULL:
+        beyond = (
+            f"beyond {100.0 * found.largest_opening:.0f} % opening, the largest recorded, count on"
+        )
+        sets_in = "and on more where something sets in only there, such as a pump at its limit"
+        lines += [f"{beyond} {BEYOND:g} times as much,", sets_in]
+    return [*lines, *found.ladder.notes]
 
 
 def estimate_line(one: Estimate) -> str:

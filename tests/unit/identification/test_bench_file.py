@@ -84,7 +84,7 @@ def found_by(path):
         estimates=estimates,
         is_refined=True,
     )
-    return write_bench(found, config, "run.csv", "")
+    return write_bench(found, config, "run.csv", ())
 
 
 @pytest.mark.parametrize("given", [None, DATA_SHEET + NODES], ids=["built-in", "data sheet"])

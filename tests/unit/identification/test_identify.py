@@ -24,7 +24,7 @@ from hil_bench.abilities.identification.ladder import (
 from hil_bench.abilities.identification.machine import Template
 from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord
-from hil_bench.abilities.identification.report import summarise
+from hil_bench.abilities.identification.report import error_lines, summarise
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
@@ -265,9 +265,16 @@ def test_no_time_at_all_leaves_what_the_plateaus_show(record):
     assert [rung.title for rung in found.ladder.rungs] == [PLATEAUS]
     assert len(found.ladder.best.errors) == 4  # of six strokes, but for the smallest opening
     assert found.keys["orifice_width_mm"] == pytest.approx(23.0, rel=0.03)
-    text = write_bench(found, CONFIG, "run.csv", "")
+    text = write_bench(found, CONFIG, "run.csv", error_lines(found))
     assert "identified from run.csv" in text
     summary = summarise(found, [])
+    for said in ("\n", "\n# "):
+        assert f"{said}beyond 85 % opening, the largest recorded, count on " in f"{summary}{text}"
+    course = replace(
+        found.bench.course, strokes=[make_course(record, 4e-3).strokes[0]._replace(opening=1.0)]
+    )
+    whole = replace(found, bench=replace(found.bench, course=course))
+    assert not any(line.startswith("beyond") for line in error_lines(whole))
     assert "the time was over: this is the best so far" in summary
     for rung in found.ladder.rungs:
         (line,) = [each for each in summary.splitlines() if each.startswith(f"{rung.title:32} ")]

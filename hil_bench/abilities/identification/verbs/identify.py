@@ -20,7 +20,6 @@ from hil_bench.abilities.identification.against import to_json as comparison_to_
 from hil_bench.abilities.identification.bench_file import write_bench
 from hil_bench.abilities.identification.errors import (
     Limit,
-    describe_errors,
     find_exceeded,
     read_limit,
 )
@@ -30,7 +29,7 @@ from hil_bench.abilities.identification.logger import look_through
 from hil_bench.abilities.identification.machine import DELAY, DROOP, LAG
 from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import NEEDED, PRESSURES, AxisRecord, join_records
-from hil_bench.abilities.identification.report import summarise, to_json
+from hil_bench.abilities.identification.report import error_lines, summarise, to_json
 from hil_bench.abilities.identification.signs import check_sides, settle_signs
 from hil_bench.abilities.identification.verbs.identify_design import (
     Question,
@@ -268,9 +267,8 @@ def _finish(
 def _write(directory: Path, found: Identification, asked: Question, source: str) -> list[Path]:
     """Write the bench and the figure; return the files."""
     bench = directory / "bench.toml"
-    within = describe_errors(found.ladder.best.errors)
     with about_file(bench, right="give a directory of yours"):
-        text = write_bench(found, asked.config, source, within)
+        text = write_bench(found, asked.config, source, error_lines(found))
         with whole_file(bench) as file:
             file.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [bench, *write_figure(lambda: draw_strokes(found), directory / "strokes")]

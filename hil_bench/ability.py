@@ -7,6 +7,7 @@ docs/abilities.md.
 """
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
@@ -22,6 +23,7 @@ OWN = (
     "copper",
     "demo",
     "doctor",
+    "download",
     "drive",
     "evidence",
     "eyes",
@@ -39,6 +41,7 @@ OWN = (
     "replay",
     "scenario",
     "shadow",
+    "srdo",
 )
 """The abilities of the bench, each a package of `hil_bench.abilities`."""
 
@@ -124,9 +127,10 @@ class Ability(NamedTuple):
     exports: Mapping[str, str] = _NOTHING
 
 
-def own_abilities() -> list[Ability]:
+@cache
+def own_abilities() -> tuple[Ability, ...]:
     """The abilities of the bench itself."""
-    return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+    return tuple(import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN)
 
 
 def given_to(taker: str) -> list[ModuleType]:

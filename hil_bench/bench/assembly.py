@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
+from hil_bench.ability import given_to
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
@@ -23,7 +24,6 @@ from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.kinds.bindings import Surroundings, build_script, build_source
-from hil_bench.devices.kinds.programs import build_programs
 from hil_bench.devices.kinds.registry import KINDS
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.embedded import EmbeddedBus
@@ -136,7 +136,8 @@ def build_node(config: NodeConfig, agenda: Agenda | None = None) -> Node:
     """
     object_dictionary = load_objects(config)
     storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
-    return Node(object_dictionary, config.node_id, storage, agenda)
+    added = [make for each in given_to("services") for make in each.services(object_dictionary)]
+    return Node(object_dictionary, config.node_id, storage, agenda, added)
 
 
 def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -> None:
@@ -178,7 +179,8 @@ def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitt
     )
     own = [] if fitting.advance is None else [fitting.advance]
     scripts = [build_script(script, node) for script in config.scripts]
-    added = [*scripts, *build_programs(node, config.program)]
+    others = [act for each in given_to("nodes") for act in each.build_acts(node, config.added)]
+    added = [*scripts, *others]
     acts = [*own, *added]
 
     def advance(now: int) -> None:

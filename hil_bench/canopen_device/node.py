@@ -11,7 +11,7 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 `expire` and `serve` have nothing to do before `node.deadline`.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
@@ -40,10 +40,17 @@ from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary
 from hil_bench.canopen_device.pdo_parameters import MOST_BYTES, limit_mapping, mapped_bytes
 from hil_bench.canopen_device.process_data import ProcessData
 from hil_bench.canopen_device.sdo import SdoChannels
-from hil_bench.canopen_device.service import NodeCounters, RouteTable, names_identifier
-from hil_bench.canopen_device.srdo import Srdos
+from hil_bench.canopen_device.service import (
+    AddedService,
+    NodeCounters,
+    RouteTable,
+    names_identifier,
+)
 from hil_bench.canopen_device.storage import MemoryStorage, ParameterStore, Storage
 from hil_bench.canopen_device.sync import TimeConsumer, TimeOfDay
+
+ServiceMaker = Callable[[ObjectDictionary, int, Agenda, NodeEvents, EmcyProducer], AddedService]
+"""Makes a service of the objects and the node-ID of a node, once these have their first values."""
 
 # NMT startup 0x1F80 (CiA 302-2), as far as it concerns a device that is no NMT master.
 
@@ -129,6 +136,7 @@ class Node:
         node_id: int,
         storage: Storage | None = None,
         agenda: Agenda | None = None,
+        added: Iterable[ServiceMaker] = (),
     ) -> None:
         """Compose the services; the node is silent until `start`.
 
@@ -137,6 +145,7 @@ class Node:
             node_id: 1 to 127, or 255 for none; a node-ID that LSS stored takes its place.
             storage: its non-volatile memory; without it, what is stored lives as long as the node.
             agenda: one that several nodes share, which each of them brings forward with its own.
+            added: makers of services that not every device has.
 
         Raises:
             ConfigError: the node-ID is none of these, or LSS cannot give one.
@@ -157,7 +166,7 @@ class Node:
         self._store = ParameterStore(object_dictionary, storage or MemoryStorage(), self.emcy)
         self._take_node_id(self._store.node_id or node_id)
         self._power_up(RESTORED[NmtCommand.RESET_NODE])
-        self._compose()
+        self._compose(added)
         if self.node_id == UNCONFIGURED and not self._lss.is_available:
             raise ConfigError(
                 f"{object_dictionary.source}: a node without node-ID needs the objects 0x1018.01 "
@@ -249,7 +258,8 @@ class Node:
             self._is_silent = False
             self._update_routes()
         self._process_data.expire(now)
-        self._srdos.expire(now)
+        for service in self._added:
+            service.expire(now)
         if self._error_control.expire(now):
             self.follow_error_behaviour(COMMUNICATION_ERROR)
 
@@ -319,7 +329,7 @@ class Node:
             due = rest.due
         self._agenda.due = due
 
-    def _compose(self) -> None:
+    def _compose(self, added: Iterable[ServiceMaker]) -> None:
         """Make the services, which read objects that have their power-on values."""
         dictionary, rest, emcy = self.object_dictionary, self._rest, self.emcy
         events, counters = self.events, self.counters
@@ -331,14 +341,14 @@ class Node:
         self._error_control = ErrorControl(dictionary, self.node_id, rest, events, emcy, counters)
         self._process_data = ProcessData(dictionary, rest, events, emcy, counters)
         self._tpdos = self._process_data.tpdos
-        self._srdos = Srdos(dictionary, self.node_id, rest, events, emcy)
+        self._added = tuple(make(dictionary, self.node_id, rest, events, emcy) for make in added)
         self._services = (  # in the order in which they send
             self._lss,
             self._sdo,
             emcy,
             self._error_control,
             self._process_data,
-            self._srdos,
+            *self._added,
             self._time,
             self._store,
         )

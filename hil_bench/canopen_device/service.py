@@ -35,6 +35,13 @@ class Service:
         return NEVER
 
 
+class AddedService(Service):
+    """A service of some devices only, which a node gets from who makes it."""
+
+    def expire(self, now: int) -> None:
+        """Act on what did not come in time."""
+
+
 # Counters of the frames and requests that a node ignored or refused.
 
 

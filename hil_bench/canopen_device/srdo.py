@@ -35,9 +35,10 @@ from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Handler, make_frame
 from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.node import ServiceMaker
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_parameters import Direction, MappingEntry, PdoMapping
-from hil_bench.canopen_device.service import Service
+from hil_bench.canopen_device.service import AddedService
 
 PARAMETERS: Final = range(0x1301, 0x1341)
 CONFIGURATION_VALID: Final = 0x13FE
@@ -189,7 +190,7 @@ class Srdo:
         return not self._is_sender and now >= self.deadline
 
 
-class Srdos(Service):
+class Srdos(AddedService):
     """All SRDOs of a node."""
 
     def __init__(
@@ -307,3 +308,8 @@ def _starts(srdo: Srdo, now: int) -> bool:
     except SdoAbort:
         return False
     return True
+
+
+def services(od: ObjectDictionary) -> tuple[ServiceMaker, ...]:
+    """Return what makes the SRDOs of a device; empty where it has no such objects."""
+    return (Srdos,) if od.indices(_GUARDED) else ()

@@ -8,14 +8,13 @@ The bench runs no program. What stands for one here is that it is there, is vali
 """
 
 import zlib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.errors import SdoAbort
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 
 DATA: Final = 0x1F50
 CONTROL: Final = 0x1F51
@@ -23,6 +22,7 @@ IDENTIFICATION: Final = 0x1F56
 STATUS: Final = 0x1F57
 
 _CHECKSUM_BYTES: Final = 4
+_NUMBERS: Final = range(1, 255)
 
 
 class Checksum(StrEnum):
@@ -190,19 +190,9 @@ def program_memories(
     object_dictionary: ObjectDictionary, config: MemoryConfig
 ) -> list[ProgramMemory]:
     """Return the programs of a device: one for each sub-index of its 0x1F50 and 0x1F51."""
+    numbers = [entry.subindex for entry in object_dictionary.entries(DATA)]
     return [
-        ProgramMemory(object_dictionary, variable.subindex, config)
-        for variable in find_programs(object_dictionary)
+        ProgramMemory(object_dictionary, number, config)
+        for number in numbers
+        if number in _NUMBERS and object_dictionary.find(CONTROL, number) is not None
     ]
-
-
-def find_programs(object_dictionary: ObjectDictionary) -> Iterable[Variable]:
-    """Find the objects that take programs.
-
-    Yields:
-        The entry of 0x1F50 of each.
-    """
-    for number in range(1, 255):
-        variable = object_dictionary.find(DATA, number)
-        if variable is not None and object_dictionary.find(CONTROL, number) is not None:
-            yield variable

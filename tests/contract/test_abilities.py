@@ -143,10 +143,21 @@ print([int(main([verb])) for verb in sys.argv[1:]])
 """
 
 
+def keys_of_nodes(gone):
+    """Return the keys of the nodes' tables that go with some abilities."""
+    places = [ABILITIES[name].gives.get("nodes") for name in gone]
+    return [
+        key.name for place in filter(None, places) for key in importlib.import_module(place).KEYS
+    ]
+
+
 @pytest.mark.long  # a process each, without what is imported already
 @pytest.mark.parametrize("name", OWN)
 def test_an_ability_can_go(name, without, cli):
-    """Help has the other verbs, a bench is checked as ever, and a verb that is gone is unknown."""
+    """Help has the other verbs, a bench is checked as ever, and a verb that is gone is unknown.
+
+    Keys that it has in the nodes' tables are gone with it.
+    """
     gone = gone_with(name)
     lost = {verb for other in gone for verb in ABILITIES[other].verbs}
     done = without(gone, "-c", PROGRAM, *lost)
@@ -154,6 +165,9 @@ def test_an_ability_can_go(name, without, cli):
     verbs = set(re.findall(r"^    ([a-z][a-z-]+) ", shown, re.MULTILINE))
     assert verbs & own_verbs().keys() == own_verbs().keys() - lost
     _, _, whole = cli(["check", BENCH]).out.partition("[bench]")
+    for key in keys_of_nodes(gone):
+        whole, count = re.subn(rf"^(# )?{key} .*\n", "", whole, flags=re.MULTILINE)
+        assert count == len(re.findall(r"^profile = ", whole, re.MULTILINE))
     assert checked == f"{whole}[0, 0]\n{[2] * len(lost)}\n", done.stderr
     for verb in lost:
         assert f"'{verb}' is unknown" in done.stderr

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any, Final
 
+from hil_bench.ability import given_to
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, read_section
@@ -31,7 +32,6 @@ from hil_bench.config.values import (
     text,
 )
 from hil_bench.devices.kinds.kind import GENERIC, DeviceKind
-from hil_bench.devices.kinds.programs import program_memory
 from hil_bench.devices.kinds.registry import KINDS, kind_name
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import OverrunPolicy, RealtimeConfig, RealtimePolicy
@@ -150,6 +150,12 @@ PROFILE_KEY: Final = Key(
 
 
 @cache
+def added_keys() -> tuple[Key, ...]:
+    """Return the keys of the table of each node that abilities have."""
+    return tuple(key for module in given_to("nodes") for key in module.KEYS)
+
+
+@cache
 def node_keys(kind: DeviceKind[Any]) -> tuple[Key, ...]:
     """Return the keys of the table of a node of a kind, but for its chain."""
     return (
@@ -162,7 +168,7 @@ def node_keys(kind: DeviceKind[Any]) -> tuple[Key, ...]:
         Key("serial_number", integer(0, 0xFFFFFFFF)),
         Key("objects", objects),
         Key("protected_tpdos", tpdo_numbers, ()),
-        Key("program", program_memory),
+        *added_keys(),
         *kind.keys,
     )
 

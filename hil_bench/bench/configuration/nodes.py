@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.bindings import is_script
-from hil_bench.bench.configuration.loop import PROFILE_KEY, node_keys
+from hil_bench.bench.configuration.loop import PROFILE_KEY, added_keys, node_keys
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.objects import named_serial_number, parse_object
@@ -215,6 +215,7 @@ def build_node_config(
     kind = kind_of(node["profile"].value)
     values = convert(node, node_keys(kind))
     del values["profile"]
+    added = {name: values.pop(name) for name in convert(node, added_keys())}
     storage = values["storage"]
     paths = {"eds": Path(values["eds"]), "storage": None if storage is None else Path(storage)}
     objects = {
@@ -230,7 +231,11 @@ def build_node_config(
         bound["sinks"] = tuple(bound for bound in bindings if isinstance(bound, SinkConfig))
     if chain is not None and kind.chain_unit is not None:
         bound["chain"] = build_chain(kind.chain_unit, chain)
-    rest = paths | bound | {"objects": objects, "place": problems.place(f"nodes.{name}")}
+    rest = (
+        paths
+        | bound
+        | {"objects": objects, "added": added, "place": problems.place(f"nodes.{name}")}
+    )
     record: NodeConfig = kind.record(name=name, kind=kind, **{"axis": None} | values | rest)
     return record
 

@@ -39,7 +39,7 @@ class NodeConfig:
         sources: the objects that show quantities of the plant.
         scripts: the objects that follow a script.
         protected_tpdos: the TPDOs that have a counter and a checksum.
-        program: the memory of its programs, where it takes any; None for the usual one.
+        added: what abilities' keys of its table say, by the attributes that these fill.
         place: how messages name its table.
     """
 
@@ -55,7 +55,7 @@ class NodeConfig:
     sources: tuple[SourceConfig, ...]
     scripts: tuple[ScriptConfig, ...]
     protected_tpdos: tuple[int, ...]
-    program: Mapping[str, object] | None
+    added: Mapping[str, object]
     place: str = field(compare=False)
 
     @property

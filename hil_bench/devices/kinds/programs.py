@@ -6,7 +6,7 @@ from typing import Any
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, convert, read_table
 from hil_bench.config.values import as_table, choice, integer, number
-from hil_bench.devices.program_memory import Checksum, MemoryConfig, program_memories
+from hil_bench.devices.program_memory import DATA, Checksum, MemoryConfig, program_memories
 from hil_bench.units import MILLISECOND
 
 _DEFAULT = MemoryConfig()
@@ -25,9 +25,15 @@ def program_memory(value: object) -> dict[str, object]:
     return table
 
 
-def build_programs(node: Node, table: Mapping[str, object] | None) -> list[Callable[[int], None]]:
+KEYS = (Key("program", program_memory),)
+"""The key of the table of each node."""
+
+
+def build_acts(node: Node, added: Mapping[str, Any]) -> list[Callable[[int], None]]:
     """Build the functions that advance a node's programs each tick; empty without programs."""
-    values = _read(table or {})
+    if not node.object_dictionary.entries(DATA):
+        return []
+    values = _read(added["program"] or {})
     memory = MemoryConfig(
         values["largest_bytes"], Checksum(values["checksum"]), round(values["write"] * 1e9)
     )

@@ -13,7 +13,7 @@ from hil_bench.canopen_device.datatypes import INTEGER16, UNSIGNED8, UNSIGNED16,
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.canopen_device.srdo import signature
+from hil_bench.canopen_device.srdo import services, signature
 
 NODE_ID, PLAIN, INVERTED = 5, 0x109, 0x10A
 MS = 1_000_000
@@ -57,7 +57,7 @@ def objects(direction, valid=0xA5):
 
 class Rig:
     def __init__(self, od):
-        self.od, self.node, self.now = od, Node(od, NODE_ID), 0
+        self.od, self.node, self.now = od, Node(od, NODE_ID, added=services(od)), 0
         self.node.start(0)
         self.frames = []
         self.tick()
@@ -120,7 +120,7 @@ def receiver():
 
 def test_the_signature_covers_parameters_and_mapping():
     od = objects(SENT)
-    Node(od, NODE_ID)
+    Node(od, NODE_ID, added=services(od))
     raw = struct.pack("<BHBIIB", SENT, SCT, SRVT, PLAIN, INVERTED, 4)
     for sub, word in enumerate((0x20000010, 0x20000010, 0x20010008, 0x20010008), start=1):
         raw += struct.pack("<BI", sub, word)

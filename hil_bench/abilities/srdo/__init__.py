@@ -1,0 +1,6 @@
+"""Safety-relevant data objects of CANopen devices (EN 50325-5)."""
+
+from hil_bench.ability import Ability
+
+ABILITY = Ability("srdo", gives={"services": "hil_bench.canopen_device.srdo"})
+"""SRDOs as a service of the nodes whose EDS files have them."""

@@ -13,6 +13,7 @@ from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.reading import read_recording
+from hil_bench.abilities.srdo.srdo import services
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.storage import StoredParameters
@@ -47,7 +48,8 @@ def _message_of(reader: Callable[[Path], object], path: Path) -> str:
 
 def _boot(path: Path) -> None:
     """Load an EDS file, and let the device of it live for a while."""
-    node = Node(load_eds(path, 5), 5)
+    objects = load_eds(path, 5)
+    node = Node(objects, 5, added=services(objects))
     node.start(0)
     for now in range(3):
         node.expire(now)

@@ -2,5 +2,5 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("download", gives={"nodes": "hil_bench.devices.kinds.programs"})
+ABILITY = Ability("download", gives={"nodes": "hil_bench.abilities.download.programs"})
 """A memory for programs in the nodes whose EDS files have one."""

@@ -2,5 +2,5 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("srdo", gives={"services": "hil_bench.canopen_device.srdo"})
+ABILITY = Ability("srdo", gives={"services": "hil_bench.abilities.srdo.srdo"})
 """SRDOs as a service of the nodes whose EDS files have them."""

@@ -5,9 +5,9 @@ import zlib
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.download.program_memory import Checksum, MemoryConfig, program_memories
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.errors import SdoAbort
-from hil_bench.devices.program_memory import Checksum, MemoryConfig, program_memories
 
 EDS = IMITATIONS / "programmable_io_401.eds"
 STOP, START, RESET, CLEAR = 0, 1, 2, 3

@@ -3,10 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hil_bench.abilities.download.program_memory import (
+    DATA,
+    Checksum,
+    MemoryConfig,
+    program_memories,
+)
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, convert, read_table
 from hil_bench.config.values import as_table, choice, integer, number
-from hil_bench.devices.program_memory import DATA, Checksum, MemoryConfig, program_memories
 from hil_bench.units import MILLISECOND
 
 _DEFAULT = MemoryConfig()

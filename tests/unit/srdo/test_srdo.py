@@ -9,11 +9,11 @@ from binascii import crc_hqx
 
 import pytest
 
+from hil_bench.abilities.srdo.srdo import services, signature
 from hil_bench.canopen_device.datatypes import INTEGER16, UNSIGNED8, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.canopen_device.srdo import services, signature
 
 NODE_ID, PLAIN, INVERTED = 5, 0x109, 0x10A
 MS = 1_000_000

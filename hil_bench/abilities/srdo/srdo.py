@@ -311,5 +311,5 @@ def _starts(srdo: Srdo, now: int) -> bool:
 
 
 def services(od: ObjectDictionary) -> tuple[ServiceMaker, ...]:
-    """Return what makes the SRDOs of a device; empty where it has no such objects."""
+    """Return the maker of the SRDOs of a device, none where it has no such objects."""
     return (Srdos,) if od.indices(_GUARDED) else ()

@@ -213,7 +213,7 @@ def holds_faults(path: Path) -> bool | None:
 
 
 def _comment(file: BinaryIO) -> tuple[int, bytes]:
-    """Return where a file's comment begins, and its bytes, empty without one."""
+    """Return the place of a file's comment, and its bytes, empty without one."""
     file.seek(_COMMENT)
     (address,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
     file.seek(min(address, _FARTHEST))

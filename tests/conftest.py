@@ -20,6 +20,8 @@ settings.register_profile("unhurried", deadline=None, suppress_health_check=[Hea
 settings.register_profile("brief", settings.get_profile("unhurried"), max_examples=10)
 settings.load_profile("unhurried")  # --hypothesis-profile=brief overrides it
 
+gc.set_threshold(10_000)  # of a heap as large as ours the usual 700 take a twentieth of all time
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config):

@@ -1,7 +1,9 @@
 """Every command that the documents and the helps show is one that the program takes."""
 
 import argparse
+import contextlib
 import functools
+import io
 import re
 import shlex
 import subprocess
@@ -50,10 +52,17 @@ def parser_of(*words):
     return parser
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=str)
-def test_a_command_in_a_block_is_taken(command):
-    words = command.words[1:]
-    cli.build_parser(words, VERBS).parse_args(words)
+def refusal_of(words):
+    """Return what the program says of arguments that it does not take; empty if it takes them."""
+    with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.suppress(SystemExit):
+        cli.build_parser(words, VERBS).parse_args(words)
+    return said.getvalue()
+
+
+def test_each_command_in_a_block_is_taken():
+    said = {str(command): refusal_of(command.words[1:]) for command in COMMANDS}
+    assert len(said) > 150
+    assert {command: refusal for command, refusal in said.items() if refusal} == {}
 
 
 def analyses_of(verb):
@@ -67,31 +76,30 @@ def analyses_of(verb):
 ANALYSES = [f"analyse {name}" for name in analyses_of("analyse")]
 
 
-@pytest.mark.parametrize("verb", ["", *VERBS, *ANALYSES])
-def test_the_examples_of_a_help_are_taken(verb):
-    shown = parser_of(*verb.split()).epilog.partition("examples:\n")[2]
-    examples = [
-        words[1:]
-        for line in re.findall(r"^  (hil-bench .*)$", shown, re.MULTILINE)
-        for words in documents.split(re.split(r" {3,}", line)[0])  # then stands what it does
-        if words[0] == "hil-bench" and "--help" not in words
-    ]
-    assert examples
-    for words in examples:
-        cli.build_parser(words, VERBS).parse_args(words)
+def test_the_examples_of_each_help_are_taken():
+    for verb in ("", *VERBS, *ANALYSES):
+        shown = parser_of(*verb.split()).epilog.partition("examples:\n")[2]
+        examples = [
+            words[1:]
+            for line in re.findall(r"^  (hil-bench .*)$", shown, re.MULTILINE)
+            for words in documents.split(re.split(r" {3,}", line)[0])  # then stands what it does
+            if words[0] == "hil-bench" and "--help" not in words
+        ]
+        assert examples, verb
+        assert {refusal_of(words) for words in examples} == {""}
 
 
-@pytest.mark.parametrize(
-    ("place", "code"),
-    [found for found in documents.inline_code() if found[1].startswith("hil-bench ")],
-)
-def test_a_command_in_the_text_names_a_verb_and_its_options(place, code):
-    verb, *words = code.removeprefix("hil-bench ").split()
-    if verb == "VERB" or verb.startswith("--"):
-        return
-    assert verb in VERBS, place
-    known = parser_of(verb, *words)._option_string_actions
-    assert [word for word in words if word.startswith("-") and word not in known] == [], place
+def test_each_command_in_the_text_names_a_verb_and_its_options():
+    wrong = []
+    for place, code in documents.inline_code():
+        program, _, words = code.partition(" ")
+        verb, *words = words.split() or ["--help"]
+        if program != "hil-bench" or verb == "VERB" or verb.startswith("--"):
+            continue
+        known = parser_of(verb, *words)._option_string_actions if verb in VERBS else {}
+        if verb not in VERBS or any(w.startswith("-") and w not in known for w in words):
+            wrong.append((place, code))
+    assert wrong == []
 
 
 def test_the_readme_names_every_verb():
@@ -123,17 +131,18 @@ def test_a_command_that_needs_no_bus_runs(command, files_of_a_user, monkeypatch,
     assert cli.main(command.words[1:]) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", PYTHON_PROGRAMS, ids=str)
-def test_a_python_program_is_there_and_has_the_options(command):
-    *_, last = (number for number, word in enumerate(command.words) if word.endswith(".py"))
-    program, *words = command.words[last:]
-    folder = ROOT / Path(command.place).parent
-    (path,) = (path for path in {ROOT / program, folder / program} if path.exists())
-    text = path.read_text(encoding="utf-8")
-    options = [word for word in words if word.startswith("-")]
-    if any(f'"{option}"' not in text for option in options):
-        text = help_of(path)
-    assert [option for option in options if option not in text] == []
+def test_each_python_program_is_there_and_has_the_options():
+    assert len(PYTHON_PROGRAMS) > 80
+    for command in PYTHON_PROGRAMS:
+        *_, last = (number for number, word in enumerate(command.words) if word.endswith(".py"))
+        program, *words = command.words[last:]
+        folder = ROOT / Path(command.place).parent
+        (path,) = (path for path in {ROOT / program, folder / program} if path.exists())
+        text = path.read_text(encoding="utf-8")
+        options = [word for word in words if word.startswith("-")]
+        if any(f'"{option}"' not in text for option in options):
+            text = help_of(path)
+        assert [option for option in options if option not in text] == [], command
 
 
 @functools.cache

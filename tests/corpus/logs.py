@@ -8,7 +8,7 @@ import hashlib
 import lzma
 import tomllib
 from collections.abc import Iterator
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,7 +72,7 @@ def sound_logs(*, kept_apart: bool | None = None, series: str | None = None) -> 
             yield sound_log(name)
 
 
-@lru_cache(maxsize=12)  # those that most faults befall
+@cache
 def sound_log(name: str) -> SoundLog:
     """Return one log of the manifest."""
     entry = manifest()[name]

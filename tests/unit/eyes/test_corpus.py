@@ -17,10 +17,15 @@ WRITTEN = sorted(name for name in manifest() if not is_kept_apart(name))
 OF_J1939 = [name for name in WRITTEN if manifest()[name].get("series")]
 FAULTS_OF_EACH = 2
 UNDECIDED = {
+    "canopend_gateway_lss:node_absent",  # asked once, by one SDO request, and never again
     "canj1939_lever_on_change:message_stays_out",  # of a lever that is sent at changes alone
     "canj1939_three_bams:two_devices_vanish_together",  # of three that send once a second
     "canj1939_long_both_ways:transfer_aborted",  # one group to and fro: the abort names no message
 }
+
+
+def length(name):
+    return len(sound_log(name).frames)
 
 
 @pytest.mark.parametrize("name", WRITTEN)
@@ -49,9 +54,9 @@ def test_what_is_usual_on_j1939_is_not_accused(variant):
 
 @pytest.mark.parametrize("fault", sorted({**faults(), **faults_of_j1939()}))
 def test_each_fault_is_found_first_where_it_fits_first(fault):
-    """The draw of the test above may leave some out."""
-    among = OF_J1939 if fault in faults_of_j1939() else [*WRITTEN, *sorted(manifest())]
-    for name in among:
+    """The draw of the test above may leave some out. In the shortest log that fits."""
+    among = OF_J1939 if fault in faults_of_j1939() else WRITTEN
+    for name in (*sorted(among, key=length), *sorted(manifest())):
         broken = broken_log(sound_log(name), fault)
         if broken is not None and broken.name not in UNDECIDED:
             found = explain(broken.frames, broken.sound.known(), broken.sound.bitrate).findings

@@ -54,21 +54,21 @@ def test_poles_of_the_linear_cylinder(paper):
     assert paper.omega_c * math.sqrt(1.0 - paper.zeta**2) == pytest.approx(444.6, rel=1e-4)
 
 
-@pytest.mark.parametrize("symbol", TABLE_I)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e16, True, "1", None])
-def test_refuses_what_is_no_sane_number(symbol, value):
-    with pytest.raises(ParameterError, match=rf"^{symbol} = "):
-        PlantParameters(**{**TABLE_I, symbol: value})
+def test_refuses_what_is_no_sane_number(value):
+    for symbol in TABLE_I:
+        with pytest.raises(ParameterError, match=rf"^{symbol} = "):
+            PlantParameters(**{**TABLE_I, symbol: value})
 
 
 NOT_POSITIVE = {"beta", "P_T", "C_L", "F_c", "F_s", "sigma"}
 
 
-@pytest.mark.parametrize("symbol", sorted(TABLE_I.keys() - NOT_POSITIVE))
 @pytest.mark.parametrize("value", [0.0, -1.0, 1e-16])
-def test_refuses_what_must_be_positive(symbol, value):
-    with pytest.raises(ParameterError, match=rf"^{symbol} = .*must be greater than 0"):
-        PlantParameters(**{**TABLE_I, symbol: value})
+def test_refuses_what_must_be_positive(value):
+    for symbol in TABLE_I.keys() - NOT_POSITIVE:
+        with pytest.raises(ParameterError, match=rf"^{symbol} = .*must be greater than 0"):
+            PlantParameters(**{**TABLE_I, symbol: value})
 
 
 @pytest.mark.parametrize("symbol", ["beta", "C_L", "F_c", "F_s", "sigma"])

@@ -31,6 +31,18 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 KINDS = {"trace": ".log", "signals": ".csv", "plot": ".png"}
 
 
+@pytest.fixture(autouse=True)
+def pictures(request, monkeypatch):
+    """The pictures of failed tests: path and faults. Each takes half a second; long tests draw."""
+    drawn = []
+    if request.node.get_closest_marker("long") is None:
+        monkeypatch.setattr(
+            "hil_bench.abilities.recording.plot.plot_result",
+            lambda _recording, path, *, title, spans: drawn.append((path.name, title, *spans)),
+        )
+    return drawn
+
+
 def test_a_driver_is_set_up_without_a_lost_request(bench, valve):  # noqa: ARG001 - that it is there
     """A lost request costs a time-out of 100 ms; without one all of it takes 25 ms."""
     assert bench.now() < 0.1
@@ -273,7 +285,7 @@ def test_a_failed_test_that_asks_for_a_driver_alone_shows_its_frames(pytester):
     result.stdout.fnmatch_lines(["*last 20 frames that are not cyclic*"])
 
 
-def test_a_failed_test_shows_its_faults(pytester):
+def test_a_failed_test_shows_its_faults(pytester, pictures):
     pytester.makepyfile(
         "def test_fails(bench, faults):\n"
         "    with faults.freeze('pressure_a', duration=0.01):\n"
@@ -289,6 +301,9 @@ def test_a_failed_test_shows_its_faults(pytester):
             "(0.011000) freeze pressure_a ends, and has changed nothing",
         ]
     )
+    name = "test_a_failed_test_shows_its_faults.py-test_fails"
+    span = (0.001, pytest.approx(0.011), "freeze pressure_a, and has changed nothing")
+    assert pictures == [(f"{name}.png", name, span)]
 
 
 @pytest.mark.parametrize(

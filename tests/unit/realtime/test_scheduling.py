@@ -11,22 +11,30 @@ from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_ga
 
 @pytest.fixture(autouse=True)
 def _collector_as_before():
-    """Begin with nothing set aside; conftest.py has set aside what stays."""
     was_enabled = gc.isenabled()
-    gc.unfreeze()
     yield
-    gc.freeze()
     if was_enabled:
         gc.enable()
     else:
         gc.disable()
 
 
-def test_the_collector_is_off_inside_and_on_again_after():
+@pytest.fixture
+def collections(monkeypatch):
+    """How much was set aside at each collection. All that conftest.py sets aside is back."""
+    counts = []
+    monkeypatch.setattr(gc, "collect", lambda: counts.append(gc.get_freeze_count()))
+    gc.unfreeze()
+    yield counts
+    gc.freeze()
+
+
+def test_the_collector_is_off_inside_and_on_again_after(collections):
     gc.enable()
     with undisturbed_by_garbage_collection():
         assert not gc.isenabled()
         assert gc.get_freeze_count() > 0
+    assert collections == [0]
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
 

@@ -88,11 +88,11 @@ def test_the_scale_is_the_tolerance_that_the_author_wrote(text, scale):
     assert parse(text).scale == pytest.approx(scale, rel=1e-12)
 
 
-@pytest.mark.parametrize("symbol", sorted({*UNITS} - {"-"}))
-def test_a_unit_means_the_same_in_an_expectation_and_above_a_column(symbol):
-    column = read_unit(symbol)
-    found = parse_expectation(f"always x < 2 {symbol}", Vocabulary({"x": column.symbol}))
-    assert found.operand.right.value == 2.0 * column.factor
+def test_each_unit_means_the_same_in_an_expectation_and_above_a_column():
+    for symbol in UNITS.keys() - {"-"}:
+        column = read_unit(symbol)
+        found = parse_expectation(f"always x < 2 {symbol}", Vocabulary({"x": column.symbol}))
+        assert found.operand.right.value == 2.0 * column.factor, symbol
 
 
 @pytest.mark.parametrize(

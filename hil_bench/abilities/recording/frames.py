@@ -280,7 +280,7 @@ def _close(path: Path, lines: CompleteLines, seen: int, left_out: LeftOut) -> No
     if not seen and not lines.error_frames and not lines.is_of_form():
         right = "SavvyCAN converts the logs of many tools"
         if lines.on_screen:
-            right = "what it shows on a terminal is no log: record with candump -l"
+            right = "what it shows on a terminal has a time with -t a; or record with -l"
         raise ConfigError(f"{path}: is no log of frames: {_FORMS[path.suffix.lower()]}; {right}")
     left_out.dropped = lines.dropped
     left_out.ending = left_out.ending or lines.ending

@@ -11,7 +11,7 @@ from can.io.canutils import CanutilsLogReader
 from can.io.trc import TRCReader
 from can.util import dlc2len
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.errors import ConfigError
 from hil_bench.frame import CLASSICAL_DATA, ERROR_FLAG, FD_LENGTHS
 from hil_bench.outside.recording.channels import LoggedFrame
@@ -40,8 +40,16 @@ _FIRST = {
 _DROPS = re.compile(r"DROPCOUNT: dropped (\d{1,10}) CAN frames? on .* socket ")
 """The line of `candump -d` where its socket could not keep up, by can-utils 2020 and newer."""
 
-_ON_SCREEN = re.compile(r"\s*(?:\(\S+\)\s+)?\S+\s.*\s[0-9A-F]{3,8}\s+\[\d+\](?:\s|$)")
-"""A line as candump shows it on a terminal."""
+_ON_SCREEN = re.compile(
+    r"\s*(?:\((\S+)\)\s+)?(\S+)\s+(?:([RT])X ([B-]) ([E-])\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+"
+    r"\[(\d{1,2})\]\s*(remote request|(?:[0-9A-F]{2}(?:\s+|$))*)(?:'.*'|ERRORFRAME)?\s*",
+    re.IGNORECASE,
+)
+"""A line as candump shows it on a terminal: time, interface, with -x way, BRS and ESI, then
+identifier, length (of two digits with CAN FD) and data."""
+
+_LONGEST_SHOWN = 500  # with 64 bytes of CAN FD, as hexadecimal and as characters
+_TIME = re.compile(r"\d{1,12}\.\d{1,9}")
 
 _ERROR_PARTS = re.compile(
     r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
@@ -86,6 +94,7 @@ class CompleteLines(io.TextIOWrapper):
         self._first = _FIRST.get(suffix)
         self._begins = True
         self._errors: list[LoggedFrame] = []
+        self._shown_until = 0.0
 
     def is_of_form(self) -> bool:
         """Return True if the lines so far may be those of such a log, though without frames."""
@@ -106,11 +115,18 @@ class CompleteLines(io.TextIOWrapper):
         while True:
             line = super().__next__()
             self.number += 1
-            if self.number == 1 and self._first is not None:
+            if self._first is not None and line.strip():
                 self._begins = self._first.match(line) is not None
+                if not self._begins:  # python-can finds frames in what is none
+                    raise ValueError("does not begin as such a log")
+                self._first = None
             if not line.endswith("\n"):
                 self.ending = "its last line has no line end, and is left out"
                 raise StopIteration
+            is_shown = self._form is not None and "[" in line and len(line) < _LONGEST_SHOWN
+            shown = _ON_SCREEN.fullmatch(line) if is_shown else None
+            if shown is not None:
+                line = self._logged(shown) or line
             if _ERROR_FRAME.match(line):
                 self.error_frames += 1
                 parts = _ERROR_PARTS.match(line)
@@ -122,8 +138,32 @@ class CompleteLines(io.TextIOWrapper):
             elif drop := _DROPS.match(line):
                 self.dropped += int(drop[1])
             else:
-                self.on_screen += _ON_SCREEN.match(line) is not None
+                self.on_screen += shown is not None
                 self.damage()
+
+    def _logged(self, shown: re.Match[str]) -> str:
+        """Return the line of candump -L for one of a terminal, empty where it says too little.
+
+        Raises:
+            ConfigError: its time goes back, as one does that each line counts anew.
+        """
+        time, bus, way, brs, esi, can_id, length, data = shown.groups()
+        if time is None or not _TIME.fullmatch(time):
+            return ""
+        if float(time) < self._shown_until:
+            raise ConfigError(
+                f"line {self.number}: its time goes back, as with candump -t d; show absolute "
+                "times by -t a, or record with -l"
+            )
+        self._shown_until = float(time)
+        content = "".join(data.split())
+        if data.startswith("r"):
+            content = f"R{int(length)}"
+        elif len(content) != 2 * int(length):
+            return ""
+        elif len(length) == 2:
+            content = f"#{BRS * (brs == 'B') | ESI * (esi == 'E')}{content}"
+        return f"({time}) {bus} {can_id}#{content}{f' {way}' if way else ''}\n"
 
 
 def _error_of(match: re.Match[str]) -> LoggedFrame:

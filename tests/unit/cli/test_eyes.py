@@ -384,6 +384,14 @@ def test_a_recording_is_named_by_o_as_well(capsys):
         assert capsys.readouterr().err == f"hil-bench: error: {wrong}\n"
 
 
+def test_explain_counts_whom_it_has_heard_apart_from_those_spoken_to(folder, cli):
+    """A master that looks for all 127 nodes, of which one answers."""
+    asked = "".join(f"(0.{n:03}) can0 {0x600 + n:03X}#4000100000000000\n" for n in range(1, 128))
+    (folder / "m.log").write_text(f"{asked}(0.500) can0 585#4300100092010200\n")
+    assert ", 1 of 127 nodes heard, load" in cli("explain m.log").out
+    assert json.loads(cli("explain m.log --json").out)["heard"] == ["node 5"]
+
+
 def test_explain_names_cause_node_clause_and_frames(folder, cli):
     shown = cli("explain t.log bench.toml", 1).out.splitlines()
     assert shown[0].startswith("10 frames in 0.009 s, 2 nodes, load ")

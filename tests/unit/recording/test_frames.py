@@ -9,7 +9,7 @@ import pytest
 from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.abilities.recording.frames import LeftOut, open_frame_file, read_frames
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.block_file import BUS_LOGS
 from hil_bench.outside.recording.channels import LoggedFrame
@@ -301,6 +301,12 @@ def test_a_line_of_a_trc_that_is_damaged_is_left_out_and_counted(make_file, head
             'not begin with ";", as PEAK',
         ),
         ("scope.trc", b"\x00\xf3\x9b TEXT @ 2 @ 64\n", 'not begin with ";", as PEAK'),
+        # As IXXAT's MiniMon writes it: python-can finds frames in its lines.
+        (
+            "minimon.trc",
+            b'ASCII Trace\n"Time";"Identifier (hex)"\n 1 20.66 83 8 00 00 00 01 20 00 00 00\n',
+            'not begin with ";", as PEAK',
+        ),
         ("notes.asc", b"hello\nworld\n", 'not begin with "date" or'),
         (
             "bus.asc",
@@ -316,14 +322,42 @@ def test_a_log_in_another_form_is_refused_in_a_line(make_file, name, content, re
     assert str(caught.value).isprintable()
 
 
+def test_what_candump_shows_on_a_terminal_is_read(make_file):
+    """The lines are as can-utils' candump prints them with -t a, and with -x, -a or -e, too."""
+    path = make_file(
+        "terminal.log",
+        " (0000000001.249713)  vcan0  044   [3]  2A 36 6C\n"
+        " (0000000001.249720)  vcan0  TX B E  12345678  [08]  01 02 03 04 05 06 07 08\n"
+        " (0000000001.249721)  vcan0  RX - -  123   [4]  remote request\n"
+        " (0000000001.349721)  vcan0  RX - -  0FF   [2]  2A 36   '*6'\n"
+        " (0000000001.349722)  vcan0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n"
+        "\tcontroller-problem{rx-error-warning}\n",
+    )
+    left_out = LeftOut()
+    first, second, third, fourth = read_frames(path, left_out)
+    assert (first.frame, first.is_received) == (Frame(0x044, b"*6l"), None)
+    assert second.frame == Frame(
+        0x12345678, bytes(range(1, 9)), is_extended=True, fd=FDF | BRS | ESI
+    )
+    assert (third.frame.is_remote, third.is_received) == (True, True)
+    assert (fourth.frame.data, fourth.now - first.now) == (b"*6", 100_008_000)
+    assert (left_out.error_frames, left_out.damaged_lines) == (1, 1)
+
+
+def test_times_of_candump_that_each_count_from_the_line_before_are_refused(make_file):
+    path = make_file("d.log", "".join(f" (000.{t:06})  can0  123   [0]\n" for t in (0, 90, 80)))
+    with pytest.raises(ConfigError, match="line 3: its time goes back, as with candump -t d"):
+        list(read_frames(path))
+
+
 @pytest.mark.parametrize(
     ("line", "ending"),
     [
         (
             "  can0  123   [1]  11",
-            "; what it shows on a terminal is no log: record with candump -l",
+            "; what it shows on a terminal has a time with -t a; or record with -l",
         ),
-        (" (1690000000.2)  can0  TX - -  18FEF100   [2]  11 22   '.\"'", "record with candump -l"),
+        (" (1690000000.2)  can0  TX - -  18FEF100   [3]  11 22   '.\"'", "or record with -l"),
         (
             "[1] of 123",
             "not one line is one of candump -L; SavvyCAN converts the logs of many tools",

@@ -107,6 +107,7 @@ class Explanation(NamedTuple):
         frames: how many there were.
         duration: from the first to the last [s].
         nodes: names of those that were heard or spoken to.
+        heard: names of those that were heard.
         load: share of the bus's time that was taken [-].
         notes: what is odd with the log itself.
         languages: those that its frames show to be spoken, "CANopen" and "J1939".
@@ -118,6 +119,7 @@ class Explanation(NamedTuple):
     frames: int
     duration: float
     nodes: tuple[str, ...]
+    heard: tuple[str, ...]
     load: float
     notes: tuple[str, ...] = ()
     languages: tuple[str, ...] = ()
@@ -207,10 +209,11 @@ class Explainer:
         for hear in self._hearers[sight.service]:
             hear(sight)
 
-    def _heard_nodes(self) -> tuple[str, ...]:
+    def _seen_nodes(self) -> dict[tuple[int, int], str]:
+        """Return the names of the nodes that were heard or spoken to, by bus and node-ID."""
         if self._language.is_foreign and not self._has_nodes:
-            return ()
-        return tuple(node.name for _, node in sorted(self._decoder.nodes.items()))
+            return {}
+        return {key: node.name for key, node in sorted(self._decoder.nodes.items())}
 
     @property
     def now(self) -> int:
@@ -236,13 +239,16 @@ class Explainer:
         scanned = self._presence.scanned
         found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
         spoken, duration = self._language, now * 1e-9
+        nodes = self._seen_nodes()
+        heard = [name for key, name in nodes.items() if self._presence.has_heard(*key)]
         if not self._has_nodes:
             found = [f for f in found if spoken.allows(f.cause)]
         return Explanation(
             _together(fewest(found)),
             self._frames,
             duration,
-            (*self._heard_nodes(), *self._senders),
+            (*nodes.values(), *self._senders),
+            (*heard, *self._senders),
             self._load.total / (self._bitrate * duration) if duration else 0.0,
             (*self._clock.notes(), *spoken.notes(self._frames)),
             spoken.names,

@@ -117,6 +117,11 @@ class Presence:
         elif sight.service is Service.PDO:
             life.is_started = life.has_run = True
 
+    def has_heard(self, bus: int, node_id: int) -> bool:
+        """Return True if a node has sent anything."""
+        life = self._lives.get((bus, node_id))
+        return life is not None and life.is_heard
+
     def pause(self, length: int) -> None:
         """Give all the more time to follow a command."""
         for life in self._lives.values():

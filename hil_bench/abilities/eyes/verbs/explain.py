@@ -96,7 +96,9 @@ def explanation_lines(
     Yields:
         The lines.
     """
-    nodes = f"{len(found.nodes)} nodes, " if found.nodes else ""
+    count, heard = len(found.nodes), len(found.heard)
+    nodes = f"{count} nodes, " if heard == count else f"{heard} of {count} nodes heard, "
+    nodes = nodes if count else ""
     yield (
         f"{found.frames} frames in {found.duration:.3f} s, {nodes}"
         f"load {found.load:.1%} of {bitrate_text(bitrate)}"
@@ -132,6 +134,7 @@ def explanation_content(found: Explanation) -> dict[str, object]:
         "frames": found.frames,
         "duration": found.duration,
         "nodes": found.nodes,
+        "heard": found.heard,
         "load": found.load,
         "notes": found.notes,
         "languages": found.languages,

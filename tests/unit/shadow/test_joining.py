@@ -2,6 +2,7 @@
 
 import math
 import random
+from copy import deepcopy
 
 import pytest
 from support.built_in_nodes import NODES
@@ -128,6 +129,17 @@ def test_a_valve_that_is_kept_disabled_is_followed_though_it_is_commanded():
     assert not shadow.axes["axis1"].corrections  # it was so when the twin joined
 
 
+@pytest.fixture(scope="module")
+def undisturbed():
+    return commanded_blindly(BUILT_IN, lambda _bench: None)
+
+
+@pytest.fixture
+def frames(undisturbed):
+    """Those of a sound machine, which a test may change."""
+    return deepcopy(undisturbed)
+
+
 def at(time, act):
     """Return what does something to a bench at a time [s]."""
 
@@ -155,8 +167,7 @@ def test_what_no_frame_announces_is_taken_over_and_not_judged(happens, state):
     )
 
 
-def test_a_set_point_from_before_the_twin_listened_is_waited_for():
-    frames = commanded_blindly(BUILT_IN, lambda _bench: None)
+def test_a_set_point_from_before_the_twin_listened_is_waited_for(frames):
     silent = [m for m in frames if m.timestamp > 0.3 and m.arbitration_id != 0x201]
     shadow = follow(silent)
     assert not shadow.windows
@@ -165,8 +176,7 @@ def test_a_set_point_from_before_the_twin_listened_is_waited_for():
     }
 
 
-def test_a_local_command_is_not_on_the_bus():
-    frames = commanded_blindly(BUILT_IN, lambda _bench: None)
+def test_a_local_command_is_not_on_the_bus(frames):
     for message in frames:
         if message.arbitration_id == 0x181:
             message.data[0] |= 0x10  # status word, bit 4: the local control word rules (CiA 408)
@@ -197,10 +207,9 @@ def test_a_device_that_falls_silent_is_waited_for():
     assert why == f"silent for {shadow.now - 0.6:.1f} s"
 
 
-def test_values_that_no_sensor_measures_do_no_harm():
+def test_values_that_no_sensor_measures_do_no_harm(frames):
     """Everything from a bus is hostile: any bytes in the devices' frames, and any time stamps."""
     anything = random.Random(7)  # noqa: S311 - no secrets
-    frames = commanded_blindly(BUILT_IN, lambda _bench: None)
     for message in frames:
         if message.timestamp > 0.3 and anything.random() < 0.2:
             message.data = bytearray(anything.randbytes(len(message.data)))

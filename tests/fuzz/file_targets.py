@@ -13,7 +13,7 @@ from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.modbus.map_files import load_register_map
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.reading import read_recording
-from hil_bench.abilities.srdo.srdo import services
+from hil_bench.abilities.srdo.nodes import services
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.storage import StoredParameters

@@ -2,5 +2,5 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("srdo", gives={"services": "hil_bench.abilities.srdo.srdo"})
+ABILITY = Ability("srdo", gives={"services": "hil_bench.abilities.srdo.nodes"})
 """SRDOs as a service of the nodes whose EDS files have them."""

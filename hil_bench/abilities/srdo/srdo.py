@@ -28,6 +28,7 @@ from binascii import crc_hqx
 from collections.abc import Iterator
 from typing import Final
 
+from hil_bench.abilities.srdo.nodes import INDICES
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
 from hil_bench.canopen_device.emcy import COMMUNICATION, EmcyProducer
@@ -35,7 +36,6 @@ from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Handler, make_frame
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.canopen_device.node import ServiceMaker
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_parameters import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.service import AddedService
@@ -51,7 +51,6 @@ CONFIGURATION_EMCY: Final = 0x6300
 """An SRDO is on, and its configuration is not valid."""
 
 _TO_MAPPING: Final = 0x80
-_GUARDED: Final = range(PARAMETERS.start, SIGNATURES + 1)
 _DIRECTION, _CYCLE, _VALIDATION, _PLAIN, _INVERTED = 1, 2, 3, 5, 6
 _OFF, _SENT, _RECEIVED = 0, 1, 2
 _IDENTIFIERS: Final = range(0x101, 0x181)
@@ -210,7 +209,7 @@ class Srdos(AddedService):
         )
         self._state = NmtState.INITIALISING
         self._must_start = False
-        for index in od.indices(_GUARDED):
+        for index in od.indices(INDICES):
             for variable in od.entries(index):
                 variable.add_check(self._check_state)
                 if index < CONFIGURATION_VALID:
@@ -308,8 +307,3 @@ def _starts(srdo: Srdo, now: int) -> bool:
     except SdoAbort:
         return False
     return True
-
-
-def services(od: ObjectDictionary) -> tuple[ServiceMaker, ...]:
-    """Return the maker of the SRDOs of a device, none where it has no such objects."""
-    return (Srdos,) if od.indices(_GUARDED) else ()

@@ -199,11 +199,12 @@ def test_scan_of_a_bus_builds_no_bench(tmp_path):
 def test_a_run_imports_what_it_needs(tmp_path):
     """With kernels that want no NumPy, as those that a wheel carries; any bench may have faults.
 
-    All kinds of devices are known, without the devices.
+    All kinds of devices are known, without the devices, and all keys of their tables.
     """
     program = (
         "import sys; from hil_bench.cli import main; "
-        "needed = '.verbs options .common. .drive.kind .faults. .live. .recording.'.split(); "
+        "needed = '.verbs options .common. .drive.kind .srdo.nodes .download. .faults. '; "
+        "needed = (needed + '.live. .recording.').split(); "
         "code = main('-q run -i virtual -c nobody --speed max --duration 0.001'.split()); "
         "unused = {*'numba numpy scipy canopen hil_drivers'.split()} & sys.modules.keys(); "
         "unused |= {name for name in sys.modules if name.startswith('hil_bench.abilities.') "

@@ -9,7 +9,8 @@ from binascii import crc_hqx
 
 import pytest
 
-from hil_bench.abilities.srdo.srdo import services, signature
+from hil_bench.abilities.srdo.nodes import services
+from hil_bench.abilities.srdo.srdo import signature
 from hil_bench.canopen_device.datatypes import INTEGER16, UNSIGNED8, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node

@@ -117,7 +117,9 @@ class KnownNode:
             return self._name
         own = self.objects.find(0x1008, 0)
         text = own.value if own is not None and not self.has_eds else ""
-        told = f' "{printable(text.rstrip(chr(0)))}"' if text and isinstance(text, str) else ""
+        told = (
+            f' "{printable(text.rstrip(chr(0)).strip())}"' if text and isinstance(text, str) else ""
+        )
         return f"node {self.node_id}{told}"
 
     def number(self, index: int, subindex: int = 0, absent: int = 0) -> int:

@@ -392,6 +392,49 @@ def test_explain_counts_whom_it_has_heard_apart_from_those_spoken_to(folder, cli
     assert json.loads(cli("explain m.log --json").out)["heard"] == ["node 5"]
 
 
+def sdo(server, index, subindex, code=0x40, value=0):
+    """A frame of an upload of node 5: the request, or the server's answer."""
+    can_id = 0x585 if server else 0x605
+    return f"{can_id:03X}#{code:02X}{index.to_bytes(2, 'little').hex()}{subindex:02X}" + (
+        value.to_bytes(4, "little").hex()
+    )
+
+
+def write_sdo(folder, *rows):
+    lines = [f"({at / 1e3:.6f}) can0 {frame}\n" for at, frame in rows]
+    (folder / "s.log").write_text("".join(lines))
+
+
+def test_explain_says_once_what_a_node_refuses_alike(folder, cli):
+    """Four objects that are not there, one of them twice; another code is another fault."""
+    rows = []
+    for at, subindex in enumerate((1, 2, 3, 1, 4)):
+        rows.append((100 * at, sdo(False, 0x2102, subindex)))
+        rows.append((100 * at + 5, sdo(True, 0x2102, subindex, 0x80, 0x06020000)))
+    rows += [(600, sdo(False, 0x2200, 0)), (605, sdo(True, 0x2200, 0, 0x80, 0x06010001))]
+    write_sdo(folder, *rows)
+    shown = cli("explain s.log --json", 1).out
+    first, second = json.loads(shown)["findings"]
+    assert first["text"] == (
+        "node 5: upload 0x2102.01, 0x2102.02, 0x2102.03 and 1 more aborted, 0x06020000, object "
+        "does not exist in the object dictionary, 5 times, first at 0.005 s"
+    )
+    assert "upload 0x2200.00 aborted, 0x06010001" in second["text"]
+    told = cli("explain s.log", 1).out
+    assert "\n                and 2 more\n" in told
+
+
+@pytest.mark.parametrize(("at", "seen"), [(160, "aborted by the client"), (2000, "not answered")])
+def test_a_client_that_gives_up_waiting_is_one_request_without_an_answer(folder, cli, at, seen):
+    """CiA 301, 7.2.4.3.17: 0504 0000h is that of its time-out, before or after we give it up."""
+    rows = [(10, sdo(False, 0x2102, 1)), (at, sdo(False, 0x2102, 1, 0x80, 0x05040000))]
+    write_sdo(folder, (0, "705#05"), *rows, (4000, "705#05"))
+    (finding,) = json.loads(cli("explain s.log --json", 1).out)["findings"]
+    assert finding["cause"] == "sdo_no_answer"
+    assert f" is {seen}, " in finding["text"]
+    assert "more" not in finding["text"]
+
+
 def test_explain_names_cause_node_clause_and_frames(folder, cli):
     shown = cli("explain t.log bench.toml", 1).out.splitlines()
     assert shown[0].startswith("10 frames in 0.009 s, 2 nodes, load ")

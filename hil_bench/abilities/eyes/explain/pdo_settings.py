@@ -173,7 +173,11 @@ _OF_PROFILES = 0x2000
 _CUT_OFF = 500_000_000
 """A request within this time before the end of the log may still be answered [ns]."""
 
-_Group = tuple[str, int, int, int | None]
+_TIMED_OUT = 0x0504_0000
+"""Abort code of a client that has waited in vain: its request was not answered."""
+
+_Key = tuple[int, int]  # bus and node-ID: a name may come with the log
+_Group = tuple[_Key, int, int, int | None]
 
 
 class Transfers:
@@ -188,34 +192,39 @@ class Transfers:
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
         self._aborted: dict[_Group, Evidence] = {}
-        self._silent: dict[str, Evidence] = {}
-        self._shared: dict[str, Evidence] = {}
-        self._differing: dict[tuple[str, int, int], tuple[Sight, str]] = {}
+        self._silent: dict[_Key, Evidence] = {}
+        self._shared: dict[_Key, Evidence] = {}
+        self._differing: dict[tuple[_Key, int, int], tuple[Sight, str]] = {}
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
         transfer = sight.transfer
         if transfer is None:
             return
+        key = sight.frame.bus, sight.node_id or 0
         if transfer.is_overtaken and transfer.is_answered:
-            self._shared.setdefault(sight.node, Evidence()).append(sight)
-        if transfer.abort is not None:
+            self._shared.setdefault(key, Evidence()).append(sight)
+        is_given_up = transfer.abort == _TIMED_OUT and transfer.is_aborted_by_client
+        if transfer.abort is not None and not is_given_up:
             if self._is_look(sight, transfer):
                 return
-            group = sight.node, transfer.index, transfer.subindex, transfer.abort
+            group = key, transfer.index, transfer.subindex, transfer.abort
             if group in self._aborted or len(self._aborted) < _MOST_TRANSFERS:
                 self._aborted.setdefault(group, Evidence()).append(sight)
         elif not transfer.is_done:
-            self._silent.setdefault(sight.node, Evidence()).append(sight)
+            silent = self._silent.setdefault(key, Evidence())
+            before = silent.latest.transfer if silent.latest else None
+            if not is_given_up or before is None or before.place != transfer.place:
+                silent.append(sight)
         elif difference := self._difference(sight, transfer):
-            place = sight.node, transfer.index, transfer.subindex
+            place = key, transfer.index, transfer.subindex
             self._differing.setdefault(place, (sight, difference))
 
     def pause(self, length: int) -> None:
         """A transfer that a pause interrupts is one that failed, and told so."""
 
     def findings(self, end: int) -> Iterator[Finding]:
-        """Yield what failed, an object at a time.
+        """Yield what failed, what failed alike together.
 
         Args:
             end: of the log [ns].
@@ -223,26 +232,24 @@ class Transfers:
         Yields:
             The findings.
         """
-        differing: dict[str, list[tuple[Sight, str]]] = {}
-        for (node, *_), each in self._differing.items():
-            differing.setdefault(node, []).append(each)
-        for node, found in differing.items():
+        differing: dict[_Key, list[tuple[Sight, str]]] = {}
+        for (key, *_), each in self._differing.items():
+            differing.setdefault(key, []).append(each)
+        for key, found in differing.items():
+            node = self._decoder.nodes[key].name
             text = f"{node}: " + "; ".join(difference for _, difference in found[:EVIDENCE])
             text += f"; so are {len(found) - EVIDENCE} more" if len(found) > EVIDENCE else ""
             sights = Evidence(sight for sight, _ in found)
             yield finding(Cause.OTHER_DEVICE, node, sights, text)
-        for node, sights in self._shared.items():
+        for key, sights in self._shared.items():
+            node = self._decoder.nodes[key].name
             text = f"{node}: another request came before the answer to {sights[0].words}, "
             text += f"at {seconds(sights[0].now)}"
             text += more(sights.total, ", and")
             yield finding(Cause.SDO_SHARED, node, sights, text + ": two clients, or one in haste")
-        for (node, *_), sights in self._aborted.items():
-            first = sights[0]
-            again = f", {sights.total} times" if sights.total > 1 else ""
-            title = self._title(first)
-            text = f"{node}: {title} {first.problem}{again}, first at {seconds(first.now)}"
-            yield finding(Cause.SDO_ABORT, node, sights, text)
-        for node, sights in self._silent.items():
+        yield from self._aborts()
+        for key, sights in self._silent.items():
+            node = self._decoder.nodes[key].name
             late = [s for s in sights if s.transfer and end - s.transfer.end > _CUT_OFF]
             if late:
                 transfer = late[0].transfer
@@ -250,6 +257,33 @@ class Transfers:
                 text = f"{node}: {late[0].words} is {late[0].problem}, at {seconds(begin)}"
                 text += f"; so are {sights.total - 1} more" if sights.total > 1 else ""
                 yield finding(Cause.SDO_NO_ANSWER, node, sights, text, begin)
+
+    def _aborts(self) -> Iterator[Finding]:
+        """Yield the aborted transfers, those of a node by one code together.
+
+        Yields:
+            The findings.
+        """
+        alike: dict[tuple[_Key, str], list[Evidence]] = {}
+        for (key, *_), sights in self._aborted.items():
+            way = sights[0].transfer.way if sights[0].transfer else ""
+            alike.setdefault((key, f"{way} {sights[0].problem}"), []).append(sights)
+        for (key, _), group in alike.items():
+            yield self._abort(key, group)
+
+    def _abort(self, key: _Key, group: list[Evidence]) -> Finding:
+        """Return the finding of one or more objects whose transfers were aborted alike."""
+        node = self._decoder.nodes[key].name
+        first, *others = (each[0] for each in group[:EVIDENCE])
+        sights = group[0]
+        if others:
+            sights = Evidence([first, *others])
+            sights.total = sum(each.total for each in group)
+        places = [each.transfer.place for each in others if each.transfer is not None]
+        left = f" and {len(group) - EVIDENCE} more" if len(group) > EVIDENCE else ""
+        again = f", {sights.total} times" if sights.total > 1 else ""
+        text = f"{node}: {', '.join([self._title(first), *places])}{left} {first.problem}{again}"
+        return finding(Cause.SDO_ABORT, node, sights, f"{text}, first at {seconds(first.now)}")
 
     def _is_look(self, sight: Sight, transfer: Transfer) -> bool:
         """Return True if somebody has merely looked whether a device has an object."""

@@ -28,7 +28,6 @@ from binascii import crc_hqx
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.abilities.srdo.nodes import INDICES
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
 from hil_bench.canopen_device.emcy import COMMUNICATION, EmcyProducer
@@ -51,6 +50,7 @@ CONFIGURATION_EMCY: Final = 0x6300
 """An SRDO is on, and its configuration is not valid."""
 
 _TO_MAPPING: Final = 0x80
+_GUARDED: Final = range(PARAMETERS.start, SIGNATURES + 1)
 _DIRECTION, _CYCLE, _VALIDATION, _PLAIN, _INVERTED = 1, 2, 3, 5, 6
 _OFF, _SENT, _RECEIVED = 0, 1, 2
 _IDENTIFIERS: Final = range(0x101, 0x181)
@@ -209,7 +209,7 @@ class Srdos(AddedService):
         )
         self._state = NmtState.INITIALISING
         self._must_start = False
-        for index in od.indices(INDICES):
+        for index in od.indices(_GUARDED):
             for variable in od.entries(index):
                 variable.add_check(self._check_state)
                 if index < CONFIGURATION_VALID:

@@ -4,6 +4,7 @@ import io
 import math
 import re
 import zlib
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -167,6 +168,7 @@ class LeftOut:
         first_damaged: number of the first of them.
         dropped: frames that the log says its recorder has lost.
         ending: why the log ends before its end; empty where it does not.
+        states: of the adapter, by name or code, and how often.
         channels: frames of other channels than the one that is read, by channel.
     """
 
@@ -176,6 +178,7 @@ class LeftOut:
     first_damaged: int = 0
     dropped: int = 0
     ending: str = ""
+    states: Counter[str] = field(default_factory=Counter)
     channels: dict[str, int] = field(default_factory=dict)
 
     def words(self) -> list[str]:
@@ -193,6 +196,9 @@ class LeftOut:
             found.append(
                 f"{first}, nor are {more} more; left out" if more else f"{first}; left out"
             )
+        if self.states:
+            names = printable(", ".join(self.states))
+            found.append(f"lines on the adapter's state ({names}) left out: {self.states.total()}")
         if self.channels:
             others = printable(", ".join(f"{n} of {name}" for name, n in self.channels.items()))
             found.append(
@@ -283,6 +289,7 @@ def _close(path: Path, lines: CompleteLines, seen: int, left_out: LeftOut) -> No
             right = "what it shows on a terminal has a time with -t a; or record with -l"
         raise ConfigError(f"{path}: is no log of frames: {_FORMS[path.suffix.lower()]}; {right}")
     left_out.dropped = lines.dropped
+    left_out.states = lines.states
     left_out.ending = left_out.ending or lines.ending
     left_out.error_frames += lines.error_frames
     left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged

@@ -2,7 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable, Generator, Iterable
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Sequence
 from typing import IO, Any
 
 import can
@@ -76,6 +77,8 @@ class CompleteLines(io.TextIOWrapper):
         on_screen: of them those that candump shows on a terminal.
         dropped: frames that candump says it has lost.
         number: of the last line.
+        states: of the adapter that a TRC says, by name or code, and how often.
+        trc_version: of a TRC; empty where it has none.
     """
 
     says_direction = False
@@ -95,6 +98,8 @@ class CompleteLines(io.TextIOWrapper):
         self._begins = True
         self._errors: list[LoggedFrame] = []
         self._shown_until = 0.0
+        self.states: Counter[str] = Counter()
+        self.trc_version = ""
 
     def is_of_form(self) -> bool:
         """Return True if the lines so far may be those of such a log, though without frames."""
@@ -115,11 +120,8 @@ class CompleteLines(io.TextIOWrapper):
         while True:
             line = super().__next__()
             self.number += 1
-            if self._first is not None and line.strip():
-                self._begins = self._first.match(line) is not None
-                if not self._begins:  # python-can finds frames in what is none
-                    raise ValueError("does not begin as such a log")
-                self._first = None
+            if self._form is None:
+                line = self._of_head(line)
             if not line.endswith("\n"):
                 self.ending = "its last line has no line end, and is left out"
                 raise StopIteration
@@ -140,6 +142,23 @@ class CompleteLines(io.TextIOWrapper):
             else:
                 self.on_screen += shown is not None
                 self.damage()
+
+    def _of_head(self, line: str) -> str:
+        """Return a line as python-can takes it, with what it says of the whole file looked at.
+
+        Raises:
+            ValueError: the first one is of no such log, in which python-can might find frames.
+        """
+        if self._first is not None and line.strip():
+            self._begins = self._first.match(line) is not None
+            if not self._begins:
+                raise ValueError("does not begin as such a log")
+            self._first = None
+        if line.startswith(";$FILEVERSION="):
+            self.trc_version = line.partition("=")[2].strip()
+        elif line.startswith(";$STARTTIME="):  # PEAK's own of version 1.2 ends with a semicolon
+            return line.rstrip("; \r\n") + "\n"
+        return line
 
     def _logged(self, shown: re.Match[str]) -> str:
         """Return the line of candump -L for one of a terminal, empty where it says too little.
@@ -180,6 +199,18 @@ def _error_of(match: re.Match[str]) -> LoggedFrame:
 Reader = Callable[[Any], Iterable[can.Message]]
 
 
+_TRC_REPORTS = frozenset({"Error", "Warng", "ERROR", "FFFFFFFF", "ER", "ST", "EC", "EV"})
+"""Error frames (an own type, in version 1.0 a word before the data), states and counters of the
+adapter, and events of its user."""
+
+_TRC_VIOLATIONS = 0x7  # bit, form and stuff error, as SocketCAN has them; 8 is another one
+_PROTOCOL, _SENDING = 0x8, 0x80
+"""Of SocketCAN: class of a violated protocol, and where in its data the sender has seen it."""
+
+_MOST_STATES = 10
+_BYTE = re.compile("[0-9A-F]{2}", re.IGNORECASE)
+
+
 class TrcReader(TRCReader):
     """Reads PEAK's TRC, its times from its first entry on: those of python-can have the date.
 
@@ -194,13 +225,55 @@ class TrcReader(TRCReader):
         super().__init__(lines)
         self._lines = lines
 
+    def _extract_header(self) -> str:
+        line = super()._extract_header()
+        if self._lines.trc_version == "1.2":  # as 1.3 without its column for nothing
+            self._parse_cols = lambda cols: self._parse_cols_v1_3((*cols[:5], "-", *cols[5:]))
+        return line
+
     def _parse_line(self, line: str) -> can.Message | None:
         try:
+            words = line.split()
+            if self._is_report(words):
+                return self._take_report(words)
             return self._parse_cols(tuple(line.split(maxsplit=self._num_columns)))
         except (ValueError, IndexError):
             if line and not line.startswith(";"):  # of a head with nothing behind it
                 self._lines.damage()
             return None
+
+    def _is_report(self, words: Sequence[str]) -> bool:
+        """Return True for a line that is no frame, but says something of the bus."""
+        if self.columns:
+            return words[self.columns["T"]] in _TRC_REPORTS
+        return not _TRC_REPORTS.isdisjoint(words[2:5])
+
+    def _take_report(self, words: Sequence[str]) -> can.Message | None:
+        """Return the error frame of a line, or count the adapter's state that it says."""
+        names: list[str] = []
+        data: list[int] = []
+        for word in reversed(words):
+            if _BYTE.fullmatch(word):
+                data.insert(0, int(word, 16))
+            elif data:
+                break
+            else:
+                names.append(word)
+        if not {"Error", "ERROR", "ER"} & set(words):
+            if "EV" not in words and "EC" not in words:
+                name = names[0] if names else f"0x{bytes(data).hex()}"
+                states = self._lines.states
+                states[name if name in states or len(states) < _MOST_STATES else "others"] += 1
+            return None
+        at = {"1.0": 2, "": 2, "1.1": 3}.get(self._lines.trc_version, 4)
+        kind, way = data[:2] if self.columns else (int(words[at], 16), data[0])
+        return can.Message(
+            timestamp=float(words[self.columns.get("O", 1)]) / 1000 + self._start_time,
+            arbitration_id=_PROTOCOL,
+            data=bytes((0, 0, kind & _TRC_VIOLATIONS | (0 if way else _SENDING), 0, 0, 0, 0, 0)),
+            is_error_frame=True,
+            channel=1,
+        )
 
     def __iter__(self) -> Generator[can.Message, None, None]:
         for message in super().__iter__():

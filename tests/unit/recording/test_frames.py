@@ -344,6 +344,68 @@ def test_what_candump_shows_on_a_terminal_is_read(make_file):
     assert (left_out.error_frames, left_out.damaged_lines) == (1, 1)
 
 
+TRC = [
+    (
+        ";##\n",
+        "1) 1841 0001 8 00 00 00 00 00 00 00 00",
+        "2) 1842 0008 4 ERROR 00 19 08 08",
+        "3) 1843 FFFFFFFF 4 00 00 00 04 -- -- -- -- BUSLIGHT",
+    ),
+    (
+        ";$FILEVERSION=1.1\n;$STARTTIME=37704.5\n",
+        "1) 1841 Rx 0001 8 00 00 00 00 00 00 00 00",
+        "2) 1842 Error 0008 4 00 19 08 08",
+        "3) 1843 Warng FFFFFFFF 4 00 00 00 04 BUSLIGHT",
+    ),
+    (
+        ";$FILEVERSION=1.2 \n;$STARTTIME=39878.6772258947; \n",
+        "1) 1841.000 1 Rx 0001 8 00 00 00 00 00 00 00 00",
+        "2) 1842.000 1 Error 0008 4 00 19 08 08",
+        "3) 1843.000 1 Warng FFFFFFFF 4 00 00 00 04 BUSLIGHT",
+    ),
+    (
+        ";$FILEVERSION=1.3\n;$STARTTIME=40023.5\n",
+        "1) 1841.000 1 Rx 0001 - 8 00 00 00 00 00 00 00 00",
+        "2) 1842.000 1 Error 0008 - 4 00 19 08 08",
+        "3) 1843.000 1 Warng FFFFFFFF - 4 00 00 00 04 BUSLIGHT",
+    ),
+    (
+        ";$FILEVERSION=2.0\n;$STARTTIME=42209.4\n;$COLUMNS=N,O,T,I,d,l,D\n",
+        "1 1841.000 DT 0001 Rx 8 00 00 00 00 00 00 00 00",
+        "2 1842.000 ER Rx 08 00 19 08 08",
+        "3 1843.000 ST Rx 00 00 00 04",
+    ),
+    (
+        ";$FILEVERSION=2.1\n;$STARTTIME=41766.4\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n",
+        "1 1841.000 DT 1 0001 Rx - 8 00 00 00 00 00 00 00 00",
+        "2 1842.000 ER 1 - Rx - 5 08 00 19 08 08",
+        "3 1843.000 ST 1 - Rx - 4 00 00 00 04",
+    ),
+]
+"""Of each version: head, a frame, an error frame (of another kind than bit, form and stuff, seen by
+the sender) and a state of the adapter, as PEAK's description of the format has them."""
+
+
+@pytest.mark.parametrize(("head", "frame", "error", "state"), TRC)
+def test_error_frames_and_states_of_a_trc_of_any_version(make_file, head, frame, error, state):
+    events = "4 1844.000 EV 1 of the user\n5 1845.000 EC 1 - Rx - 2 02 02\n" * ("COLUMNS" in head)
+    text = f"{head}{frame}\n{error}\n{error.replace('08 00 19', '04 01 19')}\n{state}\n{events}"
+    path = make_file("bus.trc", text)
+    left_out = LeftOut()
+    first, second, third = read_frames(path, left_out, errors=True)
+    assert first.frame == Frame(1, bytes(8))
+    assert (second.frame.can_id, second.frame.data.hex()) == (0x2000_0008, "0000800000000000")
+    assert second.now - first.now == pytest.approx(MILLISECOND, abs=200)  # of a date in float64
+    is_v2 = "COLUMNS" in head  # the others have the type elsewhere, and the same one twice here
+    assert third.frame.data.hex()[:6] == ("000004" if is_v2 else "000080")
+    (words,) = left_out.words()
+    name = "0x00000004" if is_v2 else "BUSLIGHT"
+    assert words == f"lines on the adapter's state ({name}) left out: 1"
+    without_errors = LeftOut()
+    assert len(list(read_frames(path, without_errors))) == 1
+    assert without_errors.error_frames == 2
+
+
 def test_times_of_candump_that_each_count_from_the_line_before_are_refused(make_file):
     path = make_file("d.log", "".join(f" (000.{t:06})  can0  123   [0]\n" for t in (0, 90, 80)))
     with pytest.raises(ConfigError, match="line 3: its time goes back, as with candump -t d"):

@@ -433,6 +433,10 @@ def test_a_client_that_gives_up_waiting_is_one_request_without_an_answer(folder,
     assert finding["cause"] == "sdo_no_answer"
     assert f" is {seen}, " in finding["text"]
     assert "more" not in finding["text"]
+    again = [(at + 3000, frame) for at, frame in rows]
+    write_sdo(folder, (0, "705#05"), *rows, *again, (9000, "705#05"))
+    (finding,) = json.loads(cli("explain s.log --json", 1).out)["findings"]
+    assert finding["text"].endswith("; so are 1 more")
 
 
 def test_explain_names_cause_node_clause_and_frames(folder, cli):

@@ -214,7 +214,7 @@ class Transfers:
         elif not transfer.is_done:
             silent = self._silent.setdefault(key, Evidence())
             before = silent.latest.transfer if silent.latest else None
-            if not is_given_up or before is None or before.place != transfer.place:
+            if not is_given_up or before is None or before.begin != transfer.begin:
                 silent.append(sight)
         elif difference := self._difference(sight, transfer):
             place = key, transfer.index, transfer.subindex

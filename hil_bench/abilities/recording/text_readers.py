@@ -199,9 +199,10 @@ def _error_of(match: re.Match[str]) -> LoggedFrame:
 Reader = Callable[[Any], Iterable[can.Message]]
 
 
-_TRC_REPORTS = frozenset({"Error", "Warng", "ERROR", "FFFFFFFF", "ER", "ST", "EC", "EV"})
-"""Error frames (an own type, in version 1.0 a word before the data), states and counters of the
-adapter, and events of its user."""
+_TRC1_REPORTS = frozenset({"Error", "ERROR", "Warng", "FFFFFFFF"})
+_TRC2_REPORTS = frozenset({"ER", "ST", "EC", "EV"})
+"""Lines that are no frame, by version: error frames, states and counters of the adapter, events of
+its user. In version 1.0 ERROR stands before the data, and the identifier of a state is FFFFFFFF."""
 
 _TRC_VIOLATIONS = 0x7  # bit, form and stuff error, as SocketCAN has them; 8 is another one
 _PROTOCOL, _SENDING = 0x8, 0x80
@@ -234,21 +235,22 @@ class TrcReader(TRCReader):
     def _parse_line(self, line: str) -> can.Message | None:
         try:
             words = line.split()
-            if self._is_report(words):
-                return self._take_report(words)
+            if kind := self._report_of(words):
+                return self._take_report(kind, words)
             return self._parse_cols(tuple(line.split(maxsplit=self._num_columns)))
         except (ValueError, IndexError):
             if line and not line.startswith(";"):  # of a head with nothing behind it
                 self._lines.damage()
             return None
 
-    def _is_report(self, words: Sequence[str]) -> bool:
-        """Return True for a line that is no frame, but says something of the bus."""
+    def _report_of(self, words: Sequence[str]) -> str:
+        """Return the kind of a line that is no frame; empty for one."""
         if self.columns:
-            return words[self.columns["T"]] in _TRC_REPORTS
-        return not _TRC_REPORTS.isdisjoint(words[2:5])
+            kind = words[self.columns["T"]]
+            return kind if kind in _TRC2_REPORTS else ""
+        return next((word for word in words[2:5] if word in _TRC1_REPORTS), "")
 
-    def _take_report(self, words: Sequence[str]) -> can.Message | None:
+    def _take_report(self, kind: str, words: Sequence[str]) -> can.Message | None:
         """Return the error frame of a line, or count the adapter's state that it says."""
         names: list[str] = []
         data: list[int] = []
@@ -257,20 +259,20 @@ class TrcReader(TRCReader):
                 data.insert(0, int(word, 16))
             elif data:
                 break
-            else:
+            elif word != "--":
                 names.append(word)
-        if not {"Error", "ERROR", "ER"} & set(words):
-            if "EV" not in words and "EC" not in words:
-                name = names[0] if names else f"0x{bytes(data).hex()}"
-                states = self._lines.states
-                states[name if name in states or len(states) < _MOST_STATES else "others"] += 1
+        if kind in {"Warng", "FFFFFFFF", "ST"}:
+            name = names[0] if names else f"0x{bytes(data).hex()}"
+            states = self._lines.states
+            states[name if name in states or len(states) < _MOST_STATES else "others"] += 1
+        if kind not in {"Error", "ERROR", "ER"}:
             return None
         at = {"1.0": 2, "": 2, "1.1": 3}.get(self._lines.trc_version, 4)
-        kind, way = data[:2] if self.columns else (int(words[at], 16), data[0])
+        type_, way = data[:2] if self.columns else (int(words[at], 16), data[0])
         return can.Message(
             timestamp=float(words[self.columns.get("O", 1)]) / 1000 + self._start_time,
             arbitration_id=_PROTOCOL,
-            data=bytes((0, 0, kind & _TRC_VIOLATIONS | (0 if way else _SENDING), 0, 0, 0, 0, 0)),
+            data=bytes((0, 0, type_ & _TRC_VIOLATIONS | (0 if way else _SENDING), 0, 0, 0, 0, 0)),
             is_error_frame=True,
             channel=1,
         )

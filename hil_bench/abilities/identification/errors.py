@@ -16,9 +16,9 @@ _LEAST = 2e-3  # [m] of travel, or a stroke has no speed
 _WINDOW = (0.25, 0.75)  # of the travel, between which the speed counts
 _ARRIVAL = 0.9  # of the travel
 _MOST = 0.9  # of the strokes are within what is stated
-BEYOND = 1.5
-"""Times what is stated that nine of ten errors beyond the largest opening are within: by 23 strange
-machines that were not worked on."""
+BEYOND = 1.3
+"""Times what is stated that errors beyond the largest opening are within: 92 % of those of forty
+strange machines that were not worked on."""
 
 
 class StrokeError(NamedTuple):

@@ -13,6 +13,7 @@ from support.scripted_bus import ScriptedBus
 from support.sdo_frames import MS, answer, heard, request, upload
 from support.tables import from_text
 
+from hil_bench.abilities.eyes.explain.explain import Explainer, LiveFindings
 from hil_bench.abilities.eyes.listener import Listener, dropped_by_kernel
 from hil_bench.abilities.eyes.verbs import listening
 from hil_bench.abilities.recording.frames import message_of, open_frame_file, read_frames
@@ -422,6 +423,26 @@ def test_explain_says_once_what_a_node_refuses_alike(folder, cli):
     assert "upload 0x2200.00 aborted, 0x06010001" in second["text"]
     told = cli("explain s.log", 1).out
     assert "\n                and 2 more\n" in told
+
+
+def test_a_cause_does_not_come_again_when_its_node_says_what_it_is_called(folder):
+    """On a bus that goes on: 0x1008 "Ab" is read after a refusal, and another one follows."""
+    rows = [
+        (0, "705#05"),
+        (10, sdo(False, 0x2102, 1)),
+        (15, sdo(True, 0x2102, 1, 0x80, 0x06020000)),
+    ]
+    rows += [(1000, sdo(False, 0x1008, 0)), (1005, sdo(True, 0x1008, 0, 0x4B, 0x6241))]
+    rows += [(2000, sdo(False, 0x2102, 2)), (2005, sdo(True, 0x2102, 2, 0x80, 0x06020000))]
+    write_sdo(folder, *rows, (3000, "705#05"))
+    explainer = Explainer([], 1_000_000)
+    live = LiveFindings(explainer)
+    changes = []
+    for logged in read_frames(folder / "s.log"):
+        explainer.take(logged)
+        changes += live.look(explainer.now)
+    assert [(each.finding.node, each.is_gone) for each in changes] == [("node 5", False)]
+    assert live.findings[0].node == 'node 5 "Ab"'
 
 
 @pytest.mark.parametrize(("at", "seen"), [(160, "aborted by the client"), (2000, "not answered")])

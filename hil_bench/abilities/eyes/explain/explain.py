@@ -357,4 +357,5 @@ class LiveFindings:
 
 
 def _key(finding: Finding) -> tuple[str, str]:
-    return finding.cause.name, finding.node
+    node, _, _ = finding.node.partition(' "')  # without what it says that it is called: that comes
+    return finding.cause.name, node

@@ -256,3 +256,42 @@ def test_no_frames_make_it_stumble(frames, pause):
     logged = [LoggedFrame(frame, pause * MS * n, None) for n, frame in enumerate(frames)]
     config = load_config(EXAMPLE)
     assert explain(logged, nodes_of(config), 1_000_000, ecus_of(config)).frames == len(frames)
+
+
+def test_a_tool_that_asks_for_all_groups_is_one_fault_of_who_does_not_answer():
+    """249 asks 15 for PGN 65024 to 65028, one each 500 ms, and is done: that is no silence."""
+    frames = [extended(0, 0x18EEFF00 + each, f"{each:02X}00000000000080") for each in (15, 249)]
+    frames += [extended(time, 0x18FEF10F, "FF" * 8) for time in range(0, 9000, 100)]
+    frames += [extended(100 + 500 * n, 0x18EA0FF9, f"{n:02X}FE00") for n in range(5)]
+    (found,) = explain(sorted(frames, key=lambda each: each.now), [], 500_000).findings
+    assert (found.cause, found.total) == (Cause.J1939_REQUEST, 5)
+    assert found.text == (
+        "address 249: request to address 15: PGN 65024, PGN 65025, PGN 65026 and 2 more: "
+        "not answered, at 0.100 s"
+    )
+
+
+def test_codes_that_come_at_once_are_one_fault_and_a_later_one_is_another():
+    """By BAM SPN 157 FMI 3 and SPN 74 FMI 14, then SPN 102 FMI 4 alone."""
+    frames = [
+        extended(0, 0x18EEFF00, "0100000000000080"),
+        extended(100, 0x18ECFF00, "200A0002FFCAFE00"),
+        extended(150, 0x18EBFF00, "0104FF9D0003014A"),
+        extended(200, 0x18EBFF00, "02000E01FFFFFFFF"),
+        extended(1200, 0x18FECA00, "04FF66000401FFFF"),
+    ]
+    assert [each.text for each in explain(frames, [], 500_000).findings] == [
+        "address 0 reports SPN 157 FMI 3, SPN 74 FMI 14, from 0.200 s on",
+        "address 0 reports SPN 102 FMI 4, from 1.200 s on",
+    ]
+
+
+def test_the_period_of_dm1_is_the_standards_and_not_one_that_was_seen():
+    """Each 2.5 s, which three periods allow, then 5 s without one."""
+    frames = [extended(0, 0x18EEFF00, "0100000000000080")]
+    frames += [
+        extended(time, 0x18FECA00, "04FF66000401FFFF") for time in (100, 2600, 5100, 10100, 12600)
+    ]
+    (missing, _) = explain(frames, [], 500_000).findings
+    assert missing.cause is Cause.J1939_MISSING
+    assert "for 5000 ms (every 1000 ms by SAE J1939-73), while a trouble code" in missing.text

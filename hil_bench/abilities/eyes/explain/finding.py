@@ -1,6 +1,6 @@
 """A finding in a log, and the interface of a watch that finds it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -38,6 +38,22 @@ class Evidence(list[Sight]):
 def more(count: int, sign: str = ";") -> str:
     """Return the words for what came so many times in all; empty for once."""
     return f"{sign} {count - 1} times more" if count > 2 else f"{sign} once more" * (count > 1)
+
+
+def listed(names: Collection[str]) -> str:
+    """Return the first names, and how many more there are."""
+    shown = ", ".join(list(names)[:EVIDENCE])
+    return f"{shown} and {len(names) - EVIDENCE} more" if len(names) > EVIDENCE else shown
+
+
+def together(parts: Iterable[Evidence]) -> Evidence:
+    """Return the evidence of one fault that shows in several places: the first frame of each."""
+    every = list(parts)
+    if len(every) == 1:
+        return every[0]
+    found = Evidence(each[0] for each in every)
+    found.total = sum(each.total for each in every)
+    return found
 
 
 class Cause(Enum):

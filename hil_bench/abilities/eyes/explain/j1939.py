@@ -8,8 +8,10 @@ from hil_bench.abilities.eyes.explain.finding import (
     Evidence,
     Finding,
     finding,
+    listed,
     milliseconds,
     seconds,
+    together,
 )
 from hil_bench.abilities.eyes.j1939 import group_name, lamps_of, trouble_codes
 from hil_bench.abilities.eyes.sight import Service, Sight
@@ -131,10 +133,15 @@ class Requests(OfJ1939):
             # Who asks at an address of nobody for its claim looks whether it is free.
             if group != signals.ADDRESS_CLAIMED or (bus, asked) in self._heard
         }
+        alike: dict[tuple[str, str, str], dict[str, Evidence]] = {}
         for (node, words, what), sights in [*self._failed.items(), *silent.items()]:
+            whom, _, group = words.partition(": ")
+            alike.setdefault((node, whom, what), {})[group] = sights
+        for (node, whom, what), groups in alike.items():
+            sights = together(groups.values())
             first = sights[0]
-            text = f"{node}: {words}: {what}, at {seconds(first.now)}"
-            text += f"; {sights.total} times" if sights.total > 1 else ""
+            text = f"{node}: {whom}: {listed(groups)}: {what}, at {seconds(first.now)}"
+            text += f"; {sights.total} times" if sights.total > len(groups) else ""
             receiver = first.message.receiver if first.message is not None else ""
             found = finding(Cause.J1939_REQUEST, node, sights, text)
             yield found._replace(others=(receiver,))
@@ -167,7 +174,7 @@ class TroubleCodes(OfJ1939):
                 self._found.setdefault((sight.node, spn, fmi), Evidence()).append(sight)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
-        """Yield each code, and each device with a lamp and no code.
+        """Yield the codes that a device reported at once, and each device with a lamp and no code.
 
         Args:
             end: of the log [ns].
@@ -175,10 +182,12 @@ class TroubleCodes(OfJ1939):
         Yields:
             The findings.
         """
+        at_once: dict[tuple[str, int], dict[str, Evidence]] = {}
         for (node, spn, fmi), sights in self._found.items():
-            first = sights[0]
-            text = f"{node} reports SPN {spn} FMI {fmi}, from {seconds(first.now)} on"
-            yield finding(Cause.TROUBLE_CODE, node, sights, text)
+            at_once.setdefault((node, sights[0].now), {})[f"SPN {spn} FMI {fmi}"] = sights
+        for (node, begin), codes in at_once.items():
+            text = f"{node} reports {listed(codes)}, from {seconds(begin)} on"
+            yield finding(Cause.TROUBLE_CODE, node, next(iter(codes.values())), text)
         for (node, lamps), sights in self._lamps.items():
             text = f"{node} has lamp {lamps} on and reports no trouble code, from"
             text += f" {seconds(sights[0].now)} on"

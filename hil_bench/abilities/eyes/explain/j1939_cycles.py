@@ -35,8 +35,11 @@ _SEVERAL: Final = 2
 
 _OFF: Final = 8
 """Of so many intervals one may be off."""
-_PARTS: Final = frozenset({signals.TRANSPORT_CONNECTION, signals.TRANSPORT_DATA})
-"""Parts of a long message whose beginning is not in the log."""
+_NEVER_CYCLIC: Final = frozenset(
+    {signals.TRANSPORT_CONNECTION, signals.TRANSPORT_DATA, signals.REQUEST}
+)
+"""Parts of a long message whose beginning is not in the log, and requests: a tool asks for one
+group after the other, and has asked for all."""
 
 _MOST: Final = 4096
 
@@ -143,7 +146,11 @@ class Cycles(OfJ1939):
             return
         bus = sight.frame.bus
         self._hear_device((bus, message.source), sight)
-        if message.data is None or message.destination != signals.GLOBAL or message.group in _PARTS:
+        if (
+            message.data is None
+            or message.destination != signals.GLOBAL
+            or message.group in _NEVER_CYCLIC
+        ):
             return
         if message.group == signals.ADDRESS_CLAIMED:
             for place, each in () if message.is_answer else self._cycles.items():
@@ -225,9 +232,9 @@ class Cycles(OfJ1939):
             if lasts <= _LATE * period:
                 continue
             text = f"{before.node}: no {group_title(group)} after {seconds(before.now)}"
-            text += f" for {milliseconds(lasts)} (every {milliseconds(period)} before)"
-            if group == signals.DM1:
-                text += ", while a trouble code is active"
+            text += f" for {milliseconds(lasts)} (every {milliseconds(period)} "
+            by_standard = "by SAE J1939-73), while a trouble code is active"
+            text += by_standard if group == signals.DM1 else "before)"
             text += f"; {cycle.gaps} such gaps" if cycle.gaps > 1 else ""
             sights = (before,) if after is None else (before, after)
             yield Finding(Cause.J1939_MISSING, before.node, before.now, text, sights)

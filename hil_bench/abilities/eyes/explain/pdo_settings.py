@@ -10,9 +10,11 @@ from hil_bench.abilities.eyes.explain.finding import (
     Evidence,
     Finding,
     finding,
+    listed,
     milliseconds,
     more,
     seconds,
+    together,
 )
 from hil_bench.abilities.eyes.frame_sights import transfer_title
 from hil_bench.abilities.eyes.known_node import KnownNode
@@ -274,15 +276,11 @@ class Transfers:
     def _abort(self, key: _Key, group: list[Evidence]) -> Finding:
         """Return the finding of one or more objects whose transfers were aborted alike."""
         node = self._decoder.nodes[key].name
-        first, *others = (each[0] for each in group[:EVIDENCE])
-        sights = group[0]
-        if others:
-            sights = Evidence([first, *others])
-            sights.total = sum(each.total for each in group)
-        places = [each.transfer.place for each in others if each.transfer is not None]
-        left = f" and {len(group) - EVIDENCE} more" if len(group) > EVIDENCE else ""
+        first = group[0][0]
+        places = [each[0].transfer.place for each in group[1:] if each[0].transfer is not None]
+        sights = together(group)
         again = f", {sights.total} times" if sights.total > 1 else ""
-        text = f"{node}: {', '.join([self._title(first), *places])}{left} {first.problem}{again}"
+        text = f"{node}: {listed([self._title(first), *places])} {first.problem}{again}"
         return finding(Cause.SDO_ABORT, node, sights, f"{text}, first at {seconds(first.now)}")
 
     def _is_look(self, sight: Sight, transfer: Transfer) -> bool:

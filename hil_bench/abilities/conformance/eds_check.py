@@ -210,7 +210,8 @@ def _check_sub_number(section: Section, there: int) -> Iterator[EdsFinding]:
         return
     stated = section.text("SubNumber")
     if section.text("CompactSubObj") is None and _number(stated) != there:
-        text = f"is {stated}; {there} is right by the sections [{section.name}sub...]"
+        found = "missing" if stated is None else stated
+        text = f"is {found}; {there} is right by the sections [{section.name}sub...]"
         yield section.finding("SubNumber", text)
 
 

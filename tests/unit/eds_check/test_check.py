@@ -145,6 +145,13 @@ def test_missing_sections_are_found(findings):
     assert "0x1600 with its mapping is missing; RPDO1 is off" in texts
 
 
+def test_a_missing_count_of_sub_indices_is_found(findings):
+    head, _, rest = VALVE.partition("[6300]")
+    broken = f"{head}[6300]{re.sub('SubNumber=.*', '', rest, count=1)}"
+    text = "SubNumber: is missing; 4 is right by the sections [6300sub...]"
+    assert text in [found.text for found in findings(broken)]
+
+
 def test_what_stands_twice_is_found_with_both_lines(findings):
     broken = VALVE + "\n[6040]\nParameterName=again\n\n[DeviceComissioning]\nNodeID=1\nNODEID=2\n"
     last = broken.count("\n")

@@ -53,7 +53,7 @@ def parser_of(*words):
 
 
 def refusal_of(words):
-    """Return what the program says of arguments that it does not take; empty if it takes them."""
+    """Return the refusal of arguments that the program does not take; empty if it takes them."""
     with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.suppress(SystemExit):
         cli.build_parser(words, VERBS).parse_args(words)
     return said.getvalue()

@@ -209,14 +209,6 @@ class LeftOut:
         return found
 
 
-_FORMS = {
-    ".log": "not one line is one of candump -L",
-    ".asc": 'it does not begin with "date" or "base", as Vector\'s tools write it',
-    ".trc": 'it does not begin with ";", as PEAK\'s tools write it',
-}
-"""Why a text is no log, by its suffix."""
-
-
 def read_frames(
     path: Path,
     left_out: LeftOut | None = None,
@@ -287,7 +279,7 @@ def _close(path: Path, lines: CompleteLines, seen: int, left_out: LeftOut) -> No
         right = "SavvyCAN converts the logs of many tools"
         if lines.on_screen:
             right = "what it shows on a terminal has a time with -t a; or record with -l"
-        raise ConfigError(f"{path}: is no log of frames: {_FORMS[path.suffix.lower()]}; {right}")
+        raise ConfigError(f"{path}: is no log of frames: {lines.shortcoming}; {right}")
     left_out.dropped = lines.dropped
     left_out.states = lines.states
     left_out.ending = left_out.ending or lines.ending
@@ -396,7 +388,7 @@ def _messages(
         except Exception as error:  # python-can's readers raise what their parsing meets
             reason = printable((str(error).splitlines() or [type(error).__name__])[0])[:_SHOWN]
             if isinstance(source, CompleteLines) and not source.is_of_form():
-                reason = _FORMS[path.suffix.lower()]
+                reason = source.shortcoming
             if is_empty:
                 raise ConfigError(f"{path}: is no log of frames: {reason}") from None
             left_out.ending = f"what follows cannot be read ({reason})"

@@ -38,6 +38,13 @@ _FIRST = {
 }
 """How the first line of a text log begins, by its suffix."""
 
+_FORMS = {
+    ".log": "not one line is one of candump -L",
+    ".asc": 'it does not begin with "date" or "base", as Vector\'s tools write it',
+    ".trc": 'it does not begin with ";", as PEAK\'s tools write it',
+}
+"""Why a text is no log, by its suffix."""
+
 _DROPS = re.compile(r"DROPCOUNT: dropped (\d{1,10}) CAN frames? on .* socket ")
 """The line of `candump -d` where its socket could not keep up, by can-utils 2020 and newer."""
 
@@ -71,6 +78,7 @@ class CompleteLines(io.TextIOWrapper):
     Attributes:
         says_direction: whether the last line ends as one of python-can's candump logs.
         ending: why it ends before its end; empty where it does not.
+        shortcoming: why it is no such log, where `is_of_form` says so.
         error_frames: lines that are one, and are left out.
         damaged: lines that are no frame, and are left out.
         first_damaged: number of the first of them.
@@ -95,6 +103,7 @@ class CompleteLines(io.TextIOWrapper):
         super().__init__(file, encoding="utf-8", errors="replace")
         self._form = _LINE if suffix == ".log" else None
         self._first = _FIRST.get(suffix)
+        self.shortcoming = _FORMS[suffix]
         self._begins = True
         self._errors: list[LoggedFrame] = []
         self._shown_until = 0.0
@@ -267,7 +276,7 @@ class TrcReader(TRCReader):
             states[name if name in states or len(states) < _MOST_STATES else "others"] += 1
         if kind not in {"Error", "ERROR", "ER"}:
             return None
-        at = {"1.0": 2, "": 2, "1.1": 3}.get(self._lines.trc_version, 4)
+        at = 2 if kind == "ERROR" else words.index(kind) + 1  # of the identifier
         type_, way = data[:2] if self.columns else (int(words[at], 16), data[0])
         return can.Message(
             timestamp=float(words[self.columns.get("O", 1)]) / 1000 + self._start_time,

@@ -97,8 +97,9 @@ def explanation_lines(
         The lines.
     """
     count, heard = len(found.nodes), len(found.heard)
-    nodes = f"{count} nodes, " if heard == count else f"{heard} of {count} nodes heard, "
-    nodes = nodes if count else ""
+    nodes = f"{count} nodes, " if count else ""
+    if heard < count:
+        nodes = f"{heard} of {count} nodes heard, "
     yield (
         f"{found.frames} frames in {found.duration:.3f} s, {nodes}"
         f"load {found.load:.1%} of {bitrate_text(bitrate)}"

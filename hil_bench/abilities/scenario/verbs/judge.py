@@ -121,10 +121,13 @@ def _unseen_faults(args: argparse.Namespace, path: Path, found: Judged) -> list[
     if not has_passed or args.columns or args.map:
         return []
     unknown = "whether one changed nothing is not known"
-    is_csv = path.suffix.lower() == ".csv" and is_csv_of_bench(path)
-    faults = holds_faults(path) if path.suffix.lower() == ".mf4" else None if is_csv else True
+    what = ""
+    faults: bool | None = True
+    if path.suffix.lower() == ".mf4":
+        what, faults = "a recording of a bus", holds_faults(path)
+    elif path.suffix.lower() == ".csv" and is_csv_of_bench(path):
+        what, faults = "a CSV file", None
     if faults is None:
-        what = "a CSV file" if is_csv else "a recording of a bus"
         seen = f"{what} does not hold the faults of its run"
         return [f"{seen}: {unknown}; the .mf4 file of the run says it"]
     if faults:

@@ -96,12 +96,8 @@ def explanation_lines(
     Yields:
         The lines.
     """
-    count, heard = len(found.nodes), len(found.heard)
-    nodes = f"{count} nodes, " if count else ""
-    if heard < count:
-        nodes = f"{heard} of {count} nodes heard, "
     yield (
-        f"{found.frames} frames in {found.duration:.3f} s, {nodes}"
+        f"{found.frames} frames in {found.duration:.3f} s, {_nodes_text(found)}"
         f"load {found.load:.1%} of {bitrate_text(bitrate)}"
     )
     for number, finding in enumerate(found.findings, 1):
@@ -127,6 +123,14 @@ def explanation_lines(
         yield f"nothing wrong found{instant}"
     if found.unjudged:
         yield f"not judged: {found.unjudged}"
+
+
+def _nodes_text(found: Explanation) -> str:
+    """Return how many nodes there are, and how many of them were heard; empty without any."""
+    count, heard = len(found.nodes), len(found.heard)
+    if heard < count:
+        return f"{heard} of {count} nodes heard, "
+    return f"{count} nodes, " if count else ""
 
 
 def explanation_content(found: Explanation) -> dict[str, object]:

@@ -126,7 +126,7 @@ def explanation_lines(
 
 
 def _nodes_text(found: Explanation) -> str:
-    """Return how many nodes there are, and how many of them were heard; empty without any."""
+    """Return the number of nodes, and of those that were heard; empty without any."""
     count, heard = len(found.nodes), len(found.heard)
     if heard < count:
         return f"{heard} of {count} nodes heard, "

@@ -16,21 +16,18 @@ from typing import Any, cast
 
 import hil_bench
 from hil_bench.ability import GROUPS, Verb
-from hil_bench.cli.exit_codes import (
-    ExitCode,
+from hil_bench.cli.exit_codes import ExitCode, interrupted_once, report_error, worst
+from hil_bench.cli.parser import Parser, all_verbs, apply_units, own_verbs
+from hil_bench.cli.process import (
     PatientHandler,
     add_verbosity_arguments,
     add_verbosity_below,
     collection_put_off,
     discard_output,
     flush_output,
-    interrupted_once,
     keep_output,
     prepare_streams,
-    report_error,
-    worst,
 )
-from hil_bench.cli.parser import Parser, all_verbs, apply_units, own_verbs
 from hil_bench.shown_units import choice_of_a_call
 
 _EXAMPLES = """\

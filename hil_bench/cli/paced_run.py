@@ -16,8 +16,9 @@ from hil_bench.bench.peers import peers_of
 from hil_bench.bench.session import Session
 from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.exit_codes import Ending, ExitCode
-from hil_bench.cli.helpers import BenchEvents, Helpers
+from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.results import ecu_text
 from hil_bench.cli.run_setup import HistogramFile, RunSetup, paced_content, set_up, watched_run
 from hil_bench.outside.bits import BusLoad, bitrate_text, load_of

@@ -21,6 +21,7 @@ from hil_bench.bench.session import Session, open_session
 from hil_bench.cli import exit_codes
 from hil_bench.cli.devices import device_table
 from hil_bench.cli.helpers import Helper, Helpers
+from hil_bench.cli.process import collection_put_off
 from hil_bench.cli.results import print_results, warn_of
 from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable
 from hil_bench.outside.bits import USUAL_BITRATE, load_of
@@ -221,7 +222,7 @@ def set_up(
         All that.
     """
     warn_of(find_doubts(config))
-    with exit_codes.collection_put_off():
+    with collection_put_off():
         session = open_session(config)
     with contextlib.ExitStack() as stack:
         stack.callback(session.door.close)

@@ -13,8 +13,9 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli import status_line
 from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.helpers import BenchEvents, Helpers
+from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.paced_run import event_lines, frame_lines, helper_lines, node_lines
 from hil_bench.cli.run_setup import (
     OpenBus,

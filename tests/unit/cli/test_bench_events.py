@@ -11,7 +11,7 @@ from hil_bench import Faults, load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.storage import FileStorage
-from hil_bench.cli.helpers import BenchEvents, _Budget, _NodeWatch, _SyncWatch
+from hil_bench.cli.bench_events import BenchEvents, _Budget, _NodeWatch, _SyncWatch
 
 
 class Watched(BusSide):

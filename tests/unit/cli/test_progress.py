@@ -16,7 +16,7 @@ from hil_bench.abilities.common.progress import (
     shown_work,
 )
 from hil_bench.cli import main
-from hil_bench.cli.exit_codes import PatientHandler
+from hil_bench.cli.process import PatientHandler
 from hil_bench.cli.status_line import (
     PERIOD,
     Progress,

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from hil_bench import cli
-from hil_bench.cli.exit_codes import collection_put_off, prepare_streams
+from hil_bench.cli.process import collection_put_off, prepare_streams
 
 CALL = f"{shlex.quote(sys.executable)} -m hil_bench"
 

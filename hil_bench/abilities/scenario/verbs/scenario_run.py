@@ -25,8 +25,9 @@ from hil_bench.abilities.scenario.verbs.scenario_view import shown_stage
 from hil_bench.bench.session import Session
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.exit_codes import Ending, ExitCode, Interruption, interruption, worst
-from hil_bench.cli.helpers import BenchEvents, Helpers
+from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.run_setup import watched_run

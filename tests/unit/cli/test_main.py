@@ -129,22 +129,19 @@ def test_the_code_of_a_verb_is_the_exit_code(act):
     assert act(lambda _args: ExitCode.TIMING) == 4
 
 
-@pytest.mark.parametrize(
-    ("error", "code"),
-    [
-        (ConfigError(""), ExitCode.USAGE),
-        (DiskError(""), ExitCode.LOST),
-        (BusError(""), ExitCode.BUS),
-        (ControllerError(""), ExitCode.BUS),
-        (WaitTimeoutError(""), ExitCode.BUS),
-        (RecordingError(""), ExitCode.LOST),
-        (TimingError(""), ExitCode.TIMING),
-        (SdoAbort(0x06020000, ""), ExitCode.INTERNAL),
-        (HilBenchError(""), ExitCode.INTERNAL),
-    ],
-)
-def test_each_error_has_its_exit_code(error, code):
-    assert exit_code_of(error) is code
+def test_each_error_has_its_exit_code():
+    expected = {
+        ConfigError(""): ExitCode.USAGE,
+        DiskError(""): ExitCode.LOST,
+        BusError(""): ExitCode.BUS,
+        ControllerError(""): ExitCode.BUS,
+        WaitTimeoutError(""): ExitCode.BUS,
+        RecordingError(""): ExitCode.LOST,
+        TimingError(""): ExitCode.TIMING,
+        SdoAbort(0x06020000, ""): ExitCode.INTERNAL,
+        HilBenchError(""): ExitCode.INTERNAL,
+    }
+    assert {error: exit_code_of(error) for error in expected} == expected
 
 
 @from_text("arguments", "message")

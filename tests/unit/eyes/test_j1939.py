@@ -15,78 +15,57 @@ from hil_bench.abilities.j1939.protocol.signals import GLOBAL, split
 NAME = (0x12345 | 0x123 << 21 | 0x81 << 40).to_bytes(8, "little")
 
 
-@pytest.mark.parametrize(
-    ("can_id", "parts"),
-    [
-        (0x0CF00400, (3, 61444, 0x00, GLOBAL)),
-        (0x18EEFF21, (6, 60928, 0x21, GLOBAL)),
-        (0x18EA2103, (6, 59904, 0x03, 0x21)),
-        (0x1CECFF00, (7, 60416, 0x00, GLOBAL)),
-        (0x18FECA00, (6, 65226, 0x00, GLOBAL)),
-        (0x19F00421, (6, 1 << 16 | 61444, 0x21, GLOBAL)),  # data page 1
-    ],
-)
-def test_the_parts_of_an_identifier(can_id, parts):
-    assert split(can_id) == parts
+def test_the_parts_of_an_identifier():
+    expected = {
+        0x0CF00400: (3, 61444, 0x00, GLOBAL),
+        0x18EEFF21: (6, 60928, 0x21, GLOBAL),
+        0x18EA2103: (6, 59904, 0x03, 0x21),
+        0x1CECFF00: (7, 60416, 0x00, GLOBAL),
+        0x18FECA00: (6, 65226, 0x00, GLOBAL),
+        0x19F00421: (6, 1 << 16 | 61444, 0x21, GLOBAL),  # data page 1
+    }
+    assert {can_id: split(can_id) for can_id in expected} == expected
 
 
-@pytest.mark.parametrize(
-    ("can_id", "data", "words"),
-    [
-        (0x0CF00400, "0011", "PGN 61444 EEC1, engine speed, from 0"),
-        (0x0CFE3203, "00", "PGN 65074 auxiliary valve 2 command, from 3"),
-        (0x18FE1103, "00", "PGN 65041 auxiliary valve 1 estimated flow, from 3"),
-        (0x18FE2F03, "00", "PGN 65071 auxiliary valve 15 measured flow, from 3"),
-        (0x0CFE4003, "00", "PGN 65088, from 3"),
-        (0x18E8FF21, "01FFFFFF0340F0", "PGN 59392 acknowledgement, from 33"),  # cut short
-        (0x18FF1221, "", "PGN 65298 proprietary B, from 33"),
-        (0x18EF2103, "", "PGN 61184 proprietary A, from 3 to 33"),
-        (0x10011223, "", "PGN 256, from 35 to 18"),
-        (
-            0x18EAFFFE,
-            "00EE00",
-            "PGN 59904 request, from none: PGN 60928 address claimed",
-        ),
+def test_a_frame_in_words():
+    expected = {
+        (0x0CF00400, "0011"): "PGN 61444 EEC1, engine speed, from 0",
+        (0x0CFE3203, "00"): "PGN 65074 auxiliary valve 2 command, from 3",
+        (0x18FE1103, "00"): "PGN 65041 auxiliary valve 1 estimated flow, from 3",
+        (0x18FE2F03, "00"): "PGN 65071 auxiliary valve 15 measured flow, from 3",
+        (0x0CFE4003, "00"): "PGN 65088, from 3",
+        (0x18E8FF21, "01FFFFFF0340F0"): "PGN 59392 acknowledgement, from 33",  # cut short
+        (0x18FF1221, ""): "PGN 65298 proprietary B, from 33",
+        (0x18EF2103, ""): "PGN 61184 proprietary A, from 3 to 33",
+        (0x10011223, ""): "PGN 256, from 35 to 18",
+        (0x18EAFFFE, "00EE00"): "PGN 59904 request, from none: PGN 60928 address claimed",
         (
             0x18EEFF21,
             NAME.hex(),
-            "PGN 60928 address claimed, from 33: manufacturer 291, function 129, identity 74565",
-        ),
+        ): "PGN 60928 address claimed, from 33: manufacturer 291, function 129, identity 74565",
         (
             0x1CECFF00,
             "200D0002FFCAFE00",
-            (
-                "PGN 60416 TP.CM, transport connection, from 0: BAM, 13 bytes in 2 packets, "
-                "PGN 65226 DM1, active trouble codes"
-            ),
-        ),
+        ): "PGN 60416 TP.CM, transport connection, from 0: BAM, 13 bytes in 2 packets, "
+        "PGN 65226 DM1, active trouble codes",
         (
             0x1CEC2100,
             "110201FFFFCAFE00",
-            (
-                "PGN 60416 TP.CM, transport connection, from 0 to 33: CTS, 2 packets from 1, "
-                "PGN 65226 DM1, active trouble codes"
-            ),
-        ),
+        ): "PGN 60416 TP.CM, transport connection, from 0 to 33: CTS, 2 packets from 1, "
+        "PGN 65226 DM1, active trouble codes",
         (
             0x18FECA00,
             "40FFBE000201FFFF",
-            "PGN 65226 DM1, active trouble codes, from 0: lamp malfunction, SPN 190 FMI 2",
-        ),
+        ): "PGN 65226 DM1, active trouble codes, from 0: lamp malfunction, SPN 190 FMI 2",
         (
             0x18FECA00,
             "00FF00000000FFFF",
-            "PGN 65226 DM1, active trouble codes, from 0: no lamp, no trouble code",
-        ),
-        (
-            0x18E8FF21,
-            "01FFFFFF0340F000",
-            "PGN 59392 acknowledgement, from 33: refused, PGN 61504",
-        ),
-    ],
-)
-def test_a_frame_in_words(can_id, data, words):
-    assert describe(can_id, bytes.fromhex(data)) == words
+        ): "PGN 65226 DM1, active trouble codes, from 0: no lamp, no trouble code",
+        (0x18E8FF21, "01FFFFFF0340F000"): "PGN 59392 acknowledgement, from 33: refused, PGN 61504",
+    }
+    assert {
+        (can_id, data): describe(can_id, bytes.fromhex(data)) for can_id, data in expected
+    } == expected
 
 
 @pytest.mark.parametrize(

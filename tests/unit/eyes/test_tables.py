@@ -42,68 +42,65 @@ def test_each_service_of_lss_has_its_words_and_others_their_number():
     assert lss_text(b"") == ""
 
 
-@pytest.mark.parametrize(
-    ("can_id", "data", "words"),
-    [
-        (0x000, "0204", "stop, node 4"),
-        (0x000, "8000", "enter pre-operational, all nodes"),
-        (0x000, "8200", "reset communication, all nodes"),
-        (0x000, "82", ""),
-        (0x701, "04", "STOPPED"),
-        (0x701, "7f", "PRE_OPERATIONAL"),
-        (0x701, "0505", ""),
-        (0x080, "07", "counter 7"),
-        (0x080, "0707", ""),
+def test_a_frame_has_just_these_words():
+    overrun = "0x8110, CAN overrun, objects lost, error register 0x11"
+    read_only = "0x06010002, attempt to write a read only object"
+    expected = {
+        (0x000, "0204"): "stop, node 4",
+        (0x000, "8000"): "enter pre-operational, all nodes",
+        (0x000, "8200"): "reset communication, all nodes",
+        (0x000, "82"): "",
+        (0x701, "04"): "STOPPED",
+        (0x701, "7f"): "PRE_OPERATIONAL",
+        (0x701, "0505"): "",
+        (0x080, "07"): "counter 7",
+        (0x080, "0707"): "",
         # 12 h and 1 ms of 4 bits unused; day 2
-        (0x100, "01 2e 93 f2 02 00", "day 2 since 1984-01-01, 43200.001 s"),
-        (0x100, "00 5c 26 05 02 00", "day 2 since 1984-01-01, 0.000 s"),
-        (0x100, "00 5c 26 05 02", ""),
-        (0x081, "10 81 11 00 00 00 00 00",
-         "0x8110, CAN overrun, objects lost, error register 0x11"),
-        (0x081, "10 81 11 00 00 00 00 0a",
-         "0x8110, CAN overrun, objects lost, error register 0x11, manufacturer 00 00 00 00 0A"),
-        (0x605, "8017100002000106",
-         "abort 0x1017.00, 0x06010002, attempt to write a read only object"),
-        (0x585, "8017100001000000", "abort 0x1017.00, 0x00000001, unknown abort code"),
-        (0x605, "6017100000000000", "segment or block"),
-        (0x585, "2017100000000000", "segment or block"),
-        (0x585, "c017100000000000", "segment or block"),
-    ],
-)  # fmt: skip
-def test_a_frame_has_just_these_words(can_id, data, words):
-    assert meaning_of(can_id, bytes.fromhex(data)) == words
+        (0x100, "01 2e 93 f2 02 00"): "day 2 since 1984-01-01, 43200.001 s",
+        (0x100, "00 5c 26 05 02 00"): "day 2 since 1984-01-01, 0.000 s",
+        (0x100, "00 5c 26 05 02"): "",
+        (0x081, "10 81 11 00 00 00 00 00"): overrun,
+        (0x081, "10 81 11 00 00 00 00 0a"): f"{overrun}, manufacturer 00 00 00 00 0A",
+        (0x605, "8017100002000106"): f"abort 0x1017.00, {read_only}",
+        (0x585, "8017100001000000"): "abort 0x1017.00, 0x00000001, unknown abort code",
+        (0x605, "6017100000000000"): "segment or block",
+        (0x585, "2017100000000000"): "segment or block",
+        (0x585, "c017100000000000"): "segment or block",
+    }
+    assert {
+        (can_id, data): meaning_of(can_id, bytes.fromhex(data)) for can_id, data in expected
+    } == expected
 
 
 # linux/can/error.h
-@pytest.mark.parametrize(
-    ("classes", "data", "text"),
-    [
-        (0x001, "", "transmission timed out"),
-        (0x002, "", "arbitration lost"),
-        (0x010, "", "transceiver"),
-        (0x020, "", "no acknowledge"),
-        (0x040, "", "bus-off"),
-        (0x080, "", "error frame"),
-        (0x100, "", "back from bus-off"),
-        (0x004, "0001", "receive buffer overflow"),
-        (0x004, "0002", "transmit buffer overflow"),
-        (0x004, "0004", "receive warning level"),
-        (0x004, "0008", "transmit warning level"),
-        (0x004, "0030", "error-passive by reception, error-passive by transmission"),
-        (0x004, "0040", "error-active again"),
-        (0x008, "000000", "error while receiving"),
-        (0x008, "000081", "bit error while sending"),
-        (0x008, "000006", "form error and stuff error while receiving"),
-        (0x008, "000098", "a dominant bit not sent and a recessive bit not sent while sending"),
-        (0x008, "000020", "overload while receiving"),
-        (0x200, "000000000000 80 7f", "TEC 128, REC 127"),
-        (0x20A, "0000010000000102",
-         "arbitration lost, bit error while receiving, TEC 1, REC 2"),
-        (0x000, "00ffff", "error frame"),
-    ],
-)  # fmt: skip
-def test_an_error_frame_says_each_of_its_bits(classes, data, text):
-    assert error_text(Frame(ERROR_FLAG | classes, bytes.fromhex(data))) == text
+def test_an_error_frame_says_each_of_its_bits():
+    expected = {
+        (0x001, ""): "transmission timed out",
+        (0x002, ""): "arbitration lost",
+        (0x010, ""): "transceiver",
+        (0x020, ""): "no acknowledge",
+        (0x040, ""): "bus-off",
+        (0x080, ""): "error frame",
+        (0x100, ""): "back from bus-off",
+        (0x004, "0001"): "receive buffer overflow",
+        (0x004, "0002"): "transmit buffer overflow",
+        (0x004, "0004"): "receive warning level",
+        (0x004, "0008"): "transmit warning level",
+        (0x004, "0030"): "error-passive by reception, error-passive by transmission",
+        (0x004, "0040"): "error-active again",
+        (0x008, "000000"): "error while receiving",
+        (0x008, "000081"): "bit error while sending",
+        (0x008, "000006"): "form error and stuff error while receiving",
+        (0x008, "000098"): "a dominant bit not sent and a recessive bit not sent while sending",
+        (0x008, "000020"): "overload while receiving",
+        (0x200, "000000000000 80 7f"): "TEC 128, REC 127",
+        (0x20A, "0000010000000102"): "arbitration lost, bit error while receiving, TEC 1, REC 2",
+        (0x000, "00ffff"): "error frame",
+    }
+    assert {
+        (classes, data): error_text(Frame(ERROR_FLAG | classes, bytes.fromhex(data)))
+        for classes, data in expected
+    } == expected
 
 
 class Objects(dict):

@@ -46,20 +46,17 @@ def test_one_picture_has_it_all(loop, cli):
     assert any(line.startswith("loop   ") for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("value", "shown"),
-    [
-        (0.0, "    "),
-        (4.0, "████"),
-        (2.0, "██  "),
-        (2.5, "██▌ "),
-        (-1.0, "    "),
-        (9.0, "████"),
-        (None, "    "),
-    ],
-)
-def test_a_bar_is_as_full_as_the_value_lies(value, shown):
-    assert bar(value, 0.0, 4.0, width=4) == shown
+def test_a_bar_is_as_full_as_the_value_lies():
+    expected = {
+        0.0: "    ",
+        4.0: "████",
+        2.0: "██  ",
+        2.5: "██▌ ",
+        -1.0: "    ",
+        9.0: "████",
+        None: "    ",
+    }
+    assert {value: bar(value, 0.0, 4.0, width=4) for value in expected} == expected
 
 
 def test_a_bar_of_one_value_is_empty():

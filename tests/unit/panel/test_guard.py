@@ -32,26 +32,23 @@ def status(headers, **options):
     return ask(headers, **options)[0]["status"]
 
 
-@pytest.mark.parametrize(
-    ("host", "answer"),
-    [
-        (b"127.0.0.1:8408", 200),
-        (b"localhost:8408", 200),
-        (b"[::1]:8408", 200),
-        (b"127.0.0.1:8409", 421),
-        (b"127.0.0.1", 421),  # port 80
-        (b"evil.example:8408", 421),  # a name that has come to mean 127.0.0.1
-        (b"127.0.0.1.evil.example:8408", 421),
-        (b"me@127.0.0.1:8408", 421),
-        (b"127.0.0.1:port", 421),
-        (b"192.0.2.7:8408", 421),
-        (b"", 421),
-        (b"\xff:8408", 421),
-        (b"[::1:8408", 421),
-    ],
-)
-def test_only_our_own_address_is_a_host(host, answer):
-    assert status([(b"host", host)]) == answer
+def test_only_our_own_address_is_a_host():
+    expected = {
+        b"127.0.0.1:8408": 200,
+        b"localhost:8408": 200,
+        b"[::1]:8408": 200,
+        b"127.0.0.1:8409": 421,
+        b"127.0.0.1": 421,  # port 80
+        b"evil.example:8408": 421,  # a name that has come to mean 127.0.0.1
+        b"127.0.0.1.evil.example:8408": 421,
+        b"me@127.0.0.1:8408": 421,
+        b"127.0.0.1:port": 421,
+        b"192.0.2.7:8408": 421,
+        b"": 421,
+        b"\xff:8408": 421,
+        b"[::1:8408": 421,
+    }
+    assert {host: status([(b"host", host)]) for host in expected} == expected
 
 
 def test_one_host_is_named():
@@ -59,12 +56,9 @@ def test_one_host_is_named():
     assert status([(b"host", b"127.0.0.1:8408")] * 2) == 421
 
 
-@pytest.mark.parametrize(
-    ("host", "answer"),
-    [(b"192.0.2.7:8408", 200), (b"evil.example:8408", 421), (b"localhost:8408", 200)],
-)
-def test_elsewhere_a_host_is_a_number_that_nobody_can_own(host, answer):
-    assert status([(b"host", host)], is_local=False) == answer
+def test_elsewhere_a_host_is_a_number_that_nobody_can_own():
+    expected = {b"192.0.2.7:8408": 200, b"evil.example:8408": 421, b"localhost:8408": 200}
+    assert {host: status([(b"host", host)], is_local=False) for host in expected} == expected
 
 
 def test_the_port_80_need_not_be_named():

@@ -105,12 +105,7 @@ class Session:
             self.spools[now] = plant.output.nu / FULL_OPENING
 
         session.watch(ticks=observe)
-        self.report = run_paced(
-            session,
-            wire,
-            pacer,
-            stopped=lambda: clock.now() >= until,
-        )
+        self.report = run_paced(session, wire, pacer, stopped=lambda: clock.now() >= until)
         self.sent = wire.sent
         self.waiting = wire.arrivals
 

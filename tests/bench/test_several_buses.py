@@ -121,11 +121,7 @@ def test_drivers_control_an_axis_over_both_buses():
         actuators = Network(bench.buses["bus"], clock=bench.now)
         sensors = Network(bench.buses["sensors"], clock=bench.now)
         valve, position = config.nodes[0], config.nodes[3]
-        with (
-            actuators,
-            sensors,
-            ProportionalValve(actuators, valve.node_id, valve.eds) as driver,
-        ):
+        with actuators, sensors, ProportionalValve(actuators, valve.node_id, valve.eds) as driver:
             encoder = PositionSensor(sensors, position.node_id, position.eds)
             driver.setup(transmission_type=254, event_timer=0.005, command_timeout=0.0)
             encoder.setup(transmission_type=254, event_timer=0.005)

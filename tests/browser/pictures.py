@@ -99,10 +99,7 @@ def take(browser, shot, target):
 
 def main():
     folder, names = Path(sys.argv[1]), sys.argv[2:] or list(SHOTS)
-    with (
-        tempfile.TemporaryDirectory(prefix="hil-") as runtime,
-        sync_playwright() as playwright,
-    ):
+    with tempfile.TemporaryDirectory(prefix="hil-") as runtime, sync_playwright() as playwright:
         os.environ["XDG_RUNTIME_DIR"] = runtime
         (Path(runtime) / "examples").symlink_to(ROOT / "examples")
         browser = playwright.chromium.launch(

@@ -188,10 +188,7 @@ def started(rig):
     return rig
 
 
-REAL_TIME = [
-    *PROCESSES,
-    *([pytest.param("vcan", marks=pytest.mark.long)] if has_vcan() else []),
-]
+REAL_TIME = [*PROCESSES, *([pytest.param("vcan", marks=pytest.mark.long)] if has_vcan() else [])]
 
 
 @pytest.fixture(params=[*EMBEDDED, *REAL_TIME])

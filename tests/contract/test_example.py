@@ -33,10 +33,7 @@ def start(hub_port):
 
 def run(*arguments):
     return subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, PROGRAM, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, PROGRAM, *arguments], capture_output=True, text=True, check=False
     )
 
 

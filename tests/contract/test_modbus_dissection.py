@@ -100,10 +100,7 @@ def test_every_response_is_found_to_its_request(tmp_path):
     capture = tmp_path / "session.pcap"
     write_tcp_capture(capture, messages)
     rows = dissect(
-        capture,
-        "modbus.request_frame",
-        "modbus.exception_code",
-        decode_as="tcp.port==502,mbtcp",
+        capture, "modbus.request_frame", "modbus.exception_code", decode_as="tcp.port==502,mbtcp"
     )
     for number, ((is_request, _), (request, exception)) in enumerate(
         zip(messages, rows, strict=True), 1

@@ -1,14 +1,7 @@
 """Faults of J1939 messages: period, length, values, priority, trouble codes."""
 
 from corpus.faults import MS, Found, Scene, changed, fault_of_j1939, merged
-from corpus.j1939_scene import (
-    cyclic,
-    drawn,
-    frame,
-    group_of,
-    is_from,
-    one_of_several,
-)
+from corpus.j1939_scene import cyclic, drawn, frame, group_of, is_from, one_of_several
 from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.outside.recording.channels import LoggedFrame
 

@@ -117,8 +117,7 @@ def message_begins_and_ends_with_a_function(scene: Scene) -> Made:
     command = frame(0x0000, found[0], b"\x01\xff\xff\x7d\xff\xff\xff\xff", found[1], 3)
     begins = (int(scene.end * 0.2), int(scene.end * 0.6))
     return merged(
-        scene.frames,
-        [(t, command) for b in begins for t in range(b, b + 1000 * MS, 50 * MS)],
+        scene.frames, [(t, command) for b in begins for t in range(b, b + 1000 * MS, 50 * MS)]
     )
 
 

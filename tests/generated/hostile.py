@@ -62,12 +62,7 @@ def binary_dialects(folder: Path) -> tuple[Dialect, ...]:
         _binary("BLF", ".blf", logs, blf, _blf_bomb(blf)),
         _binary("ASC bytes", ".asc", logs, asc),
         _binary("TRC bytes", ".trc", logs, _TRC.encode()),
-        _binary(
-            "MAT",
-            ".mat",
-            verbs_of(_MEASURED),
-            *_mat_files(),
-        ),
+        _binary("MAT", ".mat", verbs_of(_MEASURED), *_mat_files()),
         *_texts(folder, logs),
         _binary("Parquet", "/one.parquet", stored, _kept_results(folder), _parquet_bomb()),
     )

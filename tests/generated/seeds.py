@@ -275,10 +275,7 @@ def measured() -> str:
     return "t,x,u,pa,pb\n" + "".join(rows)
 
 
-EDS = (
-    *examples("device_profiles", "*.eds"),
-    *examples("device_profiles/imitations", "*.eds"),
-)
+EDS = (*examples("device_profiles", "*.eds"), *examples("device_profiles/imitations", "*.eds"))
 MAPS = (
     "t=time:s\nx=position:mm\nu=spool_setpoint:V\npa=P_A:bar\npb=P_B:bar",
     "t=time:s\nx=-position:mm\nu=spool_setpoint:%\npa=P_A:bar\npb=P_B:kPa",

@@ -11,12 +11,7 @@ from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 
 LONG = bytes(range(64))
-SENT = [
-    f"123##1{LONG.hex().upper()}",
-    "1ABCDEF0##2.11.22.33",
-    "181##0",
-    "301#0102",
-]
+SENT = [f"123##1{LONG.hex().upper()}", "1ABCDEF0##2.11.22.33", "181##0", "301#0102"]
 HEARD = [
     Frame(0x123, LONG, fd=FDF | BRS),
     Frame(0x1ABCDEF0, bytes.fromhex("112233"), is_extended=True, fd=FDF | ESI),

@@ -4,13 +4,7 @@ import contextlib
 import struct
 
 from hil_bench.bench.virtual_bench import VirtualBench
-from hil_drivers import (
-    DriverError,
-    Network,
-    PositionSensor,
-    PressureSensor,
-    ProportionalValve,
-)
+from hil_drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
 
 CYCLE = 0.01
 

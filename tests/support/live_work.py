@@ -8,12 +8,7 @@ from hil_bench.abilities.live.places import Place
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.view import WorkFeed
 
-CHANNELS = [
-    ["axis1.position", "m"],
-    ["axis1.P_A", "Pa"],
-    ["axis1.P_A_twin", "Pa"],
-    ["step", "-"],
-]
+CHANNELS = [["axis1.position", "m"], ["axis1.P_A", "Pa"], ["axis1.P_A_twin", "Pa"], ["step", "-"]]
 
 
 @contextlib.contextmanager

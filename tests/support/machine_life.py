@@ -162,10 +162,7 @@ def _record(
     with VirtualBench(config) as bench, Network(bench.bus, clock=bench.now) as network:
         bench.pump = network.pump
         begins: dict[str, float] = {}
-        live(
-            _Controller(bench, network, pdos),
-            lambda name: begins.update({name: bench.now()}),
-        )
+        live(_Controller(bench, network, pdos), lambda name: begins.update({name: bench.now()}))
         frames = [message_of(logged) for logged in bench.frames]
     return Life(tuple(as_on_a_wire(frames)), begins)
 

@@ -13,15 +13,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from unittest import mock
 
-from support.modbus_traffic import (
-    BLOCK,
-    INPUTS,
-    OTHER_UNIT,
-    UNIT,
-    Conversation,
-    Ledger,
-    attack,
-)
+from support.modbus_traffic import BLOCK, INPUTS, OTHER_UNIT, UNIT, Conversation, Ledger, attack
 from support.virtual_loop import VirtualLoop
 
 from hil_bench.abilities.common.socketcand_hub import JOIN_DELAY

@@ -143,12 +143,7 @@ def edge_flow(machine: Machine, opening: float, gain: float, drop: float) -> flo
 
 def edge_flows(m: Machine, at: float, ps: float, pa: float, pb: float):
     """Flows over P-A, A-T, P-B and B-T, and what they push the spool back by, in strokes."""
-    opened = (
-        at - m.overlaps[0],
-        -at - m.overlaps[1],
-        -at - m.overlaps[2],
-        at - m.overlaps[3],
-    )
+    opened = (at - m.overlaps[0], -at - m.overlaps[1], -at - m.overlaps[2], at - m.overlaps[3])
     drops = (ps - pa, pa - m.tank, ps - pb, pb - m.tank)
     flows = [edge_flow(m, *one) for one in zip(opened, m.gains, drops, strict=True)]
     if not m.flow_force:
@@ -287,15 +282,7 @@ def run_stroke(
     command = np.where((time >= opened) & (time < closed), amplitude, 0.0)
     at_a, at_b = (AV, BV) if machine.line_length else (PA, PB)
     return Run(
-        time,
-        command,
-        rows[X],
-        rows[V],
-        rows[at_a],
-        rows[at_b],
-        rows[PS],
-        rows[S],
-        values[:, -1],
+        time, command, rows[X], rows[V], rows[at_a], rows[at_b], rows[PS], rows[S], values[:, -1]
     )
 
 

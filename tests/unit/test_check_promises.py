@@ -16,10 +16,7 @@ from hypothesis import strategies as st
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.check import facts_of
-from hil_bench.plants.hydraulic_cylinder.model.constants import (
-    edge_constants,
-    land_constants,
-)
+from hil_bench.plants.hydraulic_cylinder.model.constants import edge_constants, land_constants
 from hil_bench.plants.hydraulic_cylinder.model.orifice import edge_openings
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 

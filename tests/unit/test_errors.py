@@ -7,11 +7,7 @@ import os
 import pytest
 
 from hil_bench.abilities.common.files import whole_file
-from hil_bench.errors import (
-    BusError,
-    ConfigError,
-    about_file,
-)
+from hil_bench.errors import BusError, ConfigError, about_file
 from hil_drivers.errors import BusLostError
 
 

@@ -5,11 +5,7 @@ import resource
 
 import pytest
 
-from hil_bench.abilities.common.reception import (
-    WaitingRoom,
-    capacity,
-    say_errors_in_a_line,
-)
+from hil_bench.abilities.common.reception import WaitingRoom, capacity, say_errors_in_a_line
 
 
 class Clock:

@@ -184,11 +184,7 @@ def test_the_peak_is_looked_for_between_two_frequencies():
 def test_a_frictionless_cylinder_measures_as_eq_24(table_1):
     parameters = replace(table_1, F_c=0.0, F_s=0.0)
     setup = without_input_nonlinearities(
-        Setup(
-            parameters=parameters,
-            model=Model.REDUCED,
-            solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
-        ),
+        Setup(parameters=parameters, model=Model.REDUCED, solver=Solver.LINEARLY_IMPLICIT_MIDPOINT),
         largest=1e-5,
     )
 

@@ -21,11 +21,7 @@ from hil_bench.abilities.analysis.paper import (
     write_paper,
 )
 from hil_bench.errors import ConfigError
-from hil_bench.plants.hydraulic_cylinder.model import (
-    FullOrderPlant,
-    PlantOptions,
-    balanced_state,
-)
+from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantOptions, balanced_state
 
 DOCUMENTS = Path(__file__).parents[3] / "docs"
 

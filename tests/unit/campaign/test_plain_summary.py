@@ -226,12 +226,7 @@ def test_a_search_keeps_the_first_failure_and_the_worst_of_each_requirement(seed
 
 
 def test_a_search_turns_to_what_has_not_failed():
-    expected = {
-        "": ["abc", "a", "b", "c"],
-        "b": ["ac", "a", "c"],
-        "ab": ["c"],
-        "abc": ["abc"],
-    }
+    expected = {"": ["abc", "a", "b", "c"], "b": ["ac", "a", "c"], "ab": ["c"], "abc": ["abc"]}
     assert {
         failed: ["".join(each) for each in turns("abc", failed)] for failed in expected
     } == expected

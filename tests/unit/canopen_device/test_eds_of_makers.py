@@ -112,10 +112,7 @@ def test_the_head_alone_is_a_device_without_findings(maker):
     ("access", "finding"),
     [
         ("ro", ("warning", "2000", "LowLimit: 0 is above HighLimit -1; neither counts")),
-        (
-            "rw",
-            ("error", "2000", "LowLimit: 0 is above HighLimit -1; the bus may write any value"),
-        ),
+        ("rw", ("error", "2000", "LowLimit: 0 is above HighLimit -1; the bus may write any value")),
     ],
 )
 def test_limits_that_turn_round_as_signed_numbers(maker, access, finding):

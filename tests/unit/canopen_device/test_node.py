@@ -194,10 +194,7 @@ IDENTIFIERS = (0x000, 0x080, 0x100, 0x205, 0x305, 0x605, 0x681, 0x185, 0x705, 0x
 
 FRAMES = st.builds(
     Frame,
-    st.one_of(
-        st.sampled_from(IDENTIFIERS),
-        st.integers(0, 0x7FF),
-    ),
+    st.one_of(st.sampled_from(IDENTIFIERS), st.integers(0, 0x7FF)),
     st.one_of(st.binary(max_size=8), st.sampled_from([b"\x01\x05", b"\x80\x00", b"\x02\x00"])),
     st.booleans() | st.just(value=False),
     st.booleans() | st.just(value=False),

@@ -189,10 +189,7 @@ def test_a_short_frame_asks_for_no_segment(rig):
 
 @pytest.mark.parametrize(
     ("begin", "segment"),
-    [
-        ("4021200000000000", "6000000000000000"),
-        ("2121200014000000", "0000000000000000"),
-    ],
+    [("4021200000000000", "6000000000000000"), ("2121200014000000", "0000000000000000")],
     ids=["upload", "download"],
 )
 def test_each_segment_puts_the_time_out_off(rig, begin, segment):

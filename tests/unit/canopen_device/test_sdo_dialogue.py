@@ -2,12 +2,7 @@
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    RuleBasedStateMachine,
-    invariant,
-    rule,
-    run_state_machine_as_test,
-)
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
 
 from hil_bench.canopen_device.sdo import BUFFER_SIZE
 from hil_bench.canopen_device.sdo_block import SEGMENTS_PER_ROUND, BlockUpload

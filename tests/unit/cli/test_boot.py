@@ -53,8 +53,7 @@ def test_a_missing_mandatory_slave_is_exit_code_1(cli, tmp_path):
 def test_a_missing_optional_slave_is_named(capsys, tmp_path):
     path = tmp_path / "network.toml"
     path.write_text(
-        "[slaves.a]\nnode_id = 1\n[slaves.gone]\nnode_id = 9\nmandatory = false\n",
-        encoding="utf-8",
+        "[slaves.a]\nnode_id = 1\n[slaves.gone]\nnode_id = 9\nmandatory = false\n", encoding="utf-8"
     )
     assert main(["boot", "--virtual", "--network", str(path)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "network  started without node 9 (gone) (B)"

@@ -99,10 +99,7 @@ def test_in_lockstep_every_run_leaves_the_same_recording(folder, monkeypatch, ca
     recordings = []
     for name in ("first", "second"):
         bus = DirectLockStep(load_config(folder / "sheet.toml"))
-        monkeypatch.setattr(
-            f"{LOCKSTEP}.open_transport",
-            lambda *_, bus=bus: bus,
-        )
+        monkeypatch.setattr(f"{LOCKSTEP}.open_transport", lambda *_, bus=bus: bus)
         arguments = ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", name]
         assert main(["commission", *arguments]) == 0, capsys.readouterr()
         recordings.append((folder / name / "commissioning.mf4").read_bytes())

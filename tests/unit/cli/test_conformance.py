@@ -49,8 +49,7 @@ def test_a_report_of_the_virtual_bench_says_the_command_that_repeats_it(
     more, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.run_suite",
-        lambda _dut, _allowed: iter(()),
+        "hil_bench.abilities.conformance.verbs.run_suite", lambda _dut, _allowed: iter(())
     )
     monkeypatch.chdir(tmp_path)
     words = ["conformance", "--virtual", "--node-id", "1", *more, "--report", "r.md"]
@@ -134,8 +133,7 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, cli):
         *[Result("TPDO", check, Outcome.NOT_RUN, cause)] * 21,
     ]
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.run_suite",
-        lambda _dut, _allowed: iter(results),
+        "hil_bench.abilities.conformance.verbs.run_suite", lambda _dut, _allowed: iter(results)
     )
     out, err = cli(["conformance", "--virtual", "--node-id", "1", *quiet], 1)
     failed, not_run = out.splitlines()
@@ -148,7 +146,6 @@ def test_checks_that_are_not_run_are_one_line(quiet, monkeypatch, cli):
 def test_a_recommendation_is_no_reason_for_exit_code_1(monkeypatch, cli):
     result = Result("RPDO", CHAPTERS[0].checks[0], Outcome.NOT_FOLLOWED, "no EMCY")
     monkeypatch.setattr(
-        "hil_bench.abilities.conformance.verbs.run_suite",
-        lambda _dut, _allowed: iter([result]),
+        "hil_bench.abilities.conformance.verbs.run_suite", lambda _dut, _allowed: iter([result])
     )
     assert "not followed    required" in cli("conformance --virtual --node-id 1").out

@@ -10,17 +10,10 @@ import threading
 import pytest
 
 from hil_bench.abilities.common import progress
-from hil_bench.abilities.common.progress import (
-    Work,
-    WorkLines,
-    shown_work,
-)
+from hil_bench.abilities.common.progress import Work, WorkLines, shown_work
 from hil_bench.cli import main
 from hil_bench.cli.process import PatientHandler
-from hil_bench.cli.status_line import (
-    PERIOD,
-    Progress,
-)
+from hil_bench.cli.status_line import PERIOD, Progress
 
 
 def test_a_line_a_minute_of_the_machines_time():
@@ -55,10 +48,7 @@ def test_a_line_every_ten_seconds_of_work():
         work.done = 2 * second
         work.remark = "1 failed" if second > 15 else ""
         lines.look()
-    assert said == [
-        "campaign: 20 of 64 runs, 10 s",
-        "campaign: 40 of 64 runs, 20 s; 1 failed",
-    ]
+    assert said == ["campaign: 20 of 64 runs, 10 s", "campaign: 40 of 64 runs, 20 s; 1 failed"]
 
 
 def test_a_stage_counts_when_the_next_one_begins():

@@ -20,7 +20,7 @@ def test_the_virtual_bench_is_scanned(cli):
     out = cli("scan --virtual").out
     header, valve, *_ = (line.split("  ") for line in out.splitlines()[3:])
     assert [cell.strip() for cell in header if cell] == [
-        *("node", "NMT state", "profile", "revision", "errors", "name"),
+        *("node", "NMT state", "profile", "revision", "errors", "name")
     ]
     assert [cell.strip() for cell in valve if cell] == [
         *("1", "PRE-OPERATIONAL", "CiA 408, proportional valve"),

@@ -7,14 +7,7 @@ from device_profiles import PRESSURE_404
 from hil_bench.canopen_device.frame import Frame
 from hil_drivers import Network, NmtState
 from hil_drivers.boot import NetworkManager
-from hil_drivers.boot_records import (
-    BootError,
-    Configured,
-    Loss,
-    Slave,
-    Start,
-    Startup,
-)
+from hil_drivers.boot_records import BootError, Configured, Loss, Slave, Start, Startup
 from hil_drivers.concise_dcf import ConciseEntry
 
 BENCH = """

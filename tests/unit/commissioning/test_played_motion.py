@@ -9,13 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil_bench.abilities.commissioning.plan import (
-    SETTLING,
-    Limits,
-    Step,
-    StepKind,
-    expected_speed,
-)
+from hil_bench.abilities.commissioning.plan import SETTLING, Limits, Step, StepKind, expected_speed
 from hil_bench.abilities.commissioning.responses import chirp, direction, steps, stuck_pressures
 from hil_bench.abilities.commissioning.rig import Procedure
 from hil_bench.abilities.commissioning.sweeps import Triangle, dead_band, leakage, ramp, sensors
@@ -99,10 +93,7 @@ def measured():
     """Do a step of a plan; return its measures by name, with their limits."""
     axis = load_config().axes[0]
     procedure = SimpleNamespace(
-        rig=Machine(axis.parameters),
-        axis=axis,
-        parameters=axis.parameters,
-        dead_zone=0.0,
+        rig=Machine(axis.parameters), axis=axis, parameters=axis.parameters, dead_zone=0.0
     )
     measured_from = []
     procedure.go_to = measured_from.append

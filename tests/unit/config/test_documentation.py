@@ -123,10 +123,7 @@ def test_the_example_of_one_axis_has_every_key_of_the_plant():
         assert f"\n{key.name} = " in text or f"\n# {key.name} = " in text
 
 
-@pytest.mark.parametrize(
-    ("node", "unit"),
-    [("pressure_a", "Pa"), ("position", "m")],
-)
+@pytest.mark.parametrize(("node", "unit"), [("pressure_a", "Pa"), ("position", "m")])
 def test_the_example_of_one_axis_has_every_key_of_a_chain(node, unit):
     text = (ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8")
     written = tomllib.loads(text)["nodes"][node]["chain"].keys()

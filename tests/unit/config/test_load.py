@@ -9,11 +9,7 @@ import pytest
 
 import device_profiles
 from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import (
-    BusConfig,
-    Origin,
-    load_config,
-)
+from hil_bench.bench.configuration import BusConfig, Origin, load_config
 from hil_bench.devices.kinds.encoder_406 import EncoderConfig
 from hil_bench.devices.kinds.pressure_404 import PressureConfig
 from hil_bench.devices.kinds.valve_408 import ValveConfig

@@ -319,13 +319,13 @@ HEARS = {
         "stores other bytes": (
             "segmented_long",
             altered(REQUEST, lambda d: b"\0!" + d[2:] if len(d) == 8 and d[0] == 0 else d),
-        ),
+        )
     },
     "PDO mapping": {
         "puts a dummy entry into an object": (
             "dummy",
             altered(RPDO, lambda d: d[1:] + b"\0" if d[:1] == b"\xff" else d),
-        ),
+        )
     },
     "TPDO": {
         "takes a reserved type": ("reserved_types", writes("2f001802 f1", "2f001802 01")),

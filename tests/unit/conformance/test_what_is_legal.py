@@ -299,7 +299,6 @@ def test_a_device_may_have_one_event_driven_type(laboratory):
 def test_a_block_upload_may_come_without_its_size(laboratory):
     """CiA 301, 7.2.4.3.13: with s = 0 the four bytes of the size are reserved."""
     laboratory.says = altered(
-        ANSWER,
-        lambda d: bytes([d[0] & ~2]) + d[1:4] + bytes(4) if d[0] in {0xC2, 0xC6} else d,
+        ANSWER, lambda d: bytes([d[0] & ~2]) + d[1:4] + bytes(4) if d[0] in {0xC2, 0xC6} else d
     )
     assert laboratory.failed("SDO block transfer") == []

@@ -6,12 +6,7 @@ import time
 
 import pytest
 
-from hil_bench.abilities.controllers.busy_wait import (
-    LONGEST_NS,
-    MOST_SLEEPS,
-    SHARED_NS,
-    BusyWait,
-)
+from hil_bench.abilities.controllers.busy_wait import LONGEST_NS, MOST_SLEEPS, SHARED_NS, BusyWait
 
 
 class Machine:

@@ -200,10 +200,7 @@ def test_who_reads_the_bus_of_the_bench_hears_the_controller_too(folder):
 def test_an_exception_is_a_line_with_its_place(folder, call, words):
     raised = words.replace(": ", '("').split()[0]
     line = next(n for n, text in enumerate(FILE.splitlines(), 1) if f"raise {raised}" in text)
-    with (
-        make_bench(folder, f"mine.py:{call}") as bench,
-        pytest.raises(ControllerError) as error,
-    ):
+    with make_bench(folder, f"mine.py:{call}") as bench, pytest.raises(ControllerError) as error:
         bench.run(1.0)
     assert str(error.value).endswith(f"mine.py:{line}: {words}")
 

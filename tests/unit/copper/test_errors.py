@@ -3,11 +3,7 @@
 import pytest
 
 from hil_bench.abilities.copper.wire.arbitration import dominant_errors
-from hil_bench.abilities.copper.wire.attempt import (
-    ErrorKind,
-    disturbed,
-    unacknowledged,
-)
+from hil_bench.abilities.copper.wire.attempt import ErrorKind, disturbed, unacknowledged
 from hil_bench.abilities.copper.wire.bits import exact_bits, stuffed_bits
 from hil_bench.abilities.copper.wire.station import CanState, Station
 from hil_bench.abilities.copper.wire.wire import Wire

@@ -142,10 +142,7 @@ def test_ten_thousand_errors_are_kept_for_a_tick_and_no_more():
         errors = wiring.take_errors()
         assert (len(errors), wiring.take_errors()) == (10_000, [])
         assert errors[0][1] == 5
-        assert errors[-1] == (
-            Frame(ERROR_FLAG | 0x300, bytes(8)),
-            bus.wire.free_at,
-        )
+        assert errors[-1] == (Frame(ERROR_FLAG | 0x300, bytes(8)), bus.wire.free_at)
 
 
 @pytest.mark.parametrize(

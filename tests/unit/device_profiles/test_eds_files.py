@@ -232,10 +232,7 @@ def pdo(dictionary, communication):
             IMITATIONS / "pressure_int16_status.eds",
             *(0x1800, (0x40000185, 254, 10, [0x71300110, 0x61500108])),
         ),
-        (
-            IMITATIONS / "analogue_io_401.eds",
-            *(0x1401, (0x305, 255, 0, [0x64110110, 0x64110210])),
-        ),
+        (IMITATIONS / "analogue_io_401.eds", *(0x1401, (0x305, 255, 0, [0x64110110, 0x64110210]))),
         (
             IMITATIONS / "analogue_io_401.eds",
             *(0x1801, (0x40000285, 255, 10, [0x64010110, 0x64010210, 0x64010310, 0x64010410])),

@@ -9,12 +9,7 @@ import math
 import pytest
 
 from device_profiles import PRESSURE_404, TRANSDUCER_404
-from hil_bench.devices.pressure_404 import (
-    TEMPERATURE_UNITS,
-    PressureDevice,
-    Span,
-    TransducerDevice,
-)
+from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, PressureDevice, Span, TransducerDevice
 
 BAR = 1e5
 SPAN = (0.0, 250 * BAR)

@@ -7,16 +7,7 @@ Status words: low four bits R M H D as in `test_valve_state_machine`; bit 4 loca
 import math
 
 import pytest
-from support.valves import (
-    ACTIVE,
-    DISABLED,
-    HOLD,
-    INIT,
-    activate,
-    control,
-    fit_valve,
-    status,
-)
+from support.valves import ACTIVE, DISABLED, HOLD, INIT, activate, control, fit_valve, status
 
 from device_profiles import VALVE_408
 from hil_bench.devices.valve_state_machine import ValveState

@@ -142,8 +142,7 @@ def test_stored_parameters_without_meaning_switch_the_function_off(make_rig):
 
 
 @pytest.mark.parametrize(
-    ("index", "default", "told"),
-    [(0x6330, 4, "0 to 3 exist"), (0x6322, 0x10000, "denominator")],
+    ("index", "default", "told"), [(0x6330, 4, "0 to 3 exist"), (0x6322, 0x10000, "denominator")]
 )
 def test_a_default_without_meaning_is_told_when_the_bench_is_built(make_rig, index, default, told):
     rig = make_rig(VALVE_408)

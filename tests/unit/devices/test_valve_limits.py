@@ -3,14 +3,7 @@
 import math
 
 import pytest
-from support.valves import (
-    ACTIVE,
-    activate,
-    demand,
-    fit_valve,
-    set_up,
-    status,
-)
+from support.valves import ACTIVE, activate, demand, fit_valve, set_up, status
 
 from device_profiles import VALVE_408
 from hil_bench.devices.bound_objects import saturate

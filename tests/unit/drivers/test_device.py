@@ -80,10 +80,7 @@ def test_the_vendor_counts_where_the_eds_names_one(
 )
 def test_another_mapping_is_refused(sensor, expected_protocol, upload, identity, answers, message):
     steps = [upload(4, name, raw) for name, raw in answers]
-    with (
-        expected_protocol([*identity, *steps]),
-        pytest.raises(DeviceMismatchError, match=message),
-    ):
+    with expected_protocol([*identity, *steps]), pytest.raises(DeviceMismatchError, match=message):
         sensor.setup()
 
 
@@ -182,11 +179,7 @@ def port(address):
         (lambda number: Network(None).add_node(number), [1, 127], [0, 128]),
         (lambda address: J1939Device(port(0), address), [0, 253], [-1, 254]),
         (port, [0, 253], [-1, 254]),
-        (
-            lambda unit: PositionOnModbus(ModbusClient(None), unit),
-            [1, 247],
-            [0, 248],
-        ),
+        (lambda unit: PositionOnModbus(ModbusClient(None), unit), [1, 247], [0, 248]),
         (lambda size: ControllerParameters(position_gain=size), [0.0], [-1e-9, math.inf]),
         (lambda size: ControllerParameters(dead_zone=size), [0.0, 0.999], [1.0]),
         (lambda size: ControllerParameters(full_speed=size), [1e-9], [0.0]),

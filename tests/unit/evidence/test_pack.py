@@ -6,12 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.evidence.pack import (
-    MANIFEST,
-    check_folder,
-    verify_pack,
-    write_pack,
-)
+from hil_bench.abilities.evidence.pack import MANIFEST, check_folder, verify_pack, write_pack
 from hil_bench.errors import ConfigError
 
 FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}

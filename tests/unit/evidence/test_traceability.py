@@ -79,11 +79,7 @@ def test_a_requirement_that_a_scenario_names_and_does_not_judge_is_seen(traced):
 
 def test_junit_by_property(traced):
     found = traced(junit=JUNIT)
-    assert outcomes(found) == {
-        "SRS-1": "failed",
-        "SRS-2": "not exercised",
-        "SRS-3": "inconclusive",
-    }
+    assert outcomes(found) == {"SRS-1": "failed", "SRS-2": "not exercised", "SRS-3": "inconclusive"}
     assert [row["test"] for row in found["without_requirement"]] == ["a::free"]
 
 

@@ -290,7 +290,4 @@ def test_what_a_node_s_file_hides_from_the_decoder_is_a_line(tmp_path, caplog, m
     path.write_text(DCF.format(made_for=made_for))
     assert node_of_eds(f"9={path}").name == "motor_9"
     error = "12: error: [1800sub1] ParameterValue: is 0x178, which no PDO may have; TPDO1 is off"
-    assert caplog.messages == [
-        *(f"{path}: {each}" for each in words),
-        f"{path}:{error}",
-    ]
+    assert caplog.messages == [*(f"{path}: {each}" for each in words), f"{path}:{error}"]

@@ -2,10 +2,7 @@
 
 import pytest
 
-from hil_bench.abilities.common.identifiers import (
-    Function,
-    function_of,
-)
+from hil_bench.abilities.common.identifiers import Function, function_of
 from hil_bench.abilities.eyes.frame_words import meaning_of
 
 

@@ -115,10 +115,7 @@ def test_a_transfer_to_one_is_one_line():
             "aborted by 39, reason 3 timeout: no packet after the CTS (T2)",
         ),
         (DM1_BAM[:2], "not complete, 1 of 2 packets, no packet after number 1 (T1)"),
-        (
-            [DM1_BAM[0], DM1_BAM[2]],
-            "not complete, 1 of 2 packets, packet 2 came in place of 1",
-        ),
+        ([DM1_BAM[0], DM1_BAM[2]], "not complete, 1 of 2 packets, packet 2 came in place of 1"),
     ],
 )
 def test_a_transfer_that_fails_is_a_problem(frames, problem):

@@ -104,11 +104,7 @@ def test_small_identifiers_of_29_bits_show_nothing():
 
 @pytest.mark.parametrize(
     ("devices", "is_silent", "expected"),
-    [
-        (2, False, [Cause.J1939_RESTART] * 2),
-        (3, False, []),
-        (3, True, [Cause.J1939_RESTART] * 3),
-    ],
+    [(2, False, [Cause.J1939_RESTART] * 2), (3, False, []), (3, True, [Cause.J1939_RESTART] * 3)],
 )
 def test_many_that_claim_at_once_were_asked_where_the_bus_goes_on(devices, is_silent, expected):
     """An adapter does not record the request that it sends. Where all was dark, it is none."""

@@ -33,9 +33,7 @@ def log(*frames):
 
 
 def sensor(protected):
-    return [
-        KnownNode(2, "pressure", load_eds(PRESSURE_404, 2), protected_tpdos=protected),
-    ]
+    return [KnownNode(2, "pressure", load_eds(PRESSURE_404, 2), protected_tpdos=protected)]
 
 
 # The transducer's TPDO1 maps a REAL32 and a status byte.

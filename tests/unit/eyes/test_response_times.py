@@ -33,11 +33,7 @@ def test_the_example_of_the_paper():
         Message(name, place, period, transmission)
         for place, (name, period) in enumerate(periods.items())
     ]
-    assert response_times(messages, bit_time=8 * US) == {
-        "A": 2 * MS,
-        "B": 3 * MS,
-        "C": 3_500_000,
-    }
+    assert response_times(messages, bit_time=8 * US) == {"A": 2 * MS, "B": 3 * MS, "C": 3_500_000}
 
 
 def test_a_message_alone_waits_for_what_is_on_the_bus_already():

@@ -207,11 +207,7 @@ def test_a_hub_that_ends_is_a_lost_bus_and_silence_is_none():
     """It needs the real client: python-can returns None for an end of file, as for silence."""
     with HubProcess(port=0, channels=("can0",)) as hub:
         bus = can.Bus(
-            interface="socketcand",
-            channel="can0",
-            host=hub.host,
-            port=hub.port,
-            ignore_config=True,
+            interface="socketcand", channel="can0", host=hub.host, port=hub.port, ignore_config=True
         )
         listener = Listener(bus, "can0")
         assert listener.hear(0.0) is None

@@ -247,9 +247,7 @@ def test_what_makes_no_sense_is_refused(begin, said):
 )
 def test_what_a_file_says_of_an_axis_is_checked(keys, fault, said):
     with pytest.raises(ConfigError) as error:
-        load_config(
-            tables={"plant": {"axis1": keys}, "faults": [{"target": "axis1", **fault}]},
-        )
+        load_config(tables={"plant": {"axis1": keys}, "faults": [{"target": "axis1", **fault}]})
     assert str(error.value).startswith(f"built-in bench:faults[1].{said}")
 
 

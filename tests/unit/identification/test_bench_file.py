@@ -11,13 +11,7 @@ from support.machine_record import FULL_OPENING, Machine
 from hil_bench.abilities.identification.bench_file import _toml, write_bench
 from hil_bench.abilities.identification.fit import Bench, Fit
 from hil_bench.abilities.identification.identify import Estimate, Identification
-from hil_bench.abilities.identification.ladder import (
-    PAPER,
-    STEADY,
-    SWIFT,
-    Ladder,
-    Rung,
-)
+from hil_bench.abilities.identification.ladder import PAPER, STEADY, SWIFT, Ladder, Rung
 from hil_bench.abilities.identification.machine import DROOP, GAS, PUMP, Template
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.strokes import make_course
@@ -78,11 +72,7 @@ def found_by(path):
     )
     ladder = Ladder(bench, (Rung("", fit, np.array([]), ()),), 0, True, ())
     found = Identification(
-        bench=bench,
-        ladder=ladder,
-        fit=fit,
-        estimates=estimates,
-        is_refined=True,
+        bench=bench, ladder=ladder, fit=fit, estimates=estimates, is_refined=True
     )
     return write_bench(found, config, "run.csv", ())
 

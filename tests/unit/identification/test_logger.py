@@ -5,11 +5,7 @@ import numpy.typing as npt
 import pytest
 from support.machine_record import FULL_OPENING, POSITION_NOISE, Machine, random_steps
 
-from hil_bench.abilities.identification.logger import (
-    find_clipped,
-    find_jumps,
-    look_through,
-)
+from hil_bench.abilities.identification.logger import find_clipped, find_jumps, look_through
 from hil_bench.abilities.identification.record import FLOORS, AxisRecord, join_records
 from hil_bench.errors import ConfigError
 

@@ -25,8 +25,7 @@ def turned(recording, *names):
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [(), ("position",), ("spool_setpoint",), ("P_A",), ("P_B", "position"), SIGNALS],
+    "wrong", [(), ("position",), ("spool_setpoint",), ("P_A",), ("P_B", "position"), SIGNALS]
 )
 def test_unknown_polarities_are_found(recording, wrong):
     right = turned(recording)

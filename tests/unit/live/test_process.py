@@ -14,13 +14,7 @@ from support.patience import GUARD
 import hil_bench
 from hil_bench import BusError, ConfigError, load_config
 from hil_bench.abilities.common.shared_ring import SharedRing
-from hil_bench.abilities.live.places import (
-    Place,
-    check_name,
-    find_names,
-    place_of,
-    runtime_folder,
-)
+from hil_bench.abilities.live.places import Place, check_name, find_names, place_of, runtime_folder
 from hil_bench.abilities.live.server import CAPACITY, MOST_COMMANDS, FeedPlan, FeedProcess
 from hil_bench.abilities.live.session_feed import Feed
 from hil_bench.abilities.live.view import hello_of

@@ -153,11 +153,7 @@ def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
 
     def stop():
         with connect("mine", timeout=GUARD) as client:
-            assert client.hello["work"] == {
-                "verb": "shadow",
-                "title": "bench.toml",
-                "again": [],
-            }
+            assert client.hello["work"] == {"verb": "shadow", "title": "bench.toml", "again": []}
             client.request("stop")
 
     watcher = threading.Thread(target=stop)

@@ -5,11 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from hil_bench.plants.hydraulic_cylinder.model import (
-    PlantState,
-    balanced_state,
-    paper_parameters,
-)
+from hil_bench.plants.hydraulic_cylinder.model import PlantState, balanced_state, paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 
 _TANH_GAIN = 400.0  # Ruderman 2017, section IV-B

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from hil_bench import ConfigError, load_config
-from hil_bench.abilities.new.wording import (
-    CYLINDERS,
-    VALVES,
-    catalogue_lines,
-    describe_cylinder,
-)
+from hil_bench.abilities.new.wording import CYLINDERS, VALVES, catalogue_lines, describe_cylinder
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import natural_frequency, step_response

@@ -138,9 +138,7 @@ inputs = st.tuples(st.floats(-2e-3, 2e-3), st.floats(-1e5, 1e5))
 
 @settings(max_examples=150)
 @given(
-    options=option_sets,
-    E=st.floats(1e7, 2e9),
-    history=st.lists(inputs, min_size=1, max_size=15),
+    options=option_sets, E=st.floats(1e7, 2e9), history=st.lists(inputs, min_size=1, max_size=15)
 )
 def test_midpoint_stays_finite_whatever_is_on(options, E, history):
     oil = dataclasses.replace(paper_parameters(), E=E)

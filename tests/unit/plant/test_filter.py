@@ -8,10 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.constants import (
-    filter_constants,
-    supply_constants,
-)
+from hil_bench.plants.hydraulic_cylinder.model.constants import filter_constants, supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import Filter, SupplyUnit, VariablePump
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
@@ -73,10 +70,7 @@ def test_in_motion_the_line_lacks_the_drop():
     expected = 1e7 + (1e-3 - Q) / 2e-9 - R * Q
     assert plant.supply_pressure == pytest.approx(expected, rel=1e-5)
     motion = steady_motion(
-        replace(P, P_S=plant.supply_pressure),
-        PlantOptions.bench(),
-        extends=True,
-        z=0.3e-3,
+        replace(P, P_S=plant.supply_pressure), PlantOptions.bench(), extends=True, z=0.3e-3
     )
     assert plant.output.v == pytest.approx(motion.speed, rel=1e-3)
 

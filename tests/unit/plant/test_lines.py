@@ -50,8 +50,7 @@ def drop(flow, line):
 
 
 @pytest.mark.parametrize(
-    ("u", "load", "viscosity"),
-    [(0.5e-3, 0.0, 46e-6), (-0.6e-3, 5e3, 46e-6), (0.9e-3, -5e3, 15e-6)],
+    ("u", "load", "viscosity"), [(0.5e-3, 0.0, 46e-6), (-0.6e-3, 5e3, 46e-6), (0.9e-3, -5e3, 15e-6)]
 )
 def test_in_steady_motion_edge_and_line_are_in_series(u, load, viscosity):
     line = replace(HOSE, viscosity=viscosity)

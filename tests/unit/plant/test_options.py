@@ -41,10 +41,7 @@ def test_bench_keeps_piston_and_pressures_where_they_can_be():
         ({"alpha_negative": 0.0}, "alpha_negative = 0 m: must be greater than 0"),
         ({"beta_negative": -1e-4}, "beta_negative = -0.0001 m: must be 0 or greater"),
         ({"cavitation_floor": 1e5}, "cavitation_floor = 100000 Pa: must be 0 or less"),
-        (
-            {"cavitation_floor": -2e5},
-            "cavitation_floor = -200000 Pa: must be 0 or less",
-        ),
+        ({"cavitation_floor": -2e5}, "cavitation_floor = -200000 Pa: must be 0 or less"),
         ({"cavitation_floor": True}, "cavitation_floor = True: must be a number in Pa"),
         ({"signed_root": "no"}, "signed_root = 'no': must be bool"),
         ({"end_stop": True}, "end_stop = True: must be EndStop or None"),

@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.helper_process import (
-    Snapshot,
-    SnapshotRow,
-)
+from hil_bench.outside.helper_process import Snapshot, SnapshotRow
 
 WIDTH = 64
 SPAWN = multiprocessing.get_context("spawn")

@@ -99,11 +99,7 @@ def test_beyond_the_backlog_whole_periods_are_left_out_and_the_phase_stays():
     pacer = Pacer(clock, MS, backlog=5 * MS)
     ticks = run(pacer, clock, [10 * MS + 400_000, 0, 0])
     # At 10.4 ms the tick of 1 ms is 9.4 ms late: nine periods go, the tick of 10 ms runs at once.
-    assert ticks == [
-        (7, 7),
-        (7 + 10 * MS, 7 + 10 * MS + 400_000),
-        (7 + 11 * MS, 7 + 11 * MS),
-    ]
+    assert ticks == [(7, 7), (7 + 10 * MS, 7 + 10 * MS + 400_000), (7 + 11 * MS, 7 + 11 * MS)]
     assert pacer.statistics.skipped == 9
     assert pacer.lateness == 0  # of the last tick
     assert pacer.statistics.lateness.maximum == 9_400_000  # for 9.4 ms nothing ran
@@ -113,11 +109,7 @@ def test_skipping_leaves_out_each_whole_period_that_is_late():
     clock = VirtualClock()
     pacer = Pacer(clock, MS, overrun=OverrunPolicy.SKIP)
     # 3.2 ms of work in the first tick: at 3.2 ms the ticks of 1 and 2 ms go, that of 3 ms runs.
-    assert run(pacer, clock, [3_200_000, 0, 0]) == [
-        (0, 0),
-        (3 * MS, 3_200_000),
-        (4 * MS, 4 * MS),
-    ]
+    assert run(pacer, clock, [3_200_000, 0, 0]) == [(0, 0), (3 * MS, 3_200_000), (4 * MS, 4 * MS)]
     assert (pacer.statistics.overruns, pacer.statistics.skipped) == (1, 2)
     assert pacer.statistics.lateness.maximum == 2_200_000  # the tick of 1 ms was due at 1 ms
 

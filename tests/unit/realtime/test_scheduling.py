@@ -166,11 +166,7 @@ def test_a_deadline_policy_reserves_half_of_each_period(make_kernel):
 @pytest.mark.parametrize(
     ("refused", "config", "warning"),
     [
-        (
-            "set_processors",
-            FIFO,
-            "loop not tied to processor 2; this process may use 0-2",
-        ),
+        ("set_processors", FIFO, "loop not tied to processor 2; this process may use 0-2"),
         (
             "set_fifo_policy",
             FIFO,

@@ -21,8 +21,7 @@ def expected(first, after):
 
 
 @pytest.mark.parametrize(
-    ("rows", "first"),
-    [(0, 0), (1, 0), (3, 0), (4, 0), (5, 1), (7, 3), (8, 4), (11, 7)],
+    ("rows", "first"), [(0, 0), (1, 0), (3, 0), (4, 0), (5, 1), (7, 3), (8, 4), (11, 7)]
 )
 def test_the_ring_keeps_the_newest_rows_in_the_order_of_time(rows, first):
     assert record(rows, capacity=4) == expected(first, rows)

@@ -122,10 +122,7 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
             "time,x\ns,m\n1,fast\n",
             'row 3, column x: "fast" is not a number; write nan for an unknown value',
         ),
-        (
-            "time,x\ns,m\n1,2\n2,\n",
-            "row 4, column x: is empty; write nan for an unknown value",
-        ),
+        ("time,x\ns,m\n1,2\n2,\n", "row 4, column x: is empty; write nan for an unknown value"),
         ("x,time\nm,s\n", "it has no row of numbers"),
         ("\n\n", "it has no row of numbers"),
     ],

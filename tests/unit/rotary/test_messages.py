@@ -43,11 +43,7 @@ def test_a_rotary_encoder_needs_a_shaft(make_file):
 
 
 def test_what_is_not_said_is_doubted(tmp_path):
-    keys = {
-        "kind": '"rotary"',
-        "displacement_cm3_rev": 28,
-        "inertia_kg_m2": 0.02,
-    }
+    keys = {"kind": '"rotary"', "displacement_cm3_rev": 28, "inertia_kg_m2": 0.02}
     doubts = find_doubts(load_config(write_bench(tmp_path, keys)))
     assert [doubt.split(": ")[0].rpartition(".")[2] for doubt in doubts] == [
         "orifice_width_mm",

@@ -7,10 +7,7 @@ from concurrent.futures import CancelledError
 import pytest
 
 from hil_bench import Faults, VirtualBench, load_config
-from hil_bench.abilities.common.commands import (
-    SetObject,
-    SetPlant,
-)
+from hil_bench.abilities.common.commands import SetObject, SetPlant
 from hil_bench.abilities.faults.commands import BeginFault, ClearFault
 from hil_bench.bench.commands import MOST_WAITING
 from hil_bench.bench.session import open_session

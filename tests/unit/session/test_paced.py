@@ -57,12 +57,7 @@ def run(transport, ticks, observe=None, tables=None):
     clock = VirtualClock()
     clock.advance(4711 * TICK)  # a machine's clock does not begin with 0
     pacer = Pacer(clock, TICK)
-    return run_paced(
-        session,
-        transport,
-        pacer,
-        stopped=lambda: pacer.statistics.ticks == ticks,
-    )
+    return run_paced(session, transport, pacer, stopped=lambda: pacer.statistics.ticks == ticks)
 
 
 def test_it_runs_until_it_is_stopped():
@@ -298,10 +293,7 @@ def test_an_object_written_between_ticks_acts_in_the_next_one():
     )
     pacer = Pacer(clock, TICK)
     run_paced(
-        open_session(load_config()),
-        transport,
-        pacer,
-        stopped=lambda: pacer.statistics.ticks == 3,
+        open_session(load_config()), transport, pacer, stopped=lambda: pacer.statistics.ticks == 3
     )
     assert 0x201 in transport.filters[0]
     assert 0x201 not in transport.filters[-1]
@@ -316,9 +308,7 @@ def recorded_run(path, arrivals, ticks, **options):
     session = open_session(config)
     with recorded(session, RecordingWish((path,)), config, is_real_time=False):
         run_paced(
-            *(session, transport, pacer),
-            stopped=lambda: pacer.statistics.ticks == ticks,
-            **options,
+            *(session, transport, pacer), stopped=lambda: pacer.statistics.ticks == ticks, **options
         )
     return transport, list(read_frames(path))
 

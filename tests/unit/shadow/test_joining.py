@@ -71,8 +71,7 @@ def check_that_it_is_followed(pdos, begin):
 
 @pytest.mark.parametrize("pdos", [SYNCHRONOUS, BY_EVENT], ids=["sync", "event"])
 @pytest.mark.parametrize(
-    "part",
-    ["boot", "motion", "steps", "silent controller", "fault", "after the fault", "disabled"],
+    "part", ["boot", "motion", "steps", "silent controller", "fault", "after the fault", "disabled"]
 )
 def test_an_equal_twin_follows_in_whatever_state_it_finds_the_machine(pdos, part):
     begin = whole_life(pdos).begins[part]

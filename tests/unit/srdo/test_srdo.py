@@ -278,10 +278,7 @@ def test_a_pair_after_the_sct_fails_where_the_node_has_not_looked_since(receiver
 
 
 def test_remote_and_29_bit_frames_are_none(receiver):
-    for frame in (
-        Frame(PLAIN, b"\x34\x12\x07", is_extended=True),
-        Frame(PLAIN, is_remote=True),
-    ):
+    for frame in (Frame(PLAIN, b"\x34\x12\x07", is_extended=True), Frame(PLAIN, is_remote=True)):
         receiver.node.routes[PLAIN](frame, receiver.now)
     receiver.receive(INVERTED, b"\xcb\xed\xf8")
     assert receiver.values() == (0, 0)

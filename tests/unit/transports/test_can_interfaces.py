@@ -3,12 +3,7 @@
 import json
 import subprocess
 
-from hil_bench.outside.transports.socketcan import (
-    CanInterface,
-    bitrate_of,
-    can_interfaces,
-    is_up,
-)
+from hil_bench.outside.transports.socketcan import CanInterface, bitrate_of, can_interfaces, is_up
 
 SIOCGIFFLAGS, SIOCGIFHWADDR = 0x8913, 0x8927  # linux/sockios.h
 

@@ -160,8 +160,7 @@ def test_a_bus_of_can_fd_carries_both_kinds_both_ways(make_bus):
 def test_filters_let_only_the_matching_frames_through(make_bus):
     script = {MS: [Frame(0x181), Frame(0x182)], 2 * MS: [Frame(0x701), Frame(0x182)]}
     bus = make_bus(
-        ScriptedBench(script),
-        can_filters=[{"can_id": 0x182, "can_mask": 0x7FF, "extended": False}],
+        ScriptedBench(script), can_filters=[{"can_id": 0x182, "can_mask": 0x7FF, "extended": False}]
     )
     received = [bus.recv(0.010), bus.recv(0.010)]
     assert [(m.arbitration_id, m.timestamp) for m in received] == [(0x182, 0.001), (0x182, 0.002)]
@@ -169,8 +168,7 @@ def test_filters_let_only_the_matching_frames_through(make_bus):
 
 def test_a_filtered_frame_does_not_shorten_the_wait(make_bus):
     bus = make_bus(
-        ScriptedBench({MS: [Frame(0x181)]}),
-        can_filters=[{"can_id": 0x700, "can_mask": 0x7FF}],
+        ScriptedBench({MS: [Frame(0x181)]}), can_filters=[{"can_id": 0x700, "can_mask": 0x7FF}]
     )
     assert bus.recv(0.005) is None
     assert bus.now() == 0.005

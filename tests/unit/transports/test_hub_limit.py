@@ -8,10 +8,7 @@ import pytest
 from support import virtual_loop
 from support.virtual_loop import Pace, VirtualLoop
 
-from hil_bench.abilities.common.socketcand_hub import (
-    BURST,
-    RateLimit,
-)
+from hil_bench.abilities.common.socketcand_hub import BURST, RateLimit
 from hil_bench.abilities.hub.server import Hub, HubLimits
 
 MBIT = 1e6
@@ -146,8 +143,7 @@ def test_commands_that_are_no_frames_count_too():
 
 
 @pytest.mark.parametrize(
-    ("limits", "words"),
-    [(HubLimits(), ()), (HubLimits(MBIT, "secret"), (b"< owner secret >",))],
+    ("limits", "words"), [(HubLimits(), ()), (HubLimits(MBIT, "secret"), (b"< owner secret >",))]
 )
 def test_without_a_limit_and_for_the_owner_all_go_at_once(limits, words):
     async def scenario(world):

@@ -65,8 +65,7 @@ def test_each_group_of_fdcan_has_its_line(group, flag, *, others):
 
 
 @pytest.mark.parametrize(
-    "frame",
-    [Frame(0x7FF, b"\x81\x02\x03\x04\x05\x06\x07\x88"), LONG, Frame(5, is_remote=True)],
+    "frame", [Frame(0x7FF, b"\x81\x02\x03\x04\x05\x06\x07\x88"), LONG, Frame(5, is_remote=True)]
 )
 def test_fdcan_sends_a_frame_as_its_buffer_has_it(frame):
     core, wire, can, ram = fdcan()
@@ -208,12 +207,7 @@ def test_fdcan_keeps_events_of_the_frames_that_ask_for_it():
     can.store(0x18, 0)
     # IR: TFE; TEFN, with the third TEFF, too; a fourth is lost, TEFL. TXEFS: fill, put, full.
     for turn, (flags, state) in enumerate(
-        (
-            (3 << 9, 1 | 1 << 16),
-            (3 << 9, 2 | 2 << 16),
-            (7 << 9, 3 | 1 << 24),
-            (9 << 9, 3 | 1 << 24),
-        )
+        ((3 << 9, 1 | 1 << 16), (3 << 9, 2 | 2 << 16), (7 << 9, 3 | 1 << 24), (9 << 9, 3 | 1 << 24))
     ):
         number = can.load(0xC4) >> 16 & 3
         at = 0x278 // 4 + 18 * number

@@ -7,12 +7,7 @@ import threading
 import pytest
 from support.patience import GUARD
 
-from hil_drivers import (
-    BusLostError,
-    DriverTimeoutError,
-    ModbusExceptionError,
-    RemoteProtocolError,
-)
+from hil_drivers import BusLostError, DriverTimeoutError, ModbusExceptionError, RemoteProtocolError
 from hil_drivers.modbus import ModbusClient, SerialLink, TcpLink
 from hil_drivers.modbus.client import FIRST_BACKOFF, LAST_BACKOFF
 from hil_drivers.modbus.framing import RtuFraming, check_sum

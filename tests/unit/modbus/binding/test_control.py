@@ -2,16 +2,7 @@
 
 import pytest
 from support.bus_side import VALVE
-from support.modbus_side import (
-    ACTIVE,
-    CONTROL,
-    DISABLED,
-    ENABLE,
-    FAULT_HOLD,
-    INIT,
-    LOCAL,
-    RESET,
-)
+from support.modbus_side import ACTIVE, CONTROL, DISABLED, ENABLE, FAULT_HOLD, INIT, LOCAL, RESET
 
 from hil_bench.abilities.modbus.protocol.register_map import Table
 

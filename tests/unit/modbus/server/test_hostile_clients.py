@@ -51,10 +51,7 @@ def test_every_request_gets_one_response_and_the_next_one_too(make_rig, pdus, un
     session.receive(b"".join(tcp(pdu, unit_id, number) for number, pdu in enumerate(pdus)))
     session.receive(tcp(READ, 1, 999))
     rig.serve(len(pdus) + 1)
-    assert [int.from_bytes(response[:2], "big") for response in written] == [
-        *range(len(pdus)),
-        999,
-    ]
+    assert [int.from_bytes(response[:2], "big") for response in written] == [*range(len(pdus)), 999]
     for pdu, response in zip(pdus, written, strict=False):
         assert response[6] == unit_id
         assert response[7] in {pdu[0], pdu[0] | 0x80}

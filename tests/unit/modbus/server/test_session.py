@@ -32,11 +32,7 @@ def line(rig, written):
 
 def test_pipelined_requests_are_answered_one_by_one(session, written):
     session.receive(tcp(1, 1, "04 0000 0002") + tcp(2, 2, "03 0000 0001") + tcp(3, 9, "07"))
-    assert written == [
-        tcp(1, 1, "04 04 00010002"),
-        tcp(2, 2, "03 02 0008"),
-        tcp(3, 9, "87 0B"),
-    ]
+    assert written == [tcp(1, 1, "04 04 00010002"), tcp(2, 2, "03 02 0008"), tcp(3, 9, "87 0B")]
 
 
 def test_a_request_byte_by_byte(session, written):

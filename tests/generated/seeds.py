@@ -232,13 +232,11 @@ ANSWERS = tuple(
     for valve, supply in (("60 l/min @ 5 bar, overlap 15 %, 40 Hz", "210"), ("NG10", "160 bar"))
     for pump, slope in (("none", "0"), ("40", "90"))
 )
-NEW = "--cylinder {0} --valve {1} --supply {2} --pump {3} --load {4} --slope {5} --oil {6}"
 RESULTS = {"scenarios": [{"title": "T", "requirements": [{"id": "R1", "verdict": "passed"}]}]}
 JUNIT = (
     '<?xml version="1.0"?>\n<testsuites>\n<testsuite name="s" tests="1" failures="0">\n'
     '<testcase classname="c" name="R1" time="0.1"/>\n</testsuite>\n</testsuites>\n'
 )
-BUS = ("-i", "virtual", "-c", "generated", "--duration", "0.001")
 
 STEM: Final = "generated"
 """Name of each generated file, without its suffix."""

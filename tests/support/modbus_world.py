@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from unittest import mock
 
 from support.modbus_traffic import BLOCK, INPUTS, OTHER_UNIT, UNIT, Conversation, Ledger, attack
+from support.registers import register
 from support.virtual_loop import VirtualLoop
 
 from hil_bench.abilities.common.socketcand_hub import JOIN_DELAY
@@ -23,7 +24,6 @@ from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange,
 from hil_bench.abilities.modbus.protocol.register_map import (
     DATA_TYPES,
     DeviceIdentification,
-    Register,
     RegisterAccess,
     RegisterMap,
     ServerConfig,
@@ -97,19 +97,12 @@ class Device:
 def _register_map(count):
     uint16 = DATA_TYPES["uint16"]
     inputs = (
-        Register(
-            name=f"i{n}", table=Table.INPUT_REGISTERS, address=n, source=f"i{n}", data_type=uint16
-        )
+        register(f"i{n}", Table.INPUT_REGISTERS, n, f"i{n}", data_type=uint16)
         for n in range(INPUTS)
     )
     holding = (
-        Register(
-            name=f"h{n}",
-            table=Table.HOLDING_REGISTERS,
-            address=n,
-            source=f"h{n}",
-            data_type=uint16,
-            access=RegisterAccess.WRITE,
+        register(
+            f"h{n}", Table.HOLDING_REGISTERS, n, f"h{n}", RegisterAccess.WRITE, data_type=uint16
         )
         for n in range(count)
     )

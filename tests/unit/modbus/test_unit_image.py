@@ -4,6 +4,7 @@ import math
 import pickle
 
 import pytest
+from support.registers import register
 
 from hil_bench.abilities.modbus.protocol.register_map import (
     DATA_TYPES,
@@ -12,7 +13,6 @@ from hil_bench.abilities.modbus.protocol.register_map import (
     ExceptionCode,
     Holes,
     ModbusException,
-    Register,
     RegisterAccess,
     RegisterMap,
     Table,
@@ -24,38 +24,21 @@ from hil_bench.units import BAR, MILLISECOND
 FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]
 INPUTS, HOLDING, COILS = Table.INPUT_REGISTERS, Table.HOLDING_REGISTERS, Table.COILS
 
+WRITE, COMMAND = RegisterAccess.WRITE, RegisterAccess.COMMAND
+
 MAP = RegisterMap(
     "map.toml",
     "pressure_404",
     DeviceIdentification("maker", "code", "1.0"),
     (
-        Register(name="on", table=COILS, address=0, source="on", access=RegisterAccess.WRITE),
-        Register(name="go", table=COILS, address=1, source="go", access=RegisterAccess.COMMAND),
-        Register(name="p", table=INPUTS, address=10, source="p", data_type=FLOAT32, unit=BAR),
-        Register(
-            name="q", table=INPUTS, address=12, source="p", data_type=INT16, unit=BAR, scale=0.01
-        ),
-        Register(name="far", table=INPUTS, address=20, source="p", data_type=UINT16),
-        Register(
-            name="set",
-            table=HOLDING,
-            address=0,
-            source="set",
-            data_type=FLOAT32,
-            access=RegisterAccess.COMMAND,
-            low=-1.0,
-            high=1.0,
-        ),
-        Register(
-            name="time",
-            table=HOLDING,
-            address=2,
-            source="t",
-            data_type=UINT16,
-            unit=MILLISECOND,
-            access=RegisterAccess.WRITE,
-        ),
-        Register(name="fixed", table=HOLDING, address=3, source="f", data_type=UINT16),
+        register("on", COILS, 0, "on", WRITE),
+        register("go", COILS, 1, "go", COMMAND),
+        register("p", INPUTS, 10, "p", data_type=FLOAT32, unit=BAR),
+        register("q", INPUTS, 12, "p", data_type=INT16, unit=BAR, scale=0.01),
+        register("far", INPUTS, 20, "p", data_type=UINT16),
+        register("set", HOLDING, 0, "set", COMMAND, data_type=FLOAT32, low=-1.0, high=1.0),
+        register("time", HOLDING, 2, "t", WRITE, data_type=UINT16, unit=MILLISECOND),
+        register("fixed", HOLDING, 3, "f", data_type=UINT16),
     ),
 )
 FIRST = 5  # somebody else's five values stand before
@@ -189,36 +172,11 @@ def test_registers_that_give_the_same_command_are_rivals():
     # "p" stands twice, but only to be read.
     assert image().rivals == {}
     registers = [
-        (
-            10,
-            Register(
-                name="a", table=HOLDING, address=0, source="enable", access=RegisterAccess.COMMAND
-            ),
-        ),
-        (
-            11,
-            Register(
-                name="b", table=COILS, address=0, source="control_word", access=RegisterAccess.WRITE
-            ),
-        ),
-        (
-            12,
-            Register(
-                name="c", table=COILS, address=1, source="0x604f", access=RegisterAccess.WRITE
-            ),
-        ),
-        (
-            13,
-            Register(
-                name="d", table=COILS, address=2, source="0x604F.00", access=RegisterAccess.WRITE
-            ),
-        ),
-        (
-            14,
-            Register(
-                name="e", table=COILS, address=3, source="0x604F.01", access=RegisterAccess.WRITE
-            ),
-        ),
+        (10, register("a", HOLDING, 0, "enable", COMMAND)),
+        (11, register("b", COILS, 0, "control_word", WRITE)),
+        (12, register("c", COILS, 1, "0x604f", WRITE)),
+        (13, register("d", COILS, 2, "0x604F.00", WRITE)),
+        (14, register("e", COILS, 3, "0x604F.01", WRITE)),
     ]
     assert find_rivals(registers) == {10: 10, 11: 10, 12: 12, 13: 12}
 

@@ -3,12 +3,12 @@
 from types import SimpleNamespace
 
 import pytest
+from support.registers import register
 
 from hil_bench.abilities.modbus.protocol.mailbox import Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import (
     DATA_TYPES,
     DeviceIdentification,
-    Register,
     RegisterAccess,
     RegisterMap,
     Table,
@@ -21,20 +21,10 @@ MAP = RegisterMap(
     "pressure_404",
     DeviceIdentification("maker", "PT-1", "1.0"),
     (
-        Register(
-            name="value",
-            table=Table.INPUT_REGISTERS,
-            address=0,
-            source="value",
-            data_type=DATA_TYPES["int32"],
-        ),
-        Register(
-            name="offset",
-            table=Table.HOLDING_REGISTERS,
-            address=0,
-            source="offset",
+        register("value", Table.INPUT_REGISTERS, 0, "value", data_type=DATA_TYPES["int32"]),
+        register(
+            *("offset", Table.HOLDING_REGISTERS, 0, "offset", RegisterAccess.WRITE),
             data_type=DATA_TYPES["int16"],
-            access=RegisterAccess.WRITE,
         ),
     ),
 )

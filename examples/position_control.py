@@ -43,8 +43,6 @@ from hil_drivers import (
 DONE, FAILED, USAGE, BUS, INTERRUPTED = 0, 1, 2, 3, 130
 
 HEARTBEAT_PERIOD = 0.05
-HEARTBEAT_TIMEOUT = 0.2
-"""Time [s] without our heartbeat after which the valve takes us for dead."""
 
 
 class BusOpenError(Exception):
@@ -88,6 +86,13 @@ def build_parser() -> argparse.ArgumentParser:
     motion.add_argument("--speed-mm-s", type=positive, default=150.0)
     motion.add_argument("--acceleration-mm-s2", type=positive, default=1000.0)
     motion.add_argument("--period-ms", type=positive, default=2.0, help="of the control loop")
+    motion.add_argument(
+        "--patience-ms",
+        type=positive,
+        default=100.0,
+        help="how long values, and the valve's commands, may stay out; for our heartbeat it is "
+        "twice as long (default: 100)",
+    )
     devices = parser.add_argument_group("devices")
     for name, node_id, eds in (
         ("valve", 1, VALVE_408),
@@ -171,13 +176,16 @@ def control(network: Network, options: argparse.Namespace) -> None:
             PressureSensor(network, options.pressure_b_node, options.pressure_b_eds),
         )
         position = PositionSensor(network, options.position_node, options.position_eds)
+        patience = options.patience_ms / 1000
+        for device in (valve, position, *pressures):
+            device.max_age = patience
         network.start_heartbeat(options.node, HEARTBEAT_PERIOD)
         for sensor in (*pressures, position):
             sensor.setup()
-        valve.setup(heartbeat_timeout=HEARTBEAT_TIMEOUT)
+        valve.setup(command_timeout=patience, heartbeat_timeout=2 * patience)
         for node_id in network.nodes:
             network.start_node(node_id)
-        network.wait_for_state(network.nodes, NmtState.OPERATIONAL, timeout=1.0)
+        network.wait_for_state(network.nodes, NmtState.OPERATIONAL, timeout=10 * patience)
         loop = PositionLoop(
             network,
             valve=valve,

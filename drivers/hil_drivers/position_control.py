@@ -19,9 +19,6 @@ from hil_drivers.interfaces import (
 )
 from hil_drivers.motion_profile import MotionProfile, SetPoint
 
-SAMPLE_TIMEOUT = 0.1
-"""Longest wait for the devices' first values [s]."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerParameters:
@@ -166,10 +163,10 @@ class PositionLoop:
                 continue
             if not self._network.wait_for(
                 lambda device=device: device.received_at > since,  # type: ignore[misc]
-                SAMPLE_TIMEOUT,
+                device.max_age,
             ):
                 raise DriverTimeoutError(
-                    f"{device}: value with SYNC: not within {SAMPLE_TIMEOUT:g} s"
+                    f"{device}: value with SYNC: not within {device.max_age:g} s"
                 )
         return self._position.position
 

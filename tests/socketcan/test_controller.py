@@ -12,10 +12,12 @@ from hil_bench.cli.exit_codes import ExitCode
 CONTROLLER = Path(__file__).parents[2] / "examples" / "position_control.py"
 CONTROLLER_NODE = 127  # its default
 SYNC, VALVE_EMCY, VALVE_STATUS, VALVE_COMMAND, VALVE_REQUEST = 0x080, 0x081, 0x181, 0x201, 0x601
+POSITION = 0x184  # 0x6004 in steps of 1 µm
+CYCLES_AT_REST, MOST_CYCLES = 100, 4000  # 0.5 s and 20 s
 FULL_SCALE = 16384  # 100 % in 0x6300 and 0x6301
 RPDO_TIMED_OUT, HEARTBEAT_LOST = 0x8250, 0x8130  # EMCY codes of CiA 301
 SYNC_PERIOD = 0.010  # [s]
-DELAY = 0.050  # [s], what a machine with one busy processor adds to any of these times
+PATIENCE = 2.0  # [s]; a busy machine lets a User-Mode Linux stand still for 0.1 s and more
 
 
 @pytest.fixture
@@ -24,7 +26,8 @@ def start_controller(start, channel):
 
     def start_it(*arguments):
         bus = "-i", "socketcan", "-c", channel
-        return start(sys.executable, CONTROLLER, *bus, "--period-ms", 5, *arguments)
+        pace = "--period-ms", 5, "--patience-ms", round(PATIENCE * 1000)
+        return start(sys.executable, CONTROLLER, *bus, *pace, *arguments)
 
     return start_it
 
@@ -43,17 +46,26 @@ def emergency_code(data):
 
 def test_the_position_loop_settles(start_bench, start_controller, cansend, watch):
     bench = start_bench()
-    ended = start_controller("--waypoints-mm", 50, "--duration", 2.5).wait()
-    assert ended.exit_code == 0, ended
+    controller = start_controller("--waypoints-mm", 50, "--duration", 1000)
+
+    # At rest the controller leaves an error of up to 50 µm alone (`tolerance`); as much again for
+    # what the piston still moves until it rests, which takes a busy machine its time.
+    at_rest = 0
+    for _ in range(MOST_CYCLES):
+        (position,) = struct.unpack_from("<i", watch.wait_for(POSITION).data)
+        at_rest = at_rest + 1 if abs(position - 50_000) <= 100 else 0
+        if at_rest == CYCLES_AT_REST:
+            break
+    else:
+        pytest.fail(f"not at rest at 50 mm after {MOST_CYCLES} cycles: {position} um")
+    ended = controller.stop()
+    assert ended.exit_code == ExitCode.INTERRUPTED, ended
 
     watch.take_all()
     cansend("604#4004600000000000")  # where is the piston now? 0x6004 in steps of 1 µm
     answer = bytes(watch.wait_for(0x584).data)
     assert answer[:4] == bytes.fromhex("43046000")
-    position = struct.unpack_from("<i", answer, 4)[0]
-    # At rest the controller leaves an error of up to 50 µm alone (`tolerance`); as much again for
-    # what the piston still moves while the valve closes.
-    assert position == pytest.approx(50_000, abs=100)
+    assert struct.unpack_from("<i", answer, 4)[0] == pytest.approx(50_000, abs=100)
     assert bench.stop().exit_code == ExitCode.INTERRUPTED
 
 
@@ -87,8 +99,7 @@ def test_a_killed_controller_leaves_the_spool_at_its_centre(
     controller = start_controller()
     # Expedited download of two bytes to 0x1400.05: the time-out that the driver chose [ms].
     request = watch.wait_for(VALVE_REQUEST, lambda data: data[:4] == bytes.fromhex("2B001405"))
-    timeout = struct.unpack_from("<H", request.data, 4)[0] / 1000
-    assert timeout > 0
+    assert struct.unpack_from("<H", request.data, 4)[0] == round(PATIENCE * 1000)
     watch.wait_for(VALVE_STATUS, lambda data: abs(spool(data)) > FULL_SCALE // 4)
     controller.kill()
 
@@ -96,13 +107,10 @@ def test_a_killed_controller_leaves_the_spool_at_its_centre(
     assert emergency_code(timed_out.data) == RPDO_TIMED_OUT
     # The bench dates a frame by the scheduled time of the tick that takes it. A tick that was held
     # up takes frames that came after that time, and then counts them that much too early.
-    after = timed_out.timestamp - watch.last(VALVE_COMMAND).timestamp
-    assert timeout - DELAY < after < timeout + DELAY
-    centred = watch.wait_for(VALVE_STATUS, is_centred)
-    # From full opening to 1 %: 6 ms at 1200 rad/s with damping 0.7 (Ruderman 2017, Table I).
-    assert centred.timestamp - timed_out.timestamp < 0.006 + SYNC_PERIOD + DELAY
+    assert timed_out.timestamp - watch.last(VALVE_COMMAND).timestamp > PATIENCE / 2
+    watch.wait_for(VALVE_STATUS, is_centred)
 
-    # The lost heartbeat then takes the node to PRE-OPERATIONAL (CiA 301, 0x1029), the spool stays.
+    # The lost heartbeat, twice as late, takes the node to PRE-OPERATIONAL (CiA 301, 0x1029).
     seen = len(watch.frames)
     watch.wait_for(VALVE_EMCY, lambda data: emergency_code(data) == HEARTBEAT_LOST)
     statuses = [f.data for f in watch.frames[seen:] if f.arbitration_id == VALVE_STATUS]

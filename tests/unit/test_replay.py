@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.lib import recfunctions
 
 from hil_bench import ConfigError, VirtualBench, load_config
 from hil_bench.abilities.replay.drive import (
@@ -105,6 +106,9 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
     assert deviation.verdict == "failed"
     with pytest.raises(ConfigError, match=r"^tolerance for axis9\.position: not compared; P_A, "):
         compare_recordings(load_config(), recorded, simulated, {"axis9.position": 1.0})
+    lacking = recfunctions.drop_fields(recorded, "axis1.P_B")
+    with pytest.raises(ConfigError, match=r"^tolerance for P_B: not compared; P_A, "):
+        compare_recordings(load_config(), lacking, simulated, {"P_B": 1.0})
 
 
 def test_a_deviation_has_its_greatest_value_with_its_time_and_its_rms(recorded):

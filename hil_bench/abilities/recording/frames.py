@@ -179,7 +179,7 @@ class LeftOut:
     dropped: int = 0
     ending: str = ""
     states: Counter[str] = field(default_factory=Counter)
-    channels: dict[str, int] = field(default_factory=dict)
+    channels: Counter[str] = field(default_factory=Counter)
 
     def words(self) -> list[str]:
         """Return a phrase for each kind of what was left out."""
@@ -253,17 +253,19 @@ def read_frames(
             return
         lines, seen = CompleteLines(file, suffix), 0
         messages = _messages(path, TEXT_READERS[suffix], lines, left_out, errors=errors)
+        channel = ""
         if is_one_channel:
             messages = _one_channel(messages, left_out)
         for message in messages:
+            channel = str(message.channel) if is_one_channel else ""
             if errors:
-                yield from lines.take_errors()
+                yield from _of_channel(channel, lines.take_errors(), left_out)
             seen += 1
             logged = logged_frame_of(message)
             is_silent = suffix == ".log" and not lines.says_direction
             yield logged._replace(is_received=None) if is_silent else logged
         if errors:
-            for logged in lines.take_errors():
+            for logged in _of_channel(channel, lines.take_errors(), left_out):
                 seen += 1
                 yield logged
         _close(path, lines, seen, left_out)
@@ -416,8 +418,18 @@ def _one_channel(messages: Iterator[can.Message], left_out: LeftOut) -> Iterator
         if message.channel == first:
             yield message
         else:
-            name = str(message.channel)
-            left_out.channels[name] = left_out.channels.get(name, 0) + 1
+            left_out.channels[str(message.channel)] += 1
+
+
+def _of_channel(
+    channel: str, errors: Iterable[tuple[str, LoggedFrame]], left_out: LeftOut
+) -> Iterator[LoggedFrame]:
+    """Yield the error frames of a channel, of any where it is empty, and count those of others."""
+    for name, logged in errors:
+        if channel in {"", name}:
+            yield logged
+        else:
+            left_out.channels[name] += 1
 
 
 def logged_frame_of(message: can.Message) -> LoggedFrame:

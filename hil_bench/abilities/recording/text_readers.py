@@ -105,7 +105,7 @@ class CompleteLines(io.TextIOWrapper):
         self._first = _FIRST.get(suffix)
         self.shortcoming = _FORMS[suffix]
         self._begins = True
-        self._errors: list[LoggedFrame] = []
+        self._errors: list[tuple[str, LoggedFrame]] = []
         self._shown_until = 0.0
         self.states: Counter[str] = Counter()
         self.trc_version = ""
@@ -114,8 +114,8 @@ class CompleteLines(io.TextIOWrapper):
         """Return True if the lines so far may be those of such a log, though without frames."""
         return self._begins and (self._form is None or not self.damaged)
 
-    def take_errors(self) -> list[LoggedFrame]:
-        """Return the error frames that were left out since the last call."""
+    def take_errors(self) -> list[tuple[str, LoggedFrame]]:
+        """Return the error frames that were left out since the last call, with their channels."""
         errors, self._errors = self._errors, []
         self.error_frames -= len(errors)
         return errors
@@ -142,7 +142,7 @@ class CompleteLines(io.TextIOWrapper):
                 self.error_frames += 1
                 parts = _ERROR_PARTS.match(line)
                 if parts is not None and len(self._errors) < _KEPT_ERRORS:
-                    self._errors.append(_error_of(parts))
+                    self._errors.append((line.split()[1], _error_of(parts)))
             elif self._form is None or self._form.fullmatch(line) or line.isspace():
                 self.says_direction = line.rstrip().endswith(_DIRECTIONS)
                 return line

@@ -14,14 +14,14 @@ import can
 from hil_bench.abilities.common.arguments import check_one_bus
 from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
-from hil_bench.abilities.recording.frames import message_of, read_frames
+from hil_bench.abilities.recording.frames import LeftOut, message_of, read_frames
 from hil_bench.abilities.shadow.report import ShadowReport
 from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.parser import add_units_argument
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.transports.opening import open_can_bus
@@ -220,10 +220,12 @@ def _log(path: Path) -> Source:
         Each frame with its time from the first one [s].
     """
     first: float | None = None
-    for logged in read_frames(path):
+    left_out = LeftOut()
+    for logged in read_frames(path, left_out, is_one_channel=True):
         message = message_of(logged)
         first = message.timestamp if first is None else first
         yield message, message.timestamp - first
+    warn_of([f"{path}: {what}" for what in left_out.words()])
 
 
 def _bus(config: BenchConfig) -> Source:

@@ -74,6 +74,21 @@ def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, cli):
     )
 
 
+def test_the_frames_of_another_channel_are_no_part_of_the_machine(log, tmp_path, cli):
+    """On can1 the same position PDO says 0.1 m, each time before that of the machine."""
+    lines = []
+    for line in log.read_text().splitlines(keepends=True):
+        if " can0 184#" in line:
+            lines.append(f"{line.partition(' ')[0]} can1 184#A08601000000\n")
+        lines.append(line)
+    both = tmp_path / "both.log"
+    both.write_text("".join([*lines[:9], "(0.1) can0 18\n", *lines[9:]]))
+    out, err = cli(["shadow", "--log", str(both)])
+    assert out == cli(["shadow", "--log", str(log)]).out
+    assert "line 10 is no frame of its format" in err
+    assert f"frames of other channels left out ({sum(' can1 ' in each for each in lines)} of" in err
+
+
 @pytest.mark.parametrize(
     ("cut", "verdict", "code"),
     [

@@ -287,8 +287,8 @@ class Load:
         """Take a frame."""
         window = now // _WINDOW
         if window != self._window:
-            self._end()
-            self._window = window
+            self._window, self._bits = window, 0.0
+            self._shares.clear()
         if frame.fd:
             bits = bits_of(frame, self._speedup)
         else:
@@ -298,19 +298,18 @@ class Load:
         if self._bits > _HALF * self._most:  # a window of high load is likely: by whom?
             key = frame._replace(data=b"", bus=0)
             self._shares[key] = self._shares.get(key, 0.0) + bits
-
-    def _end(self) -> None:
-        """End a window, and keep the first of high load and the highest load."""
         if self._bits > _HIGH_LOAD * self._most:
-            first, worst = self._high or (self._window, 0.0)
-            load = self._bits / self._most
-            if load > worst:
-                frame, share = max(self._shares.items(), key=lambda each: each[1])
-                is_most = share > _HALF * sum(self._shares.values())
-                self._flood = f"0x{frame.can_id:03X}" if is_most else ""
-            self._high = first, max(worst, load)
-        self._bits = 0.0
-        self._shares.clear()
+            self._keep()
+
+    def _keep(self) -> None:
+        """Keep the first window of high load and the highest load."""
+        first, worst = self._high or (self._window, 0.0)
+        load = self._bits / self._most
+        if load > worst:
+            flood, share = max(self._shares.items(), key=lambda each: each[1])
+            is_most = share > _HALF * sum(self._shares.values())
+            self._flood = f"0x{flood.can_id:03X}" if is_most else ""
+        self._high = first, max(worst, load)
 
     def findings(self, end: int) -> Iterator[Finding]:  # noqa: ARG002 - as every watch
         """Yield the times of high load, as one.

@@ -4,6 +4,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from hil_bench.abilities.common.figure_style import BLUE, GREEN, ORANGE, RED, ST
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.common.page import render_page
 from hil_bench.abilities.common.work import Histogram
+from hil_bench.abilities.scenario.judgement import show_seen, show_share
 from hil_bench.abilities.scenario.report import make_exhibit
 from hil_bench.abilities.scenario.run import PlayOptions
 from hil_bench.errors import (
@@ -44,7 +46,8 @@ def write_page(path: Path, template: str, content: Mapping[str, object]) -> None
         template: the name of the template.
         content: what it names.
     """
-    text = render_page(__package__, template, {"program": program_identity(), **content})
+    shown = {"program": program_identity(), "show_share": show_share, "show_seen": show_seen}
+    text = render_page(__package__, template, {**shown, **content})
     with about_file(path), whole_file(path) as file:
         file.write_text(text, encoding="utf-8")
 
@@ -76,7 +79,8 @@ def bin_margins(margins: Sequence[float], name: str = "") -> Histogram:
     low = min(0.0, float(inside.min(initial=0.0)))
     high = max(0.0, float(inside.max(initial=0.0)))
     step = _step((high - low) / _BINS)
-    first, last = math.floor(low / step), max(math.floor(high / step) + 1, 1)
+    first = min(math.floor(low / step), -1 if low < 0.0 else 0)  # low / step may be rounded to 0
+    last = max(math.floor(high / step) + 1, 1)
     edges = np.arange(first, last + 1) * step
     counts, _ = np.histogram(inside, edges)
     below, above = int((values < -LARGEST).sum()), int((values > LARGEST).sum())
@@ -251,7 +255,7 @@ def write_campaign_report(
             "failures": each.failures,
             "tally": each.tally,
             "smallest": min(each.margins, default=None),
-            "median": sorted(each.margins)[len(each.margins) // 2] if each.margins else None,
+            "median": median(each.margins) if each.margins else None,
             "worst": summary.show_point(each.worst.values) if each.worst else "",
             "seen": each.seen,
             "figure": margin_figure(each.margins) if each.margins else "",

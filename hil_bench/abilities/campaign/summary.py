@@ -12,7 +12,7 @@ from hil_bench.abilities.campaign.distributions import Point, Sampler
 from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.store import set_words
-from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_share
+from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_seen, show_share
 from hil_bench.errors import ConfigError
 
 # Confidence bounds on a probability after a number of runs.
@@ -146,7 +146,7 @@ class RequirementSummary(NamedTuple):
         elif not self.tally.decided:
             line += "; no run was decided, so nothing is known of it"
         if self.seen is not None and self.seen < 1.0:
-            line += f"; seen at least {100.0 * self.seen:.3g} % of its time"
+            line += f"; seen at least {show_seen(self.seen)} of its time"
         return line
 
 

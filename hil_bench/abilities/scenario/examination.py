@@ -396,8 +396,12 @@ class Examination:
         if not names or any(isinstance(each, nodes.StateIs | nodes.Event) for each in pieces):
             return ""
         columns = [self.values.columns[name][: self._seen] for name in names]
-        has_changed = any((column[1:] != column[:-1]).any() for column in columns)
-        return "" if has_changed or self._seen < 2 else f"{', '.join(names)} never changed"
+        seen = [column[np.isfinite(column)] for column in columns]
+        has_changed = any((column[1:] != column[:-1]).any() for column in seen)
+        if has_changed or self._seen < 2:
+            return ""
+        where = " where it was seen" if sum(map(len, seen)) < sum(map(len, columns)) else ""
+        return f"{', '.join(names)} never changed{where}"
 
     def idle_wait(self) -> str:
         """Say that a fulfilled requirement waits for what was so from the start; else nothing.

@@ -165,6 +165,11 @@ def show_share(margin: float, digits: int = 2) -> str:
     return f"{shown:+.{digits}g}"
 
 
+def show_seen(share: float) -> str:
+    """Return the share of a time that was seen in percent; 100 % is all of it and nothing less."""
+    return f"{100.0 * share if share == 1.0 else min(100.0 * share, 99.9):.3g} %"
+
+
 # The judgement on a requirement: four outcomes, with margin, time and place.
 
 

@@ -55,7 +55,8 @@ def check_columns(
         pieces = walk([each.condition])
         for comparison in (piece for piece in pieces if isinstance(piece, nodes.Comparison)):
             names = names_in([comparison]) & given.keys()
-            if names and comparison.dimension == NUMBER and _has_plain_number(comparison):
+            is_open = comparison.dimension == NUMBER and _has_plain_number(comparison)
+            if names and (is_open or _has_plain_zero(comparison, given)):
                 name = min(names)
                 raise ConfigError(
                     f'{source}: {each.id}: {name} is in "{given[name]}" there, and is compared '
@@ -72,6 +73,17 @@ def _is_one(symbol: str) -> bool:
 def _has_plain_number(comparison: nodes.Comparison) -> bool:
     sides = (comparison.left, comparison.right)
     return not comparison.symbol and any(term != 0.0 for side in sides for term in _terms(side))
+
+
+def _has_plain_zero(comparison: nodes.Comparison, given: Mapping[str, str]) -> bool:
+    """Return True if 0 without a unit meets a signal whose 0 is another one in the file's unit."""
+    pieces = list(walk([comparison]))
+    is_difference = any(isinstance(piece, nodes.Arithmetic | nodes.Rate) for piece in pieces)
+    if comparison.symbol or is_difference:
+        return False
+    units = [read_unit(given[name]) for name in names_in([comparison]) & given.keys()]
+    has_zero = any(isinstance(piece, nodes.Number) for piece in pieces)
+    return has_zero and any(unit is not None and unit.offset for unit in units)
 
 
 def _terms(value: nodes.Value) -> Iterator[float]:
@@ -293,16 +305,19 @@ def _number_uneven(
         ConfigError: a row is nearer to the tick of another one.
     """
     rows = np.concatenate(([0.0], np.cumsum(counts)))
-    tick_ns = round((times[-1] - times[0]) / max(rows[-1], 1.0) * 1e9)
-    off = times - times[0] - rows * tick_ns * 1e-9
+    tick = float(times[-1] - times[0]) / max(float(rows[-1]), 1.0)
+    tick_ns = round(tick * 1e9)
+    off = times - times[0] - rows * tick
     off -= (off.max() + off.min()) / 2.0
     worst = int(np.argmax(np.abs(off)))
-    if counts.min() < 1.0 or abs(off[worst]) > _MOST_JITTER * tick_ns * 1e-9:
+    if counts.min() < 1.0 or abs(off[worst]) > _MOST_JITTER * tick:
         raise ConfigError(
             f"{source}: its rows are not evenly spaced, as at {_show_time(times[worst])} s; "
             "give one with a row a tick; 'decode --tick' makes one of a bus log"
         )
-    note = f"its rows are up to {1e3 * abs(off[worst]):.3g} ms off ticks of {tick_ns / 1e6:.6g} ms"
+    rounded_away = float(rows[-1]) * abs(tick - tick_ns * 1e-9)  # as of 25.6 kHz
+    most = 1e3 * (abs(off[worst]) + rounded_away)
+    note = f"its rows are up to {most:.3g} ms off ticks of {tick_ns / 1e6:.6g} ms"
     return rows.astype(np.int64), tick_ns, f"{note}, and so are the times of a verdict"
 
 

@@ -12,6 +12,8 @@ from hil_bench.abilities.scenario.judgement import (
     Evidence,
     Judgement,
     RequirementOutcome,
+    show_seen,
+    show_share,
 )
 from hil_bench.abilities.scenario.picture import Scene, draw_scene
 from hil_bench.abilities.scenario.recorded import Finding
@@ -107,6 +109,7 @@ class Chapter:
         command: repeats it.
         problems: what went wrong beside the requirements.
         proofs: its requirements.
+        outcome: what its problems make of the whole.
     """
 
     source: str
@@ -117,6 +120,7 @@ class Chapter:
     command: str
     problems: tuple[str, ...]
     proofs: tuple[Proof, ...]
+    outcome: RequirementOutcome = RequirementOutcome.FAILED
 
     @property
     def name(self) -> str:
@@ -168,10 +172,9 @@ class Report:
 
     @property
     def outcome(self) -> str:
-        """The worst outcome; failed where a run had a problem."""
-        if any(chapter.problems for chapter in self.chapters):
-            return RequirementOutcome.FAILED
-        return _worst([row.outcome for row in self.rows])
+        """The worst outcome of the requirements, and of runs that had a problem."""
+        ends = [chapter.outcome for chapter in self.chapters if chapter.problems]
+        return _worst([*ends, *(row.outcome for row in self.rows)])
 
 
 def _names(chapter: Chapter) -> Iterator[str]:
@@ -298,7 +301,8 @@ def _line(logged: LoggedFrame, reader: FrameReader) -> FrameLine:
 
 def report_html(report: Report) -> str:
     """Return a report as HTML."""
-    return render_page(__package__, "report.html.j2", {"report": report}, _shown)
+    content = {"report": report, "show_share": show_share, "show_seen": show_seen}
+    return render_page(__package__, "report.html.j2", content, _shown)
 
 
 def _shown(value: object) -> object:

@@ -127,13 +127,14 @@ def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str
     """List a requirement's properties for a JUnit file, beside its outcome."""
     judgement = finding.judgement
     margin = "" if judgement.margin is None else f"{judgement.margin:.6g}"
+    share = judgement.coverage.share
     return [
         ("requirement_id", finding.requirement.id),
         ("expectation", finding.requirement.that),
         ("outcome", judgement.outcome.value),
         ("margin", margin),
         ("deciding", reason_of(judgement)),
-        ("seen", f"{judgement.coverage.share:.6g}"),
+        ("seen", f"{share if share == 1.0 else min(share, 0.999999):.6g}"),
         ("seed", str(result.seed)),
     ]
 

@@ -169,12 +169,12 @@ def test_the_table_of_a_report_has_smallest_and_median_of_the_margins(tmp_path, 
     monkeypatch.setattr("hil_bench.abilities.campaign.summary.worst_runs", lambda _: [])
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, CLOSE)
-    main(["campaign", str(path), "--runs=3", "--jobs=0", "--report=report.html"])
+    main(["campaign", str(path), "--runs=2", "--jobs=0", "--report=report.html"])
     words = " ".join(Page((tmp_path / "report.html").read_text()).words.split())
     margins = sorted(
-        margin_of(spec.values["limit_bar"]) for spec in Plan(replace(read_campaign(path), runs=3))
+        margin_of(spec.values["limit_bar"]) for spec in Plan(replace(read_campaign(path), runs=2))
     )
-    assert f" {margins[0]:+.3g} {margins[1]:+.3g} " in words
+    assert f" {margins[0]:+.3g} {sum(margins) / 2:+.3g} " in words
 
 
 @pytest.mark.long
@@ -219,6 +219,7 @@ def test_a_picture_has_the_same_bytes_wherever_its_layout_was_solved():
         [-0.25, 0.0, 1.0, 2.9],
         [-7.0, -3.0, 3.0, 9.0, math.inf, -math.inf, math.nan],
         [-1e-9, 1e-9],
+        [-5e-324, 0.5],
     ],
 )
 def test_every_margin_is_counted_once(margins):

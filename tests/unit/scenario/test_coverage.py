@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from support.expectations import TICK, VOCABULARY, random_case, random_trace
 
 from hil_bench.abilities.scenario.examination import Examination
-from hil_bench.abilities.scenario.judgement import judge
+from hil_bench.abilities.scenario.judgement import judge, show_seen
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import Vocabulary
@@ -99,15 +99,17 @@ def test_what_was_not_seen_is_unknown(text, outcome, asked):
          "p not seen before 0.001 s; p not seen for 0.001 s; p not seen after 0.004 s"),
         ("always p < 9", [NAN, NAN, NAN], None, "inconclusive", [0, 2, 0, 3], "p not seen"),
         ("always p < 9", [NAN, 9, NAN], None, "failed", [0, 2, 0, 2], ""),
-        ("always (p < 9 or q < 9)", [1, NAN, 1], [1, 1, 1], "passed", [0, 2, 1, 1], ""),
+        ("always (p < 9 or q < 9)", [1, NAN, 1], [1, 1, 1], "passed", [0, 2, 1, 1],
+         "p, q never changed where it was seen"),
         ("always (p < 9 and q < 9)", [1, NAN, 1], [NAN, 1, 1], "inconclusive", [0, 2, 0, 2],
          "p, q not seen before 0.002 s"),
         ("always from 0 ms to 1 ms p < 9", [1, NAN, 1], None, "inconclusive", [0, 1, 0, 1],
          "p not seen after 0 s"),
         # What is missing where nobody asks for it counts for nothing.
-        ("always from 1 ms to 2 ms p < 9", [NAN, 1, 1, NAN], None, "passed", [1, 2, 1, 0], ""),
+        ("always from 1 ms to 2 ms p < 9", [NAN, 1, 1, NAN], None, "passed", [1, 2, 1, 0],
+         "p never changed where it was seen"),
         ("(always from 0 ms to 1 ms p < 9) and always from 3 ms to 4 ms q < 9",
-         [1, 1, NAN, NAN, NAN], [NAN, NAN, NAN, 1, 1], "passed", [0, 4, 4, 0], ""),
+         [1, 1, NAN, NAN, NAN], [NAN, NAN, NAN, 1, 2], "passed", [0, 4, 4, 0], ""),
         # The window reaches beyond the end, and all that there was is known.
         ("whenever p > 4 then within 2 ms p > 6", [1, 1, 5], None, "inconclusive", [0, 2, 2, 0],
          "the run ends before it is decided"),
@@ -126,6 +128,13 @@ def test_beside_a_hole_what_is_known_decides():
     found = verdict("always not ((p > 0 or q > 0) implies p > 9)", [0.1], [NAN])
     assert (found.outcome, found.margin) == ("passed", pytest.approx(0.1))
     assert found.deciding.condition == "p > 0"
+
+
+def test_a_hole_is_no_change():
+    assert (
+        verdict("always after 2 ms p < 9", [1, NAN, 1, 1]).reason
+        == "p never changed where it was seen"
+    )
 
 
 def test_a_hole_and_an_early_end_are_both_named():
@@ -157,6 +166,8 @@ def test_the_share_that_was_seen():
     assert found.coverage.share == 0.5  # 2 of 4 ms
     assert verdict("p < 9", [1], planned=9).coverage.share == 1.0
     assert verdict("p < 9", [NAN], planned=9).coverage.share == 0.0
+    shown = [show_seen(share) for share in (1.0, 0.9996, 0.5, 0.0)]
+    assert shown == ["100 %", "99.9 %", "50 %", "0 %"]
 
 
 def test_ticks_behind_the_plan_do_not_count():
@@ -232,6 +243,17 @@ def test_times_since_1970_lie_on_the_ticks_that_their_writer_had(rows, hertz):
     times = [1_732_700_000 + row / hertz for row in range(rows)]
     found = lay_on_ticks(recording(times), "r")
     assert (found.tick_ns, found.ticks) == (round(1e9 / hertz), rows)
+
+
+@pytest.mark.parametrize("hertz", [25_600, 48_000])
+def test_an_interval_of_no_whole_nanoseconds_is_a_grid(hertz):
+    """Rounded to 39062 and 20833 ns, five seconds are a tick or more short at their end."""
+    rows = 5 * hertz
+    found = lay_on_ticks(recording([row / hertz for row in range(rows)]), "r")
+    assert (found.tick_ns, found.ticks) == (1_000_000_000 // hertz, rows)
+    short = (rows - 1) * (1e9 / hertz - found.tick_ns) * 1e-6
+    assert short > found.tick_ns * 1e-6
+    assert found.note.startswith(f"its rows are up to {short:.3g} ms off ticks of")
 
 
 def test_times_since_1970_are_said_to_the_microsecond():

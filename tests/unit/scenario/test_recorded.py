@@ -209,6 +209,18 @@ def test_a_column_in_no_known_unit_is_not_judged(tmp_path, cli, unit, words):
     assert words in cli(["judge", *files], ExitCode.USAGE).err
 
 
+@pytest.mark.parametrize(("unit", "value"), [("K", 263), ("°F", 20)])
+def test_zero_of_a_temperature_needs_the_unit_of_which_it_is(tmp_path, cli, unit, value):
+    """20 °F are above 0 °F and below 0 °C; a difference or another unit leaves nothing open."""
+    (tmp_path / "t.csv").write_text(f"t [s],T [{unit}],U [{unit}]\n0,{value},0\n1,{value},0\n")
+    file = tmp_path / "r.toml"
+    words = ["judge", str(file), str(tmp_path / "t.csv")]
+    for that, code in (("T < 0", 2), ("0 > previous(T)", 2), ("T < 0 °C", 0), ("T - U > 0", 0)):
+        file.write_text(f'[[expect]]\nid = "R"\nthat = "always {that}"\n')
+        wrong = f'T is in "{unit}" there, and is compared with a number without a unit'
+        assert (wrong in cli(words, code).err) is (code == 2)
+
+
 def test_rows_too_far_apart_for_a_window_decide_nothing(tmp_path, capsys):
     """At rows 100 ms apart one row alone would pass ``for 50 ms``."""
     file = tmp_path / "r.toml"

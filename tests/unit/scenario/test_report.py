@@ -277,12 +277,20 @@ def test_a_report_says_how_much_was_seen(tmp_path):
     """The recording has rows from 0 to 0.015 s of 0.03 s."""
     rows = "".join(f"{k / 1000},{2e7}\n" for k in range(16))
     (tmp_path / "run.csv").write_text("time,axis1.P_A\ns,Pa\n" + rows)
-    path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"))
+    equal = "R2", "always axis1.P_A <= 200 bar"
+    path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"), equal)
     code, page, content = report(tmp_path, "judge", path, tmp_path / "run.csv")
     assert code == ExitCode.INCONCLUSIVE
     assert "Seen Why R1 inconclusive 50 % nothing seen after 0.015 s; seen 0.015 of" in page.text
-    (proof,) = content["chapters"][0]["proofs"]
+    proof, _ = content["chapters"][0]["proofs"]
     assert proof["judgement"]["coverage"]["seen"] == 0.015
+    gone = tmp_path / "gone.csv"
+    path.write_text(path.read_text().replace("0.03", "0.015"))
+    code, page, content = report(tmp_path, "judge", path, tmp_path / "run.csv", gone)
+    assert (code, content["outcome"]) == (ExitCode.USAGE, "inconclusive")
+    assert f"{gone}: cannot be read: No such file" in page.text
+    assert "R2 passed +0 100 %" in page.text
+    path.write_text(path.read_text().replace("0.015", "0.03"))
     late = ["judge", path, tmp_path / "run.csv", "--start", "-0.02"]
     _, page, _ = report(tmp_path, *late)
     assert "Judged its rows are from 0 to 0.015 s; judged are -0.02 to 0.01 s" in page.text

@@ -94,6 +94,8 @@ def run(args: argparse.Namespace) -> int:
                 if str(error) not in said:
                     ending.take_error(error)
                 said.add(str(error))
+                about_it = args.requirements, path, str(error), _options(args)
+                chapters.append(reports.unread_chapter(*about_it))
                 continue
             judged[path] = found
             names = names_in(each.requirement.condition for each in found.findings)

@@ -177,6 +177,23 @@ def recording_chapter(
     )
 
 
+def unread_chapter(
+    requirements: Path, path: Path, problem: str, options: Sequence[str]
+) -> reports.Chapter:
+    """Return the chapter of a report on a recording that could not be judged.
+
+    Args:
+        requirements: their file.
+        path: of the recording.
+        problem: why not.
+        options: of the command line.
+    """
+    words = ["hil-bench", "judge", str(requirements), str(path), *options]
+    facts = (("Requirements", str(requirements)),)
+    parts = str(path), path.name, (), facts, (), shlex.join(words), (problem,), ()
+    return reports.Chapter(*parts, RequirementOutcome.INCONCLUSIVE)
+
+
 def _proof(finding: Finding, evidence: Evidence | None) -> reports.Proof:
     (name, that, _), judgement = finding
     is_passed = judgement.outcome is RequirementOutcome.PASSED

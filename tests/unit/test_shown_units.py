@@ -17,9 +17,8 @@ from hil_bench.shown_units import (
 
 
 # By definition: 1 in = 25.4 mm, 1 lbf = 4.4482216152605 N, 1 US gal = 3.785411784 l.
-@pytest.mark.parametrize(
-    ("words", "symbol", "value", "text"),
-    [
+def test_a_value_is_shown_in_the_chosen_unit():
+    rows = [
         ("", "Pa", 123.4e5, "123.4 bar"),
         ("MPa", "Pa", 123.4e5, "12.340 MPa"),
         ("psi", "Pa", 4.4482216152605 / 0.0254**2 * 3000, "3000 psi"),
@@ -33,11 +32,10 @@ from hil_bench.shown_units import (
         ("", "-", 0.125, "12.5 %"),
         ("us", "m", -1e-9, "0.0000 in"),
         ("us", "V", 1.5, "1.500 V"),
-    ],
-)
-def test_a_value_is_shown_in_the_chosen_unit(words, symbol, value, text):
-    shown = shown_unit(symbol, parse_choice(words))
-    assert f"{shown.text(value)} {shown.symbol}" == text
+    ]
+    for words, symbol, value, text in rows:
+        shown = shown_unit(symbol, parse_choice(words))
+        assert f"{shown.text(value)} {shown.symbol}" == text
 
 
 @pytest.mark.parametrize("value", [None, math.nan, math.inf, -math.inf])

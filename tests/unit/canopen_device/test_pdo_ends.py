@@ -162,8 +162,7 @@ def test_identifier_data_and_counter_count():
     assert sealed == b"abc\0" + bytes((crc8(b"\x84\x01abc\0"),))
 
 
-@pytest.mark.parametrize("bit", range(40))
-def test_every_single_bit_shows(bit):
+def test_every_single_bit_shows():
     sealed = int.from_bytes(Seal().close(0x184, b"abc"), "little")
-    spoiled = (sealed ^ 1 << bit).to_bytes(5, "little")
-    assert crc8(b"\x84\x01" + spoiled[:-1]) != spoiled[-1]
+    spoiled = [(sealed ^ 1 << bit).to_bytes(5, "little") for bit in range(40)]
+    assert [each for each in spoiled if crc8(b"\x84\x01" + each[:-1]) == each[-1]] == []

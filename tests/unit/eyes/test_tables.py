@@ -122,24 +122,25 @@ PREFIXES |= {1: "da", 2: "h", 3: "k", 6: "M", 9: "G"}
 
 
 # CiA 303-2: 4E bar, AB psi, 2D degree Celsius, 22 pascal; the highest byte is a power of ten.
-@pytest.mark.parametrize("code", [0x4E, 0xAB, 0x2D, 0x22])
-@pytest.mark.parametrize("power", range(-9, 10))
-def test_a_measured_value_has_its_unit_with_the_prefix(code, power):
-    symbol = {0x4E: "bar", 0xAB: "psi", 0x2D: "°C", 0x22: "Pa"}[code]
-    base = {0x4E: 1e5, 0xAB: 6894.757293168361, 0x2D: 1.0, 0x22: 1.0}[code]
-    prefix = PREFIXES.get(power)
-    word = (power & 0xFF) << 24 | code << 16
-    objects = Objects({(0x1000, 0): 0x30194, (0x6131, 2): word, (0x6132, 2): 3})
-    scale = scale_of(objects, 0x6130, 2)
-    assert (scale is None) is (prefix is None)
-    if scale is not None:
-        assert (scale.factor, scale.offset, scale.unit.symbol) == (1.0, 0.0, prefix + symbol)
-        assert scale.unit.factor == pytest.approx(base * 10.0**power)
-        assert _si_symbol(prefix + symbol) == ("°C" if code == 0x2D else "Pa")
-    integer = scale_of(objects, 0x9130, 2)
-    assert integer.factor == pytest.approx(1e-3)
-    assert integer.unit.symbol == ("-" if prefix is None else prefix + symbol)
-    assert scale_of(Objects({**objects, (0x6131, 2): word | 1}), 0x6130, 2) is None
+@pytest.mark.parametrize(
+    ("code", "symbol", "base"),
+    [(0x4E, "bar", 1e5), (0xAB, "psi", 6894.757293168361), (0x2D, "°C", 1.0), (0x22, "Pa", 1.0)],
+)
+def test_a_measured_value_has_its_unit_with_the_prefix(code, symbol, base):
+    for power in range(-9, 10):
+        prefix = PREFIXES.get(power)
+        word = (power & 0xFF) << 24 | code << 16
+        objects = Objects({(0x1000, 0): 0x30194, (0x6131, 2): word, (0x6132, 2): 3})
+        scale = scale_of(objects, 0x6130, 2)
+        assert (scale is None) is (prefix is None)
+        if scale is not None:
+            assert (scale.factor, scale.offset, scale.unit.symbol) == (1.0, 0.0, prefix + symbol)
+            assert scale.unit.factor == pytest.approx(base * 10.0**power)
+            assert _si_symbol(prefix + symbol) == ("°C" if code == 0x2D else "Pa")
+        integer = scale_of(objects, 0x9130, 2)
+        assert integer.factor == pytest.approx(1e-3)
+        assert integer.unit.symbol == ("-" if prefix is None else prefix + symbol)
+        assert scale_of(Objects({**objects, (0x6131, 2): word | 1}), 0x6130, 2) is None
 
 
 MEASURED = (0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149)
@@ -162,9 +163,8 @@ VALVE = {(0x1000, 0): 408, (0x6311, 1): 16384, (0x6391, 1): 200}
 MOTION = {(0x6600, 2): 1, (0x6600, 3): -6}
 
 
-@pytest.mark.parametrize(
-    ("objects", "index", "expected"),
-    [
+def test_a_number_has_the_scale_of_its_profile():
+    rows = [
         # 406: position in 0.001 um, speed in 0.01 mm/s a step
         (LINEAR, 0x6004, (5e-3, "mm", 0.0)),
         (LINEAR, 0x6020, (5e-3, "mm", 0.0)),
@@ -197,14 +197,9 @@ MOTION = {(0x6600, 2): 1, (0x6600, 3): -6}
         (VALVE | {(0x6381, 2): 0x4E, (0x6381, 3): -3}, 0x6381, (1.0, "mbar", 0.0)),
         (VALVE | {(0x6380, 2): 0x4E, (0x6380, 3): -4}, 0x6380, None),
         (VALVE | {(0x6301, 2): 1, (0x6301, 3): -6}, 0x6301, (1e-3, "mm", 0.0)),
-    ],
-)  # fmt: skip
-def test_a_number_has_the_scale_of_its_profile(objects, index, expected):
-    found = shown(objects, index, 0 if index == 0x6004 else 1)
-    if expected is None:
-        assert found is None
-    else:
-        assert found == (pytest.approx(expected[0]), *expected[1:])
+    ]  # fmt: skip
+    found = [shown(objects, index, 0 if index == 0x6004 else 1) for objects, index, _ in rows]
+    assert found == [each and (pytest.approx(each[0]), *each[1:]) for *_, each in rows]
 
 
 @pytest.mark.parametrize(

@@ -134,12 +134,13 @@ def unknown_in(rows, name, where):
     ("change", "seen", "verdict"),
     [
         (lambda rows: unknown_in(rows, "axis1.position", slice(-100, None)), 0.1, "inconclusive"),
+        (lambda rows: unknown_in(rows, "axis1.position", 0), 0.001, "inconclusive"),
         (lambda rows: np.delete(rows, slice(200, 250)), 0.051, "inconclusive"),
         (lambda rows: np.delete(rows, slice(200, 209)), 0.0, "passed"),  # ten times the usual
     ],
 )
 def test_what_was_not_seen_throughout_has_not_passed(recorded, change, seen, verdict):
-    """The last 0.1 s without a position; a gap between two rows that are 51 ms apart."""
+    """The last 0.1 s or the first row without a position; two rows that are 51 ms apart."""
     (position, *_) = compare_recordings(load_config(), change(recorded), change(recorded), {})
     assert position.duration == pytest.approx(np.ptp(recorded["time"]))
     assert position.duration - position.seen == pytest.approx(seen)

@@ -220,6 +220,7 @@ def compare_recordings(
     for channel in channels:
         error = np.abs(simulated[channel.name] - recorded[channel.name])
         is_known = np.isfinite(error)
+        is_seen = is_known & np.append(True, is_known[:-1]) & ~is_leap  # from row to row
         known = error[is_known]
         worst = int(np.argmax(np.where(is_known, error, -1.0)))
         deviations.append(
@@ -229,7 +230,7 @@ def compare_recordings(
                 rms=float(np.sqrt(np.mean(known**2))) if known.size else math.nan,
                 maximum=float(error[worst]),
                 time=float(times[worst]),
-                seen=duration - float(np.sum(waits, where=is_leap | ~is_known)),
+                seen=duration - float(np.sum(waits, where=~is_seen)),
                 duration=duration,
                 tolerance=tolerances.get(
                     channel.name, tolerances.get(_quantity(channel), usual.get(channel.name))

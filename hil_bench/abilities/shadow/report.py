@@ -302,7 +302,9 @@ class ShadowReport:
             "differs": "the machine does something else than its twin",
             "not compared": "not every axis could be compared",
         }
-        return "\n".join([*lines, f"verdict: {verdict}; {texts[verdict]}"])
+        others = ", ".join(self._shadow.others)
+        without = f"; without sensors, so not compared: {others}" if others else ""
+        return "\n".join([*lines, f"verdict: {verdict}; {texts[verdict]}{without}"])
 
     def _content(self, verdict: str, exceeded: int, duration: float) -> dict[str, object]:
         return {
@@ -311,6 +313,7 @@ class ShadowReport:
             "frames": self._shadow.frames,
             "windows": len(self._windows),
             "exceeded": exceeded,
+            "without_sensors": self._shadow.others,
             "missing": {axis: self._missing(axis) for axis in self._shadow.axes},
             "gaps": {
                 axis: {

@@ -82,6 +82,7 @@ class Shadow:
         frames: how many were heard.
         now: the time of the last frame, from the first one [s].
         axes: the twins of the axes by name; those that have sensors for it.
+        others: the names of the other axes.
         states: what is known of the NMT states of the machine's nodes.
         readings: what the devices can say.
         units: of the quantities that are compared, by their names.
@@ -108,6 +109,7 @@ class Shadow:
         ]
         self._bench.axes = tuple(twin.axis for twin in twins)
         self.axes = {twin.axis.name: twin for twin in twins if twin.is_comparable}
+        self.others = [twin.axis.name for twin in twins if not twin.is_comparable]
         self.units = {
             quantity.name: quantity.unit
             for axis in self._bench.axes

@@ -190,11 +190,11 @@ def _check_sensors(config: BenchConfig, shadow: Shadow) -> None:
     Raises:
         ConfigError: no axis can.
     """
-    axes = [axis.name for axis in config.axes if axis.name not in shadow.axes]
-    if not axes:
+    if not shadow.others:
         return
+    axes = ", ".join(shadow.others)
     text = (
-        f"{config.path}: no node reports position, P_A and P_B of {', '.join(axes)} on the bus; "
+        f"{config.path}: no node reports position, P_A and P_B of {axes} on the bus; "
         "give it an encoder_406 and a pressure_404 at each port"
     )
     if not shadow.axes:

@@ -183,6 +183,24 @@ def test_a_bench_without_sensors_is_refused_before_the_bus_is_opened(make_file, 
     )
 
 
+def test_an_axis_without_sensors_is_no_part_of_the_verdict(log, make_file, cli):
+    nodes = {
+        "valve": (1, "valve_408", 'axis = "axis1"\n'),
+        "a": (2, "pressure_404", 'axis = "axis1"\nsource = "P_A"\n'),
+        "b": (3, "pressure_404", 'axis = "axis1"\nsource = "P_B"\n'),
+        "position": (4, "encoder_406", 'axis = "axis1"\n'),
+        "lift_valve": (5, "valve_408", 'axis = "lift"\n'),
+    }
+    text = "[plant.axis1]\n[plant.lift]\n" + "".join(
+        f'[nodes.{name}]\nprofile = "{profile}"\nnode_id = {node_id}\n{more}'
+        for name, (node_id, profile, more) in nodes.items()
+    )
+    words = ["shadow", str(make_file("bench.toml", text)), "--log", str(log)]
+    end = "the machine does what its twin does; without sensors, so not compared: lift\n"
+    assert cli(words).out.endswith(f"verdict: follows; {end}")
+    assert json.loads(cli([*words, "--json"]).out)["without_sensors"] == ["lift"]
+
+
 def test_those_who_watch_a_quiet_one_see_both_sides_and_the_worst_window(log, monkeypatch, cli):
     rows, states = [], []
 

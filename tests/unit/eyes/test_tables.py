@@ -10,6 +10,8 @@ from support.sdo_frames import MS
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.abilities.eyes.channels import _si_symbol
 from hil_bench.abilities.eyes.explain.bus import Emergencies, ErrorFrames, Load
+from hil_bench.abilities.eyes.explain.explain import explain
+from hil_bench.abilities.eyes.explain.finding import Cause
 from hil_bench.abilities.eyes.frame_words import error_text, lss_text, meaning_of
 from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.sight import Service, Sight
@@ -17,6 +19,7 @@ from hil_bench.abilities.eyes.values import scale_of
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.frame import ERROR_FLAG
+from hil_bench.outside.recording.channels import LoggedFrame
 
 LSS = """04 switch state global, 11 configure node-ID, 13 configure bit timing,
 15 activate bit timing, 17 store configuration, 44 switched by its address,
@@ -275,6 +278,22 @@ def test_a_load_of_exactly_eighty_percent_is_none():
     load.count(1, Frame(1))
     (finding,) = load.findings(0)
     assert "most of it" not in finding.text
+
+
+@pytest.mark.parametrize(("times", "load"), [(11, 0.562), (17, 0.869)])
+def test_each_bus_has_a_load_of_its_own(times, load):
+    """A frame without data has 51.125 bits; 100 ms at 10 kbit/s are 1000."""
+    frames = [
+        LoggedFrame(Frame(1, bus=bus), tick * MS, True)
+        for tick in range(times)
+        for bus in (0, 1)
+        if bus == 0 or tick < 10
+    ] + [LoggedFrame(Frame(1, bus=1), 100 * MS, True)]
+    found = explain(frames, [], 10_000)
+    assert found.load == pytest.approx(times * 51.125 / 1000)
+    texts = [each.text for each in found.findings if each.cause is Cause.BUS_LOAD]
+    assert len(texts) == (load > 0.8)
+    assert all(text.startswith(f"channel 1: load up to {load:.0%} in 100 ms") for text in texts)
 
 
 def emcy(now, code, node="valve"):

@@ -108,7 +108,7 @@ class Explanation(NamedTuple):
         duration: from the first to the last [s].
         nodes: names of those that were heard or spoken to.
         heard: names of those that were heard.
-        load: share of the bus's time that was taken [-].
+        load: share of the time of the busiest bus that was taken [-].
         notes: what is odd with the log itself.
         languages: those that its frames show to be spoken, "CANopen" and "J1939".
         is_judged: whether one of them is, or the bus has known nodes and no frame is against them.
@@ -149,7 +149,8 @@ class Explainer:
         nodes = list(known)
         self._bitrate = bitrate
         self._decoder = Decoder(nodes, ecus)
-        self._load, self._silence, self._clock = Load(bitrate, speedup), Silence(), Clock()
+        self._speedup, self._silence, self._clock = speedup, Silence(), Clock()
+        self._loads: dict[int, Load] = {}
         self._recordings = Recordings()
         self._presence = Presence(self._decoder, nodes)
         self._has_nodes, self._language = bool(nodes), Language()
@@ -191,7 +192,10 @@ class Explainer:
         now, leap = timed
         frame = logged.frame
         self._now = now
-        self._load.count(now, frame)
+        load = self._loads.get(frame.bus)
+        if load is None:
+            load = self._loads[frame.bus] = Load(self._bitrate, self._speedup)
+        load.count(now, frame)
         self._recordings.take(frame, now)
         if leap:
             self._silence.skip(leap)
@@ -234,11 +238,15 @@ class Explainer:
         """
         now = self._now if end is None else max(end, self._now)
         found = [finding for watch in self._watches for finding in watch.findings(now)]
-        found += [*self._load.findings(now), *self._silence.findings(now)]
+        for bus, load in self._loads.items():
+            where = f"channel {bus + 1}: " if len(self._loads) > 1 else ""
+            found += [each._replace(text=where + each.text) for each in load.findings(now)]
+        found += self._silence.findings(now)
         found += self._recordings.findings()
         scanned = self._presence.scanned
         found = [f for f in found if not (f.cause in _OF_SDO and f.node in scanned)]
         spoken, duration = self._language, now * 1e-9
+        busiest = max((load.total for load in self._loads.values()), default=0.0)
         nodes = self._seen_nodes()
         heard = [name for key, name in nodes.items() if self._presence.has_heard(*key)]
         if not self._has_nodes:
@@ -249,7 +257,7 @@ class Explainer:
             duration,
             (*nodes.values(), *self._senders),
             (*heard, *self._senders),
-            self._load.total / (self._bitrate * duration) if duration else 0.0,
+            busiest / (self._bitrate * duration) if duration else 0.0,
             (*self._clock.notes(), *spoken.notes(self._frames)),
             spoken.names,
             bool(spoken.names or (self._has_nodes and not spoken.is_foreign)),

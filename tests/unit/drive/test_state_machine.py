@@ -39,8 +39,8 @@ def test_control_words_lead_to_states():
 
 
 def test_bit_1_alone_disables_the_voltage():
-    befores = [[0x06], [0x06, 0x07], [0x06, 0x0F], [0x06, 0x0F, 0x02]]
-    words = [[*before, word] for before in befores for word in (0x01, 0x05, 0x09, 0x0D)]
+    starts = [[0x06], [0x06, 0x07], [0x06, 0x0F], [0x06, 0x0F, 0x02]]
+    words = [[*before, word] for before in starts for word in (0x01, 0x05, 0x09, 0x0D)]
     ends = [(each, obey(DriveStateMachine(), *each)) for each in words]
     assert ends == [(each, S.SWITCH_ON_DISABLED) for each in words]  # CiA 402: 0xxx xx0x
 

@@ -22,6 +22,7 @@ CELSIUS_PER_UNIT = {0x2D: (1.0, 0.0), 0xAC: (5.0 / 9.0, -160.0 / 9.0)}
 """Units of temperature by their code: size [K] and zero [°C] of degree Celsius and Fahrenheit."""
 
 _UNIT, _DIGITS, _STATUS = 0x6131, 0x6132, 0x6150
+_MOST_DIGITS, _HIGHEST_POWER = 9, 9
 _NOT_VALID = 0x01
 
 
@@ -93,17 +94,27 @@ class _Channel(Sensor):
         name = object_name(_UNIT, self._channel)
         code = self.node.read_integer(_UNIT, self._channel)
         exponent, numerator, denominator = code >> 24, code >> 16 & 0xFF, code >> 8 & 0xFF
-        if numerator not in known or denominator:
+        exponent -= 256 if exponent > 127 else 0
+        if numerator not in known or denominator or abs(exponent) > _HIGHEST_POWER:
             raise DeviceMismatchError(
                 f"{self.node}: {name} (physical unit) is 0x{code:08X}, {right} is right"
             )
-        return numerator, 10.0 ** (exponent - 256 if exponent > 127 else exponent)
+        return numerator, 10.0**exponent
 
     def _read_resolution(self) -> float:
-        """Return the value of one digit of the process value, in the device's unit."""
+        """Return the value of one digit of the process value, in the device's unit.
+
+        Raises:
+            DeviceMismatchError: no integer of 32 bits has so many digits.
+        """
         if self._process_value.signal.is_real:
             return 1.0
-        return 10.0 ** -self.node.read_integer(_DIGITS, self._channel)
+        digits = self.node.read_integer(_DIGITS, self._channel)
+        if not 0 <= digits <= _MOST_DIGITS:
+            name = object_name(_DIGITS, self._channel)
+            right = f"0 to {_MOST_DIGITS} is right"
+            raise DeviceMismatchError(f"{self.node}: {name} (decimal digits) is {digits}; {right}")
+        return 10.0**-digits
 
 
 class PressureSensor(_Channel):

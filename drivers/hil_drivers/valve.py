@@ -155,13 +155,13 @@ class ProportionalValve(ValveControl, Device):
         """
         if not 0.0 <= fraction <= 1.0:
             raise ValueError(f"pressure {fraction}: 0 to 1 of the full pressure is right")
-        reference = self.node.read_integer(*_PRESSURE_REFERENCE)
-        self.node.write(*_PRESSURE_SET_POINT, round(fraction * reference))
+        self.node.write(
+            *_PRESSURE_SET_POINT, round(fraction * self._read_full(_PRESSURE_REFERENCE))
+        )
 
     def read_pressure(self) -> float:
         """Return the pressure that the valve measures as fraction of its full pressure, by SDO."""
-        reference = self.node.read_integer(*_PRESSURE_REFERENCE)
-        return self.node.read_integer(*_PRESSURE_ACTUAL) / reference
+        return self.node.read_integer(*_PRESSURE_ACTUAL) / self._read_full(_PRESSURE_REFERENCE)
 
     @property
     def is_limited_by_pressure(self) -> bool:
@@ -187,14 +187,20 @@ class ProportionalValve(ValveControl, Device):
         """Return the length of an increment [m], by unit and prefix of the object.
 
         Raises:
-            DeviceMismatchError: the object is in no metres.
+            DeviceMismatchError: the object is in no metres, or in those of no machine.
         """
         unit = self.node.read_integer(index, _UNIT)
         if unit != _METRE:
             raise DeviceMismatchError(
                 f"{self.node}: {object_name(index, _UNIT)} (unit) is {unit}; 1, metres, is right"
             )
-        return float(10.0 ** self.node.read_integer(index, _PREFIX))
+        prefix = self.node.read_integer(index, _PREFIX)
+        if not -12 <= prefix <= 3:
+            raise DeviceMismatchError(
+                f"{self.node}: {object_name(index, _PREFIX)} (prefix) is {prefix}; "
+                "-12, picometres, to 3, kilometres, is right"
+            )
+        return float(10.0**prefix)
 
     def send(self) -> None:
         """Send control word and set-point as they are, again."""
@@ -212,18 +218,23 @@ class ProportionalValve(ValveControl, Device):
         }
 
     def _read_reference(self) -> None:
-        """Read what stands for full opening, where the device says so.
+        """Read what stands for full opening, where the device says so."""
+        if self.node.has(*_REFERENCE):
+            self._reference = self._read_full(_REFERENCE)
+
+    def _read_full(self, key: ObjectKey) -> int:
+        """Return a reference value.
 
         Raises:
             DeviceMismatchError: it is not positive.
         """
-        if self.node.has(*_REFERENCE):
-            self._reference = self.node.read_integer(*_REFERENCE)
-        if self._reference < 1:
+        reference = self.node.read_integer(*key)
+        if reference < 1:
             raise DeviceMismatchError(
-                f"{self.node}: {object_name(*_REFERENCE)} (reference value) is {self._reference}; "
+                f"{self.node}: {object_name(*key)} (reference value) is {reference}; "
                 "a positive number, 16384 by default, is right"
             )
+        return reference
 
     def _keep_other_values(self, pdo: SentPdo) -> None:
         """Fill what else an RPDO carries with what the device holds, to leave it as it is."""

@@ -54,7 +54,8 @@ def test_units(sensor, bus, expected_protocol, set_up_tpdo, upload, unit, pascal
     assert sensor.pressure == pytest.approx(2 * pascal, rel=1e-12)
 
 
-@pytest.mark.parametrize("unit", ["00.00.2D.00", "00.03.4E.00"])  # °C; bar per something
+# °C; bar per something; bar with 10 to the power of 10, and of -10
+@pytest.mark.parametrize("unit", ["00.00.2D.00", "00.03.4E.00", "00.00.4E.0A", "00.00.4E.F6"])
 def test_a_unit_that_is_no_pressure_is_refused(
     sensor, expected_protocol, set_up_tpdo, upload, unit
 ):
@@ -121,6 +122,22 @@ def test_an_integer_process_value_has_decimal_digits(
     bus.play("182#00.80.00")  # the smallest integer stands for no value (WIKA MH-4-CAN manual)
     network.pump()
     assert not sensor.is_valid
+
+
+@pytest.mark.parametrize("digits", ["0A", "FF"])  # 2^31 has ten digits, so one before the point
+def test_decimal_digits_that_no_integer_has_are_refused(
+    network, edit_eds, expected_protocol, set_up_tpdo, upload, digits
+):
+    mapping = [0x71300110, 0x61500108]
+    sensor = PressureSensor(network, 2, edit_eds(PRESSURE_404, {"1A00sub1": hex(mapping[0])}))
+    steps = [upload(2, "6131.01", "00.00.4E.00"), upload(2, "6132.01", digits)]
+    with (
+        expected_protocol([*set_up_tpdo(2, 404, mapping), *steps]),
+        pytest.raises(
+            DeviceMismatchError, match=r"0x6132\.01 \(decimal digits\) is (10|255); 0 to 9"
+        ),
+    ):
+        sensor.setup()
 
 
 def test_a_value_without_status_is_valid(

@@ -86,6 +86,24 @@ def test_the_reference_must_be_positive(valve, set_up_tpdo, upload, expected_pro
         valve.setup()
 
 
+def test_full_pressure_must_be_positive(valve, upload, expected_protocol):
+    message = r"0x6391\.01 \(reference value\) is 0"
+    asked = upload(1, "6391.01", "00.00")
+    with expected_protocol([asked]), pytest.raises(DeviceMismatchError, match=message):
+        valve.set_pressure(0.5)
+    asked = [upload(1, "6381.01", "00.10"), asked]
+    with expected_protocol(asked), pytest.raises(DeviceMismatchError, match=message):
+        valve.read_pressure()
+
+
+@pytest.mark.parametrize(("prefix", "shown"), [("7F", 127), ("04", 4), ("F3", -13)])
+def test_a_prefix_of_no_machine_is_refused(valve, upload, expected_protocol, prefix, shown):
+    asked = [upload(1, "6600.02", "01"), upload(1, "6600.03", prefix)]
+    message = rf"0x6600\.03 \(prefix\) is {shown}; -12"
+    with expected_protocol(asked), pytest.raises(DeviceMismatchError, match=message):
+        valve.set_axis_position(0.1)
+
+
 @pytest.mark.parametrize(
     ("word", "state"),
     [

@@ -55,7 +55,7 @@ def ask(pair: Pair, folder: Path, seed: int, *, is_brief: bool) -> dict[str, Any
     command = [sys.executable, "-m", "hil_bench", "identify", str(after), str(sheet)]
     command += ["--columns", str(after.parent / "rig.toml"), "--against", str(before), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
-    if done.returncode not in {0, 1}:
+    if done.returncode not in {0, 1, 6}:
         occasion.missing("identify --against", done.stderr.strip())
     return dict(json.loads(done.stdout))
 
@@ -68,10 +68,11 @@ def judge(pair: Pair, said: dict[str, Any]) -> dict[str, Any]:
         "machine": pair.before[0].number,
         "defect": pair.defect.name if pair.defect else "",
         "size": f"{pair.size:.3g} {pair.defect.unit}" if pair.defect else "",
-        "is_alarm": said["is_changed"],
+        "is_alarm": said["is_changed"] is True,
+        "is_open": said["is_changed"] is None,
         "times_worse": said["times_worse"],
         "named": [one["words"] for one in said["changes"]],
-        "is_right": bool(names and names[0] in right) if right else not said["is_changed"],
+        "is_right": bool(names and names[0] in right) if right else said["is_changed"] is False,
     }
 
 
@@ -91,14 +92,17 @@ def run(args: argparse.Namespace, folder: Path) -> None:
     print("| machine | defect | size | fits worse | named | right |")
     print("|---|---|---|---|---|---|")
     for one in results:
-        named = ", ".join(one["named"]) or ("unexplained" if one["is_alarm"] else "nothing")
+        unnamed = "undecided" if one["is_open"] else "unexplained" if one["is_alarm"] else "nothing"
+        named = ", ".join(one["named"]) or unnamed
         cells = (one["defect"] or "none", one["size"], f"{one['times_worse']:.2f} times", named)
         verdict = "yes" if one["is_right"] else "no"
         print(f"| {one['machine']} | {' | '.join(cells)} | {verdict} |")
     healthy = [one for one in results if not one["defect"]]
     defects = [one for one in results if one["defect"]]
     print(f"\nalarms on healthy pairs: {sum(one['is_alarm'] for one in healthy)} of {len(healthy)}")
+    print(f"undecided of healthy pairs: {sum(one['is_open'] for one in healthy)} of {len(healthy)}")
     print(f"defects noticed: {sum(one['is_alarm'] for one in defects)} of {len(defects)}")
+    print(f"undecided of defects: {sum(one['is_open'] for one in defects)} of {len(defects)}")
     print(f"named rightly: {sum(one['is_right'] for one in defects)} of {len(defects)}")
 
 

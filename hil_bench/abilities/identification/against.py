@@ -34,7 +34,7 @@ _LOOKED_AT = 5  # causes that fit best, roughly
 _NEAR = 0.85  # of the best: as likely
 _DAILY = 0.25  # of the least change that is named: standard deviation from day to day
 _SEEN = 12.0  # by which a cause lowers twice the negative log likelihood, or it is chance
-_WORSE = 3.0  # times the residual before: a change, although no cause is found
+_OPEN, _WORSE = 1.5, 3.0  # times the residual before: undecided, a change, although none is found
 
 
 class Cause(NamedTuple):
@@ -104,14 +104,17 @@ class Comparison(NamedTuple):
     Attributes:
         worse: residual of the machine of the first record on the second, times that on the first.
         changes: the causes, the likeliest first; empty where nothing has changed or is explained.
-        is_changed: whether the second record differs.
         tried: what each of the likeliest causes alone would have to have changed.
     """
 
     worse: float
     changes: tuple[Change, ...]
-    is_changed: bool
     tried: tuple[Change, ...]
+
+    @property
+    def is_changed(self) -> bool | None:
+        """Whether the second record differs; None where that is open."""
+        return bool(self.changes) or self.worse > _WORSE or (None if self.worse > _OPEN else False)
 
 
 def compare(
@@ -202,8 +205,7 @@ def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
         if is_seen and abs(value - start) > _least(cause, start):
             named.append((lowered, tried[-1]))
     likely = find_likely(named, excess)
-    worse = math.sqrt(usual.cost / base)
-    return Comparison(worse, likely, bool(likely) or worse > _WORSE, tuple(tried))
+    return Comparison(math.sqrt(usual.cost / base), likely, tuple(tried))
 
 
 def find_likely(named: Sequence[tuple[float, Change]], excess: float) -> tuple[Change, ...]:
@@ -216,9 +218,7 @@ def find_likely(named: Sequence[tuple[float, Change]], excess: float) -> tuple[C
         excess: cost beyond what like strokes of the first record have; without any no change is
             likely, as there is nothing to explain.
     """
-    if excess <= 0.0:
-        return ()
-    ranked = sorted(named, key=lambda one: -one[0])
+    ranked = sorted(named, key=lambda one: -one[0]) if excess > 0.0 else []
     return tuple(change for lowered, change in ranked if lowered > _NEAR * ranked[0][0])
 
 
@@ -348,6 +348,8 @@ def _possible(bench: Bench, options: Options) -> list[Cause]:
 
 def describe(found: Comparison) -> list[str]:
     """Return a comparison as people read it."""
+    if found.is_changed is None:
+        return [f"undecided: it fits {found.worse:.2f} times worse, and no known cause explains it"]
     if not found.is_changed:
         return [f"nothing has changed: the machine fits as before ({found.worse:.2f} times)"]
     lines = [f"the machine has changed: it fits {found.worse:.2f} times worse than before"]

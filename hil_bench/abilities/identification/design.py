@@ -119,9 +119,8 @@ class Bounds(NamedTuple):
             return "position"
         if np.abs(v).max() > self.speed:
             return "speed"
-        if pressures.min() < self.pressure[0] or pressures.max() > self.pressure[1]:
-            return "pressure"
-        return ""
+        is_inside = self.pressure[0] <= pressures.min() and pressures.max() <= self.pressure[1]
+        return "" if is_inside else "pressure"
 
 
 # A run of strokes from which `identify` learns most of what matters: both ways, three openings.

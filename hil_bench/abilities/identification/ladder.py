@@ -311,9 +311,8 @@ def _offsets(bench: Bench) -> list[str]:
 
 def _stops(bench: Bench) -> list[str]:
     """Return the unknowns of a record whose strokes end at a stop."""
-    if not bench.ends_at_stop:
-        return []
-    return ["stroke_mm", *(f"offset_x:{number}" for number in range(bench.template.sessions))]
+    offsets = [f"offset_x:{number}" for number in range(bench.template.sessions)]
+    return ["stroke_mm", *offsets] if bench.ends_at_stop else []
 
 
 def _scan(

@@ -8,6 +8,8 @@ from support.machine_record import Machine, random_steps
 
 from hil_bench import errors, load_config
 from hil_bench.abilities.common.arguments import find_cylinder
+from hil_bench.abilities.identification.against import Change, Comparison
+from hil_bench.abilities.identification.verbs import identify
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.cli import main
 from hil_bench.outside.recording.block_file import RecordingFile
@@ -24,6 +26,9 @@ orifice_width_mm = 22.0
 [nodes]
 valve = { profile = "valve_408", node_id = 1 }
 """
+
+
+LEAK = Change("leakage", "internal_leakage_l_min_bar", before=0.0, after=0.01, explains=1.0)
 
 
 @pytest.fixture
@@ -72,6 +77,27 @@ def test_a_limit_decides_the_exit_code(bench, recording, tmp_path, capsys):
     assert main(["identify", *arguments, "--require", "position 1 mm"]) == 1
 
     assert "NOT as required: position 1 mm: no stroke" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("found", "code", "said"),
+    [
+        (Comparison(1.5, (), ()), 0, "nothing has changed: the machine fits as before"),
+        (Comparison(1.501, (), ()), 6, "undecided: it fits 1.50 times worse, and no known"),
+        (Comparison(3.0, (), ()), 6, "undecided: it fits 3.00 times worse, and no known"),
+        (Comparison(3.001, (), ()), 1, "the machine has changed: it fits 3.00 times worse"),
+        (Comparison(1.2, (LEAK,), ()), 1, "the machine has changed: it fits 1.20 times"),
+    ],
+)
+def test_what_has_changed_decides_the_exit_code(
+    bench, recording, cli, monkeypatch, found, code, said
+):
+    monkeypatch.setattr(identify, "compare", lambda *_: found)
+    words = ["identify", *map(str, (recording, bench, "--against", recording))]
+    assert cli(words, code).out.startswith(said)
+    assert json.loads(cli([*words, "--json"], code).out)["is_changed"] is {0: False, 1: True}.get(
+        code
+    )
 
 
 def refusal(capsys, *arguments):

@@ -46,7 +46,7 @@ from hil_bench.abilities.recording.column_map import (
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.exit_codes import Ending, ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.config.settings import Settings
 from hil_bench.config.values import find_nearest
@@ -215,7 +215,7 @@ def _compare(
         before, record = (_read_records(args, each, asked) for each in (args.against, recordings))
         found = compare(before, record, asked.axis, settings, options)
     ending = Ending(args)
-    ending.take(ExitCode.CHECK_FAILED if found.is_changed else ExitCode.DONE)
+    ending.take(verdict_code(fails=bool(found.is_changed), passes=found.is_changed is False))
     if args.json:
         print(json.dumps(comparison_to_json(found), indent=2))
     elif not args.quiet:

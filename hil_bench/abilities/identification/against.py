@@ -113,7 +113,7 @@ class Comparison(NamedTuple):
 
     @property
     def is_changed(self) -> bool | None:
-        """Whether the second record differs; None where that is open."""
+        """True if the second record differs; None where that is open."""
         return bool(self.changes) or self.worse > _WORSE or (None if self.worse > _OPEN else False)
 
 

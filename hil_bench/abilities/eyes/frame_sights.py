@@ -206,7 +206,7 @@ def transfer_sight(node: KnownNode, transfer: Transfer, now: int, frame: Frame) 
     elif transfer.abort is not None:
         by = " by the client" if transfer.is_aborted_by_client else ""
         problem = f"aborted{by}, 0x{transfer.abort:08X}, {abort_text(transfer.abort)}"
-        words = f"{what}, {duration}"
+        words = f"{what}, {'begun before' if transfer.way is Way.UNSEEN else duration}"
     else:
         problem = "not continued" if transfer.is_answered else "not answered"
         words = what

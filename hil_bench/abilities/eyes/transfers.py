@@ -23,6 +23,8 @@ class Way(Enum):
 
     UPLOAD = "upload"
     DOWNLOAD = "download"
+    UNSEEN = "transfer of"
+    """Of one that began before the log, and is aborted in it."""
 
 
 @dataclass(slots=True)
@@ -90,6 +92,7 @@ class SdoChannel:
     def __init__(self) -> None:
         self.current: Transfer | None = None
         self.overtaken: Transfer | None = None
+        self._has_begun = False
 
     def hear(self, data: bytes, now: int, *, is_request: bool) -> tuple[Transfer, ...]:
         """Take a frame and return the transfers that have ended with it, the older one first.
@@ -106,7 +109,7 @@ class SdoChannel:
             return ()
         begun = _begin(data, now) if is_request else None
         if begun is not None:
-            self.current = begun
+            self.current, self._has_begun = begun, True
             return () if transfer is None else self._interrupt(transfer, begun)
         waiting = self.overtaken
         if waiting is not None and not is_request and _is_answer_to(waiting, transfer, data):
@@ -114,12 +117,22 @@ class SdoChannel:
             _go_on(waiting, data, now, is_request=False)
             return (waiting,)
         if transfer is None:
-            return ()
+            return self._end_unseen(data, now, is_request=is_request)
         _go_on(transfer, data, now, is_request=is_request)
         if not transfer.has_ended:
             return ()
         self.current = None
         return (transfer,)
+
+    def _end_unseen(self, data: bytes, now: int, *, is_request: bool) -> tuple[Transfer, ...]:
+        """Return the transfer that began before the log, where a frame aborts it."""
+        command, index, subindex, code = struct.unpack("<BHBI", data)
+        if command != _ABORT or self._has_begun:
+            return ()
+        self._has_begun = True
+        unseen = Transfer(Way.UNSEEN, index, subindex, now, now, abort=code)
+        unseen.is_aborted_by_client = is_request
+        return (unseen,)
 
     def expire(self, now: int) -> tuple[Transfer, ...]:
         """Return the transfers that nobody has continued for `PATIENCE`, which ends them."""

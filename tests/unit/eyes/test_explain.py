@@ -294,6 +294,22 @@ def test_a_scan_of_all_node_ids_is_no_fault():
     assert (finding.cause, finding.node) == (Cause.NO_BOOT_UP, "node 50")
 
 
+@pytest.mark.parametrize(
+    ("place", "code", "causes"),
+    [
+        ("00 20 03", "30 00 09 06", [Cause.SDO_ABORT]),
+        ("18 10 04", "11 00 09 06", []),  # somebody looks whether there is a serial number
+    ],
+)
+def test_an_abort_of_a_transfer_that_began_before_the_log_is_one(place, code, causes):
+    """0609 0030h is a value beyond its range, 0609 0011h a sub-index that does not exist."""
+    beats = [(time, Frame(0x704, b"\x05")) for time in range(0, 1500, 100)]
+    abort = 50, Frame(0x584, bytes.fromhex(f"80 {place} {code}"))
+    found = findings_of(*beats, abort)
+    assert [each.cause for each in found] == causes
+    assert all("node 4: transfer of 0x2000.03 aborted, 0x06090030" in each.text for each in found)
+
+
 def test_pdos_that_stay_out_together_are_told_once():
     """Their last ones are at 492, 496 and 499 ms: the third is 7 ms later than the first."""
 

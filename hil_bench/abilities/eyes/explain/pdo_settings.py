@@ -286,7 +286,7 @@ class Transfers:
     def _is_look(self, sight: Sight, transfer: Transfer) -> bool:
         """Return True if somebody has merely looked whether a device has an object."""
         node = self._decoder.nodes.get((sight.frame.bus, sight.node_id or 0))
-        is_absent = transfer.way is Way.UPLOAD and transfer.abort in _NOT_THERE
+        is_absent = transfer.way is not Way.DOWNLOAD and transfer.abort in _NOT_THERE
         if not is_absent or node is None or transfer.index >= _OF_PROFILES:
             return False
         return not node.has_eds or node.objects.find(transfer.index, transfer.subindex) is None

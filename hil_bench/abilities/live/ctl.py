@@ -138,13 +138,20 @@ def show_status(client: FeedClient, args: argparse.Namespace) -> None:
 
 
 def set_values(client: FeedClient, args: argparse.Namespace) -> None:
-    """Set objects and loads; nothing is set where a word is wrong."""
+    """Set objects and loads; nothing is set where a word is wrong.
+
+    What the bench refuses ends it: the settings before it have acted, and are printed.
+    """
     from hil_bench.abilities.live.ctl import read_setting  # noqa: PLC0415 - and nobody else
 
     settings = [read_setting(word, client.hello) for word in args.settings]
-    for setting in settings:
-        client.request(setting.action, **setting.fields)
-    print_results(args, args.settings, {"set": [setting.fields for setting in settings]})
+    done: list[dict[str, Any]] = []
+    try:
+        for setting in settings:
+            client.request(setting.action, **setting.fields)
+            done.append(setting.fields)
+    finally:
+        print_results(args, args.settings[: len(done)], {"set": done})
 
 
 def mark(client: FeedClient, args: argparse.Namespace) -> None:

@@ -147,6 +147,14 @@ def test_nothing_is_set_where_a_word_is_wrong(loop, capsys):
     assert "cannot be set" in capsys.readouterr().err
 
 
+def test_what_acted_before_a_setting_that_the_bench_refuses_is_said(loop, capsys):
+    """0x1018 is the identity, which nobody may write; the words behind it are not asked for."""
+    words = ["axis1.load_n=5000", "valve.0x1017=777", "valve.0x1018.01=1", "valve.0x1017=778"]
+    assert main(["ctl", "set", *words]) != 0
+    assert loop.session.nodes["valve"]["0x1017"] == 777
+    assert capsys.readouterr().out.splitlines() == words[:2]
+
+
 def test_a_bench_whose_time_stands_still_is_said(loop, capsys, cli):
     loop.session.door.close()
     assert main(["ctl", "fault", "freeze", "position"]) == 3

@@ -274,17 +274,23 @@ def _junit_rows(file: ResultsFile) -> Iterator[Row]:
         raise ConfigError(f"--results {file.path}: begins with <{root.tag}>; {_RIGHT}")
     _check_counts(root, file.path)
     for case in root.iter("testcase"):
-        properties = {each.get("name", ""): each.get("value", "") for each in case.iter("property")}
+        pairs = [(each.get("name", ""), each.get("value", "")) for each in case.iter("property")]
+        properties = dict(pairs)
+        named = [value for name, value in pairs if name == _ID and value]
         outcome, reason = _junit_outcome(case)
-        yield Row(
-            properties.get("requirement_id", ""),
-            properties.get("expectation", ""),
-            f"{case.get('classname', '')}::{case.get('name', '')}",
-            _worst_outcome([outcome, _known(properties.get("outcome", outcome))]),
-            reason or properties.get("deciding", ""),
-            str(file.path),
-        )
+        for requirement in dict.fromkeys(named or [""]):
+            yield Row(
+                requirement,
+                properties.get("expectation", ""),
+                f"{case.get('classname', '')}::{case.get('name', '')}",
+                _worst_outcome([outcome, _known(properties.get("outcome", outcome))]),
+                reason or properties.get("deciding", ""),
+                str(file.path),
+            )
 
+
+_ID = "requirement_id"
+"""The property of a test case that names a requirement; a case may have several."""
 
 _COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 _MOST_DIGITS = 10

@@ -142,6 +142,7 @@ class ScenarioItem(pytest.Item):
         """
         result = self.parent.result()
         if result.problem:
+            self.user_properties.append(("requirement_id", self.name))
             raise ScenarioFailedError(result.problem)
         finding = result.findings[self._number]
         self.user_properties += junit_properties(result, finding)

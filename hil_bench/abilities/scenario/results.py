@@ -142,24 +142,39 @@ def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str
 def _add_suite(root: ET.Element, result: ScenarioResult) -> None:
     suite = ET.SubElement(root, "testsuite", name=result.title)
     if result.problem:
-        case = ET.SubElement(suite, "testcase", classname=result.path, name="run")
+        named = [("requirement_id", requirement) for requirement in result.requirement_ids]
+        case = _add_case(suite, result, "run", named)
         ET.SubElement(case, "error", message=result.problem)
     for finding in result.findings:
-        name = finding.requirement.id
-        case = ET.SubElement(suite, "testcase", classname=result.path, name=name)
-        properties = ET.SubElement(case, "properties")
-        for key, value in junit_properties(result, finding):
-            ET.SubElement(properties, "property", name=key, value=value)
+        case = _add_case(suite, result, finding.requirement.id, junit_properties(result, finding))
         outcome = finding.judgement.outcome
         if outcome is not RequirementOutcome.PASSED:
             message = f"{outcome}: {reason_of(finding.judgement)}"
             ET.SubElement(case, "failure", type=outcome.value, message=message)
+    judged = {finding.requirement.id for finding in result.findings}
+    for requirement in () if result.problem else result.requirement_ids:
+        if requirement not in judged:
+            case = _add_case(suite, result, requirement, [("requirement_id", requirement)])
+            ET.SubElement(case, "skipped", message="the scenario names it and judges nothing")
     for number, case in enumerate(suite):
         case.set("time", f"{0.0 if number else result.duration:.3f}")
     suite.set("tests", str(len(suite)))
     suite.set("time", f"{result.duration:.3f}")
-    for kind, tag in (("failures", "failure"), ("errors", "error")):
+    for kind, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(kind, str(len(suite.findall(f"testcase/{tag}"))))
+
+
+def _add_case(
+    suite: ET.Element, result: ScenarioResult, name: str, about: Iterable[tuple[str, str]]
+) -> ET.Element:
+    """Add a test case to its suite, with properties where it has some."""
+    case = ET.SubElement(suite, "testcase", classname=result.path, name=name)
+    pairs = list(about)
+    if pairs:
+        properties = ET.SubElement(case, "properties")
+        for key, value in pairs:
+            ET.SubElement(properties, "property", name=key, value=value)
+    return case
 
 
 def _xml_text(text: str) -> str:

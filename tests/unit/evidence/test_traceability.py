@@ -6,6 +6,7 @@ import pytest
 from support.tables import from_text
 
 from hil_bench.abilities.evidence.content import read_results, trace
+from hil_bench.abilities.scenario.results import ScenarioResult, write_junit
 from hil_bench.errors import ConfigError
 
 JUNIT = """<?xml version="1.0"?>
@@ -13,7 +14,8 @@ JUNIT = """<?xml version="1.0"?>
 <testcase classname="a" name="one"><properties>
 <property name="requirement_id" value="SRS-1"/></properties></testcase>
 <testcase classname="a" name="two"><properties>
-<property name="requirement_id" value="SRS-1"/></properties><failure message="too slow"/></testcase>
+<property name="requirement_id" value="SRS-1"/>
+<property name="requirement_id" value="SRS-4"/></properties><failure message="too slow"/></testcase>
 <testcase classname="a" name="three"><properties>
 <property name="requirement_id" value="SRS-2"/>
 <property name="outcome" value="passed"/></properties><skipped message="no bus"/></testcase>
@@ -79,8 +81,25 @@ def test_a_requirement_that_a_scenario_names_and_does_not_judge_is_seen(traced):
 
 def test_junit_by_property(traced):
     found = traced(junit=JUNIT)
-    assert outcomes(found) == {"SRS-1": "failed", "SRS-2": "not exercised", "SRS-3": "inconclusive"}
+    assert outcomes(found) == {
+        "SRS-1": "failed",
+        "SRS-4": "failed",
+        "SRS-2": "not exercised",
+        "SRS-3": "inconclusive",
+    }
     assert [row["test"] for row in found["without_requirement"]] == ["a::free"]
+
+
+@pytest.mark.parametrize(("problem", "outcome"), [("no SYNC", "failed"), ("", "not exercised")])
+def test_what_a_scenario_does_not_judge_is_the_same_by_json_and_junit(
+    traced, tmp_path, problem, outcome
+):
+    declared = "R-1", "R-2"
+    write_junit([ScenarioResult("a", "T", declared, 0, {}, problem=problem)], tmp_path / "j.xml")
+    by_junit = trace(read_results([tmp_path / "j.xml"]))
+    by_json = traced(json={"a": scenario(problem=problem, declared=declared)})
+    assert outcomes(by_junit) == outcomes(by_json) == dict.fromkeys(declared, outcome)
+    assert by_junit["verdict"] == by_json["verdict"] == outcome
 
 
 def test_an_outcome_that_nobody_knows_is_a_failure(traced):

@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from hil_bench.abilities.scenario import results
 from hil_bench.abilities.scenario.pytest_items import RequirementOutcome, played_once
 from hil_bench.abilities.scenario.results import ScenarioResult
 from hil_bench.errors import ControllerError
@@ -40,6 +41,20 @@ def test_each_requirement_is_a_test(pytester):
     assert properties["requirement_id"] == "R0"
     assert float(properties["margin"]) > 0.0
     assert properties["seen"] == "1"
+
+
+def test_a_run_that_broke_off_names_its_requirements(pytester, monkeypatch):
+    def play(*_):
+        raise ControllerError("it died")
+
+    monkeypatch.setattr(results, "play", play)
+    write(pytester, HOLDS, FAILS)
+    pytester.runpytest_inprocess("--junitxml=junit.xml").assert_outcomes(failed=2)
+    found = ET.parse(pytester.path / "junit.xml").iter("property")  # noqa: S314 - our own
+    assert [(each.get("name"), each.get("value")) for each in found] == [
+        ("requirement_id", "R0"),
+        ("requirement_id", "R1"),
+    ]
 
 
 COUNTING = """

@@ -68,7 +68,7 @@ class NodeDescription:
         hardware_version: 0x1009.
         software_version: 0x100A.
         error_register: 0x1001.
-        error_history: 0x1003, newest first.
+        error_history: 0x1003, newest first; None if unknown.
         heartbeat_ms: 0x1017, period of its heartbeat; 0 for none [ms].
         problem: why it tells nothing, or no more than this; empty where it does.
     """
@@ -85,7 +85,7 @@ class NodeDescription:
     hardware_version: str | None = None
     software_version: str | None = None
     error_register: int | None = None
-    error_history: tuple[int, ...] = ()
+    error_history: tuple[int, ...] | None = None
     heartbeat_ms: int | None = None
     problem: str = ""
 
@@ -215,11 +215,13 @@ class _Reading:
         text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
         return printable(text)
 
-    def history(self) -> tuple[int, ...]:
-        """Return 0x1003, newest first."""
-        count = min(self.number(0x1003) or 0, _HISTORY_LIMIT)
+    def history(self) -> tuple[int, ...] | None:
+        """Return 0x1003, newest first; None if the node refuses it."""
+        count = self.number(0x1003)
+        if count is None:
+            return None
         codes = []
-        for subindex in range(1, count + 1):
+        for subindex in range(1, min(count, _HISTORY_LIMIT) + 1):
             code = self.number(0x1003, subindex)
             if code is None:
                 break

@@ -104,7 +104,7 @@ def test_a_device_that_answers_aborts_only_is_said_to_do_so(device, device_netwo
     device.refuse_all(5)
     found = describe(device_network, Sighting(5))
     assert found.problem == "every read is answered by an abort"
-    assert (found.device_type, found.error_register, found.error_history) == (None, None, ())
+    assert (found.device_type, found.error_register, found.error_history) == (None, None, None)
 
 
 def test_a_device_that_falls_silent_is_given_up_after_one_time_out(device_network):

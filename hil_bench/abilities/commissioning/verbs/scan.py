@@ -236,7 +236,9 @@ def _node_lines(node: NodeDescription) -> Iterator[str]:
         period = f"every {node.heartbeat_ms} ms" if node.heartbeat_ms else "off"
         yield f"  heartbeat {period}"
     if node.error_register is not None:
-        history = ", ".join(f"0x{code:08X}" for code in node.error_history) or "none"
+        codes = node.error_history
+        history = ", ".join(f"0x{code:08X}" for code in codes or ()) or "none"
+        history = "not reported" if codes is None else history
         yield f"  errors    register 0x{node.error_register:02X}, history {history}"
     if node.problem:
         yield f"  problem   {node.problem}"

@@ -28,8 +28,7 @@ Values = npt.NDArray[np.float64]
 
 _BLUR = 0.012  # [s]
 _ROUNDS, _EXACT = 10, 3e-4  # of a search at most; share of the cost that its last step lowers
-_LIKE = 0.03  # of the full opening, by which those of like strokes differ at most
-_STEADY = 0.01  # of the full opening, by which a set-point at rest changes at most
+_LIKE, _STEADY = 0.03, 0.01  # of the full opening: among like strokes, of a set-point at rest
 _LOOKED_AT = 5  # causes that fit best, roughly
 _NEAR = 0.85  # of the best: as likely
 _DAILY = 0.25  # of the least change that is named: standard deviation from day to day
@@ -175,18 +174,20 @@ def _explain(first: Bench, second: Bench, options: Options) -> Comparison:
     daily = [one for each in causes if each.is_daily for one in _unknowns(second, each, _DAILY)]
     rough = second.rescaled({})  # as large as the difference is: far off, slopes are poor
 
-    def seek(wide: Sequence[Unknown]) -> Fit:
+    def seek(wide: Sequence[Unknown], near: Mapping[str, float]) -> Fit:
         names = {one.name for one in wide}
         unknowns = [*wide, *(one for one in daily if one.name not in names)]
-        return search(rough, unknowns, np.array([one.start for one in unknowns]), _ROUNDS)
+        begin = np.array([near.get(one.name, one.start) for one in unknowns])
+        return search(rough, unknowns, begin, _ROUNDS)
 
     options.say("from day to day")
-    usual = seek(())
+    usual = seek((), {})
     usual = search(second, usual.unknowns, usual.variables, _ROUNDS, _EXACT)
+    there = {one.name: value for one, value in zip(usual.unknowns, usual.variables, strict=True)}
     alone = []
     for cause in causes:
-        options.say(cause.up or cause.down)
-        alone.append((cause, seek(_unknowns(second, cause))))
+        options.say(cause.up or cause.down)  # a large change of what differs daily is there already
+        alone.append((cause, seek(_unknowns(second, cause), there if cause.is_daily else {})))
     problems = Problem(first, ()), Problem(second, ())
     rows = [sum(each.lengths) for each in problems]
     base = 0.5 * float(np.square(problems[0].residuals(np.array([]))).sum()) * rows[1] / rows[0]

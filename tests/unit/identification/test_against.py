@@ -8,6 +8,7 @@ import pytest
 from support.machine_record import FULL_OPENING, Machine
 
 from hil_bench import ConfigError, load_config
+from hil_bench.abilities.identification import against
 from hil_bench.abilities.identification.against import (
     Change,
     compare,
@@ -16,7 +17,7 @@ from hil_bench.abilities.identification.against import (
     find_changes,
     find_likely,
 )
-from hil_bench.abilities.identification.fit import Clock
+from hil_bench.abilities.identification.fit import Clock, Fit
 from hil_bench.abilities.identification.identify import Options, make_coarse
 from hil_bench.abilities.identification.record import AxisRecord, join_records
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
@@ -127,6 +128,26 @@ def test_less_supply_is_named(before):
 
     assert found.changes[0].words == "lower supply pressure"
     assert found.changes[0].after == pytest.approx(93.0, abs=0.5)
+
+
+def test_a_cause_that_differs_daily_is_sought_from_where_it_has_gone_already(before, monkeypatch):
+    """Of a supply 12 % lower the search from no change ended half-way, behind five others."""
+    begins = []
+
+    def moved(_bench, unknowns, begin, *_rest):
+        begins.append({one.name: value for one, value in zip(unknowns, begin, strict=True)})
+        return Fit(tuple(unknowns), np.asarray(begin) + 0.01, 1.0, is_whole=True)
+
+    monkeypatch.setattr(against, "search", moved)
+    first, second = (make_coarse(before, AXIS, SETTINGS, 1, Clock()) for _ in range(2))
+    against._explain(first, second, Options())
+
+    _, again, *alone = begins
+    sought = {next(iter(each)): each for each in alone[: len(alone) - against._LOOKED_AT]}
+    for name in ("supply_pressure_bar", "coulomb_friction_n", "offset_a:0"):
+        assert sought[name][name] == pytest.approx(again[name] + 0.01)
+    at_rest = sought["external_leakage_a_l_min_bar"]["supply_pressure_bar"]
+    assert at_rest == second.template.unknown("supply_pressure_bar").start
 
 
 def test_of_causes_that_explain_everything_the_likelier_is_named():

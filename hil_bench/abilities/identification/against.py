@@ -104,11 +104,13 @@ class Comparison(NamedTuple):
         worse: residual of the machine of the first record on the second, times that on the first.
         changes: the causes, the likeliest first; empty where nothing has changed or is explained.
         tried: what each of the likeliest causes alone would have to have changed.
+        seen: how many of the later strokes were compared, in words; empty for all.
     """
 
     worse: float
     changes: tuple[Change, ...]
     tried: tuple[Change, ...]
+    seen: str = ""
 
     @property
     def is_changed(self) -> bool | None:
@@ -160,7 +162,8 @@ def compare(
     second = replace(second, scale=first.scale)
     found = _explain(first, second, options)
     _require_time(clock)
-    return found
+    seen = "" if all(alike) else f", in {sum(map(bool, alike))} of {len(alike)} strokes"
+    return found._replace(seen=seen)
 
 
 def _with(bench: Bench, values: Mapping[str, float]) -> Bench:
@@ -265,8 +268,7 @@ def _shared(held: Mapping[str, float], sessions: int) -> dict[str, float]:
     """Return values for other recordings: a sensor has the mean of its offsets in each of them."""
     shared = {name: value for name, value in held.items() if not name.startswith("offset_")}
     for side in ("offset_x", "offset_a", "offset_b"):
-        found = [value for name, value in held.items() if name.startswith(side)]
-        if found:
+        if found := [value for name, value in held.items() if name.startswith(side)]:
             shared |= {f"{side}:{number}": float(np.mean(found)) for number in range(sessions)}
     return shared
 
@@ -352,7 +354,7 @@ def describe(found: Comparison) -> list[str]:
     if found.is_changed is None:
         return [f"undecided: it fits {found.worse:.2f} times worse, and no known cause explains it"]
     if not found.is_changed:
-        return [f"nothing has changed: the machine fits as before ({found.worse:.2f} times)"]
+        return [f"nothing has changed: it fits as before ({found.worse:.2f} times){found.seen}"]
     lines = [f"the machine has changed: it fits {found.worse:.2f} times worse than before"]
     lines += [
         f"  {one.words}: {one.name} from {one.before:.4g} to {one.after:.4g}, "
@@ -371,4 +373,5 @@ def to_json(found: Comparison) -> dict[str, Any]:
         "times_worse": found.worse,
         "changes": [one._asdict() for one in found.changes],
         "tried": [one._asdict() for one in found.tried],
+        "seen": found.seen.removeprefix(", "),
     }

@@ -132,9 +132,7 @@ def _reach(way: Values, share: float) -> int:
 def _rms(deviations: Values) -> float:
     """Return the rms of the worse column."""
     there = deviations[:, np.isfinite(deviations).any(axis=0)]
-    if not there.size:
-        return math.nan
-    return float(np.sqrt(np.nanmean(np.square(there), axis=0)).max())
+    return float(np.sqrt(np.nanmean(np.square(there), axis=0)).max()) if there.size else math.nan
 
 
 def stated_error(errors: Sequence[StrokeError], quantity: str) -> float:

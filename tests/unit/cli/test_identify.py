@@ -82,7 +82,7 @@ def test_a_limit_decides_the_exit_code(bench, recording, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("found", "code", "said"),
     [
-        (Comparison(1.5, (), ()), 0, "nothing has changed: the machine fits as before"),
+        (Comparison(1.5, (), ()), 0, "nothing has changed: it fits as before (1.50 times)"),
         (Comparison(1.501, (), ()), 6, "undecided: it fits 1.50 times worse, and no known"),
         (Comparison(3.0, (), ()), 6, "undecided: it fits 3.00 times worse, and no known"),
         (Comparison(3.001, (), ()), 1, "the machine has changed: it fits 3.00 times worse"),

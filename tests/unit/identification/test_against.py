@@ -1,6 +1,7 @@
 """Two records of a machine: a defect between them is named, and noise is none."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -11,11 +12,13 @@ from hil_bench import ConfigError, load_config
 from hil_bench.abilities.identification import against
 from hil_bench.abilities.identification.against import (
     Change,
+    Comparison,
     compare,
     describe,
     find_alike,
     find_changes,
     find_likely,
+    to_json,
 )
 from hil_bench.abilities.identification.fit import Clock, Fit
 from hil_bench.abilities.identification.identify import Options, make_coarse
@@ -33,6 +36,10 @@ PARTS = [np.zeros(75)]
 for _opening in (0.5, -0.5, 0.8, -0.8):
     PARTS += [np.full(100, _opening * FULL_OPENING), np.zeros(75)]
 STROKES = np.concatenate(PARTS)
+
+
+STOOD = SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(values={})))
+"""A ladder that has found nothing to be other than the sheet has it."""
 
 
 def record_of(machine):
@@ -56,8 +63,24 @@ def test_the_same_machine_has_not_changed(before):
 
     assert not found.is_changed
     assert found.changes == ()
-    assert "nothing has changed" in describe(found)[0]
+    assert describe(found)[0].endswith(" times)")
     assert all(0.0 <= one.explains <= 1.0 for one in found.tried)
+
+
+def test_strokes_that_were_not_compared_are_said(before, monkeypatch):
+    """The last two strokes are at an opening of 0.6 in place of 0.8, which none before is like."""
+    other = STROKES.copy()
+    other[len(np.concatenate(PARTS[:5])) :] *= 0.75
+    later = AxisRecord.of(SOUND.record(other), "axis1", FULL_OPENING)
+    monkeypatch.setattr(against, "_explain", lambda *_: Comparison(1.0, (), ()))
+    monkeypatch.setattr(against, "climb", lambda *_, **__: STOOD)
+
+    found = compare(before, later, AXIS, SETTINGS, Options())
+
+    assert describe(found) == [
+        "nothing has changed: it fits as before (1.00 times), in 2 of 4 strokes"
+    ]
+    assert to_json(found)["seen"] == "in 2 of 4 strokes"
 
 
 @pytest.mark.long

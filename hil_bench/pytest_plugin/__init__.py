@@ -64,6 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
         "hil_requires(profile, ..., axes=1): needs nodes of these profiles on the first axis, and "
         "as many axes; skipped on a bench without",
     )
+    options.seed_option(config)  # here, as in a test it would be a failure
     if options.path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
@@ -79,13 +80,10 @@ def _load_config(config: pytest.Config) -> "BenchConfig":
     from hil_bench.errors import ConfigError
 
     path = config.getoption("hil_config") or options.path_option(config, "config")
-    seed = options.option(config, "seed")
     try:
-        return load_config(path, seed=None if seed is None else int(seed))
+        return load_config(path, seed=options.seed_option(config))
     except ConfigError as error:
         raise pytest.UsageError(f"--hil-config: {error}") from None
-    except ValueError:
-        raise pytest.UsageError(f"--hil-seed {seed}: give an integer, 0 or more") from None
 
 
 def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:

@@ -88,6 +88,20 @@ def positive_option(config: pytest.Config, name: str) -> float | None:
     return number
 
 
+def seed_option(config: pytest.Config) -> int | None:
+    """Return the seed in an option, else in the ini key, else None.
+
+    Raises:
+        pytest.UsageError: it is none.
+    """
+    text = option(config, "seed")
+    if text is None:
+        return None
+    if not str(text).strip().isdecimal():
+        raise pytest.UsageError(f"--hil-seed {text}: give an integer, 0 or more")
+    return int(text)
+
+
 def is_on(config: pytest.Config, name: str) -> bool:
     """Return True if a switch is on, by option or by ini key."""
     return bool(option(config, name))

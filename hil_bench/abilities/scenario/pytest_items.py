@@ -21,7 +21,7 @@ from hil_bench.abilities.scenario.results import (
 )
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.errors import HilBenchError
-from hil_bench.pytest_plugin.options import option
+from hil_bench.pytest_plugin.options import option, seed_option
 
 
 class ScenarioFailedError(Exception):
@@ -51,9 +51,7 @@ class ScenarioFile(pytest.File):
         return self._result
 
     def _play(self) -> ScenarioResult:
-        seed = option(self.config, "seed")
-        prepared = prepare(load_scenario(self.path), seed=None if seed is None else int(seed))
-        return play_for_result(prepared)
+        return play_for_result(prepare(load_scenario(self.path), seed=seed_option(self.config)))
 
 
 def played_once(

@@ -402,6 +402,14 @@ def test_a_config_that_is_not_there_is_one_usage_error(pytester):
     assert "Traceback" not in result.stdout.str()
 
 
+@pytest.mark.parametrize("seed", ["abc", "-1", "1.5"])
+def test_a_seed_that_is_none_is_one_usage_error(pytester, seed):
+    pytester.makepyfile("def test_it():\n    pass")
+    result = pytester.runpytest(f"--hil-seed={seed}")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert result.stderr.str().strip() == f"ERROR: --hil-seed {seed}: give an integer, 0 or more"
+
+
 def test_paths_of_the_ini_file_count_from_its_folder(pytester):
     pytester.makefile(".toml", bench="[bench]\nseed = 3\n")
     pytester.makeini("[pytest]\nhil_config = bench.toml\nhil_artifacts = left\n")

@@ -9,9 +9,7 @@ from hil_bench.bench.events import EventWatch, event_text
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.words import emergency_text
-
-LOOK = 100_000_000
-"""Time between two looks [ns]."""
+from hil_bench.cli.helpers import LOOK
 
 SYNC_PATIENCE = 1_000_000_000
 """Time without SYNC after which it counts as lost [ns]."""

@@ -67,7 +67,7 @@ def in_state(letter):
 
 
 def table(*, bits=0, **options):
-    """What `walk` passes, laid out as above."""
+    """The states that `walk` passes, laid out as above."""
     return {
         letter: tuple(letters(walk(state, word | bits, **options)) for word in range(8))
         for letter, state in LETTERS.items()

@@ -237,8 +237,8 @@ def _node_lines(node: NodeDescription) -> Iterator[str]:
         yield f"  heartbeat {period}"
     if node.error_register is not None:
         codes = node.error_history
-        history = ", ".join(f"0x{code:08X}" for code in codes or ()) or "none"
-        history = "not reported" if codes is None else history
+        listed = ", ".join(f"0x{code:08X}" for code in codes or ()) or "none"
+        history = "not reported" if codes is None else listed
         yield f"  errors    register 0x{node.error_register:02X}, history {history}"
     if node.problem:
         yield f"  problem   {node.problem}"

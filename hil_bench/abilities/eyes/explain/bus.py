@@ -296,7 +296,7 @@ class Load:
         self._bits += bits
         self.total += bits
         if self._bits > _HALF * self._most:  # a window of high load is likely: by whom?
-            key = frame._replace(data=b"", bus=0)
+            key = frame._replace(data=b"")
             self._shares[key] = self._shares.get(key, 0.0) + bits
         if self._bits > _HIGH_LOAD * self._most:
             self._keep()

@@ -14,6 +14,7 @@ import numpy as np
 from hil_bench import ConfigError, cli
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.scenario.judgement import Judgement, judge
+from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.monitor import Monitor
 from hil_bench.abilities.scenario.nodes import Vocabulary
 from hil_bench.abilities.scenario.parse import parse_expectation
@@ -102,7 +103,8 @@ def differences_of_file(case: Case, folder: Path) -> Iterator[str]:
     odd = {name for name, (_, size) in case.logged.items() if size is None}
     percents = {name for name, (unit, _) in case.logged.items() if unit == "%"}
     try:
-        found = judge_with_trace(requirement, read_recording(recording), "run.csv").findings[0]
+        file = load_requirements(requirement)
+        found = judge_with_trace(file, read_recording(recording), "run.csv").findings[0]
     except (ConfigError, NothingSeenError, ExpectationError) as error:
         allowed = [*expected, *(WRONG_UNIT if odd else ()), *(OPEN_UNIT if percents else ())]
         if not any(reason in str(error) for reason in allowed):

@@ -14,6 +14,7 @@ from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.results import (
+    UNJUDGED,
     ScenarioResult,
     junit_properties,
     play_for_result,
@@ -43,6 +44,10 @@ class ScenarioFile(pytest.File):
             item = ScenarioItem.from_parent(self, name=expectation.id)
             item.place(number, expectation.place.line)
             yield item
+        judged = {expectation.id for expectation in scenario.expectations}
+        for name in dict.fromkeys(scenario.requirement_ids):
+            if name not in judged:
+                yield UnjudgedItem.from_parent(self, name=name)
 
     def result(self) -> ScenarioResult:
         """Return the result of the scenario, which is played at the first call."""
@@ -158,6 +163,19 @@ class ScenarioItem(pytest.Item):
     def reportinfo(self) -> tuple[str, int, str]:
         """Return file, line and name."""
         return str(self.path), self._line - 1, f"{self.path.name}: {self.name}"
+
+
+class UnjudgedItem(ScenarioItem):
+    """A requirement that a scenario is about, and that it does not judge."""
+
+    def runtest(self) -> None:
+        """Fail as what is undecided does, without a run.
+
+        Raises:
+            ScenarioFailedError: always.
+        """
+        self.user_properties.append(("requirement_id", self.name))
+        raise ScenarioFailedError(f"{self.name}: {UNJUDGED}")
 
 
 def _explain(result: ScenarioResult, finding: Finding) -> str:

@@ -67,11 +67,12 @@ def values_by_name(value: object) -> Mapping[str, object]:
 DURATION_KEY: Final = Key(
     "duration_s", number(SECOND, low=1e-3, high=LONGEST_RUN), None, SECOND, example="6.0"
 )
+_IDS_KEY: Final = Key("requirement_ids", texts, ())
 HEAD_KEYS: Final = (
     Key("title", text, example='"Extends 100 mm"'),
     Key("bench", text),
     DURATION_KEY,
-    Key("requirement_ids", texts, ()),
+    _IDS_KEY,
 )
 CONTROLLER_KEYS: Final = (Key("firmware", texts, ()), Key("example", text, ""))
 PARAMETER_KEYS: Final = (Key("value", number(), example="100.0"), Key("range", span))
@@ -166,12 +167,14 @@ def read_requirements(
         for _, step in file.listed("step")
         if "fault" in step
     ]
-    head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
-    settings = read_table("", head, (DURATION_KEY,) if head else (), problems)
+    keys = [key for key in (DURATION_KEY, _IDS_KEY) if key.name in document]
+    settings = read_table("", {key.name: document[key.name] for key in keys}, keys, problems)
     problems.raise_any()
-    duration = settings[DURATION_KEY.name].value if head else None
+    duration, ids = (
+        settings[key.name].value if key in keys else key.default for key in (DURATION_KEY, _IDS_KEY)
+    )
     return records.RequirementsFile(
-        path, expectations, tuple(parameters.values()), duration, tuple(dict.fromkeys(faults))
+        path, expectations, tuple(parameters.values()), duration, tuple(dict.fromkeys(faults)), ids
     )
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +15,15 @@ from hil_bench.abilities.recording.reading import given_units
 from hil_bench.abilities.scenario import nodes, resolve
 from hil_bench.abilities.scenario.dimensions import NUMBER
 from hil_bench.abilities.scenario.judgement import Judgement, judge
-from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.reach import names_in, walk
-from hil_bench.abilities.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep, ticks_of
+from hil_bench.abilities.scenario.records import (
+    FirmwareStep,
+    NmtStep,
+    RequirementsFile,
+    Scenario,
+    SyncStep,
+    ticks_of,
+)
 from hil_bench.abilities.scenario.targets import check_unit
 from hil_bench.abilities.scenario.usage import usage_problems
 from hil_bench.abilities.scenario.values import Floats
@@ -140,6 +145,12 @@ class Finding(NamedTuple):
     judgement: Judgement
 
 
+def unjudged_ids(named: Iterable[str], findings: Iterable[Finding]) -> list[str]:
+    """List the requirements that a file is about and that no finding is on."""
+    judged = {finding.requirement.id for finding in findings}
+    return [name for name in dict.fromkeys(named) if name not in judged]
+
+
 class Judged(NamedTuple):
     """The findings of a recording on some requirements, and the recording on its ticks."""
 
@@ -148,7 +159,7 @@ class Judged(NamedTuple):
 
 
 def judge_with_trace(
-    requirements: Path,
+    file: RequirementsFile,
     signals: Recording,
     source: str,
     start: float | None = None,
@@ -159,7 +170,7 @@ def judge_with_trace(
     """Judge each requirement of a file by a recording; return the recording on its ticks too.
 
     Args:
-        requirements: a file with ``[[expect]]``: a scenario, or that alone.
+        file: the requirements.
         signals: the recording, in the bench's units, as `read_recording` returns it.
         source: how messages name it.
         start: when the run begins on the recording's clock [s]; None for 0 where the file states a
@@ -169,7 +180,6 @@ def judge_with_trace(
 
     What cannot be judged, by its unit for one, raises a `ConfigError`.
     """
-    file = load_requirements(requirements)
     parameters = resolve.parameter_values(file, given)
     vocabulary = nodes.channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source, start, file.duration)

@@ -201,6 +201,7 @@ class RequirementsFile(NamedTuple):
         parameters: in the order of the file.
         duration: of the run of which they speak [s]; None where the file does not say it.
         faults: kind and target of the faults of that run, as in ``drop_supply axis1``.
+        requirement_ids: the requirements that it is about.
     """
 
     path: Path
@@ -208,6 +209,7 @@ class RequirementsFile(NamedTuple):
     parameters: tuple[Parameter, ...]
     duration: float | None
     faults: tuple[str, ...]
+    requirement_ids: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

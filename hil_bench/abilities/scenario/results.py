@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Final
 
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.scenario.judgement import (
@@ -13,11 +14,14 @@ from hil_bench.abilities.scenario.judgement import (
     RequirementOutcome,
     show_share,
 )
-from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.recorded import Finding, unjudged_ids
 from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import ControllerFileError, HilBenchError, about_file
+
+UNJUDGED: Final = "requirement_ids names it, and no expectation has this id"
+"""Why a requirement is not judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +57,9 @@ class ScenarioResult:
     is_misuse: bool = field(default=False, compare=False)
 
     @property
-    def outcomes(self) -> set[RequirementOutcome]:
-        """All outcomes; failed where there is a problem."""
-        if self.problem:
-            return {RequirementOutcome.FAILED}
-        return {finding.judgement.outcome for finding in self.findings}
+    def unjudged(self) -> list[str]:
+        """The requirements that it is about and does not judge; none where it has a problem."""
+        return [] if self.problem else unjudged_ids(self.requirement_ids, self.findings)
 
 
 def blank_result(
@@ -151,11 +153,9 @@ def _add_suite(root: ET.Element, result: ScenarioResult) -> None:
         if outcome is not RequirementOutcome.PASSED:
             message = f"{outcome}: {reason_of(finding.judgement)}"
             ET.SubElement(case, "failure", type=outcome.value, message=message)
-    judged = {finding.requirement.id for finding in result.findings}
-    for requirement in () if result.problem else result.requirement_ids:
-        if requirement not in judged:
-            case = _add_case(suite, result, requirement, [("requirement_id", requirement)])
-            ET.SubElement(case, "skipped", message="the scenario names it and judges nothing")
+    for requirement in result.unjudged:
+        case = _add_case(suite, result, requirement, [("requirement_id", requirement)])
+        ET.SubElement(case, "skipped", message=UNJUDGED)
     for number, case in enumerate(suite):
         case.set("time", f"{0.0 if number else result.duration:.3f}")
     suite.set("tests", str(len(suite)))

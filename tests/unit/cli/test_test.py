@@ -326,3 +326,18 @@ def test_a_machine_plays_one_scenario_at_a_time(tmp_path, capsys):
     words = ["-i", "virtual", "-c", "x", "--plan", "plan.toml", "--jobs", "2"]
     assert main(["test", several(tmp_path), *words]) == ExitCode.USAGE
     assert "--jobs 2: a machine plays one scenario at a time" in capsys.readouterr().err
+
+
+def test_a_requirement_that_is_named_and_not_judged_is_undecided(tmp_path, cli):
+    """As the report, the JUnit file and `hil-bench evidence` have it; `-k` leaves it out."""
+    named = 'requirement_ids = ["R1", "SRS-9"]\n'
+    path, junit = scenario(tmp_path, "always axis1.P_A < 250 bar", named), tmp_path / "j.xml"
+    out = cli(["test", path, "--junit", str(junit)], ExitCode.INCONCLUSIVE).out
+    assert "  SRS-9  not judged     requirement_ids names it" in out
+    assert 'name="SRS-9"' in junit.read_text()
+    out = cli(["test", path, "-k", "R1", "--junit", str(junit)], ExitCode.DONE).out
+    assert "SRS-9" not in out + junit.read_text()
+    out = cli(["run", "--scenario", path, "--speed", "inf"], ExitCode.INCONCLUSIVE).out
+    assert "  SRS-9  not judged" in out
+    failing = scenario(tmp_path, "always axis1.P_A < 1 bar", named)
+    cli(["test", failing], ExitCode.CHECK_FAILED)

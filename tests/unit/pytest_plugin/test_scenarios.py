@@ -43,6 +43,15 @@ def test_each_requirement_is_a_test(pytester):
     assert properties["seen"] == "1"
 
 
+def test_what_is_named_and_not_judged_fails(pytester):
+    write(pytester, HOLDS, head=HEAD + 'requirement_ids = ["R0", "SRS-9"]\n')
+    result = pytester.runpytest_inprocess("--junitxml=junit.xml")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["SRS-9: requirement_ids names it, and no expectation has *"])
+    junit = (pytester.path / "junit.xml").read_text()
+    assert '<property name="requirement_id" value="SRS-9"' in junit
+
+
 def test_a_run_that_broke_off_names_its_requirements(pytester, monkeypatch):
     def play(*_):
         raise ControllerError("it died")

@@ -14,6 +14,7 @@ from support.tables import from_text
 
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import given_units, read_recording
+from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.recorded import judge_with_trace
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
@@ -96,8 +97,9 @@ def test_a_verdict_does_not_depend_on_the_unit_of_the_file(tmp_path_factory, row
     requirements.write_text(
         f"[[expect]]\nid = 'R'\nthat = '''always x.y < {text}'''\n", encoding="utf-8"
     )
+    file = load_requirements(requirements)
     outcomes = [
-        judge_with_trace(requirements, read_recording(path), "r").findings[0].judgement.outcome
+        judge_with_trace(file, read_recording(path), "r").findings[0].judgement.outcome
         for path in (write(folder / "u.csv", unit, values), write(folder / "s.csv", own, in_si))
     ]
 

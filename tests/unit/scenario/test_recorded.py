@@ -136,6 +136,28 @@ def test_json_has_the_judgement(tmp_path, capsys):
     assert found["judgement"]["margin"] == pytest.approx(-0.04)  # 10 of 250 bar
 
 
+def test_json_says_each_requirement_undecided_of_a_recording_that_cannot_be_judged(tmp_path, cli):
+    (tmp_path / "r.toml").write_text(PASSES + OPEN)
+    (tmp_path / "whole.csv").write_text(HEAD + "0,1e5\n9,1e5\n")
+    (tmp_path / "torn.csv").write_text(HEAD + "0,1e5\n9,\n")
+    names = [str(tmp_path / name) for name in ("r.toml", "whole.csv", "torn.csv")]
+    said = cli(["judge", *names, "--json"], ExitCode.USAGE)
+    content = json.loads(said.out)
+    assert list(content) == names[1:]
+    outcomes = {(each["id"], each["judgement"]["outcome"]) for each in content[names[2]]}
+    assert outcomes == {("R1", "inconclusive"), ("R2", "inconclusive")}
+    assert all(f"error: {each['text']}" in said.err for each in content[names[2]])
+
+
+def test_what_a_file_names_and_does_not_judge_is_undecided(tmp_path, capsys):
+    named = 'requirement_ids = ["R1", "R9"]\n'
+    assert judge(tmp_path, named.replace(', "R9"', "") + PASSES, [1e5, 1e5]) == ExitCode.DONE
+    assert "not judged" not in capsys.readouterr().out
+    assert judge(tmp_path, named + PASSES, [1e5, 1e5]) == ExitCode.INCONCLUSIVE
+    assert "R9  not judged     requirement_ids names it" in capsys.readouterr().out
+    assert judge(tmp_path, named + PASSES, [1e5, 3e7]) == ExitCode.CHECK_FAILED
+
+
 def test_a_requirement_on_frames_is_refused(tmp_path, capsys):
     text = PASSES.replace("axis1.P_A < 250 bar", "not frame(0x181)")
     assert judge(tmp_path, text, [1, 2]) == ExitCode.USAGE

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_column_arguments
@@ -11,9 +11,12 @@ from hil_bench.abilities.recording.column_map import check_polarities, read_colu
 from hil_bench.abilities.recording.mdf_blocks import holds_faults, read_events
 from hil_bench.abilities.recording.quantities import find_doubts
 from hil_bench.abilities.recording.reading import is_csv_of_bench, read_recording
-from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.examination import Coverage
+from hil_bench.abilities.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.reach import names_in
-from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
+from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace, unjudged_ids
+from hil_bench.abilities.scenario.records import RequirementsFile
 from hil_bench.abilities.scenario.verbs import scenario_report as reports
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
@@ -77,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
     reports.check_report_argument(args)
     given = dict(read_parameter(text) for text in args.given)
+    file = load_requirements(args.requirements)
+    content: dict[str, list[dict[str, object]]] = {}
     judged: dict[Path, Judged] = {}
     chapters, ending, said = [], Ending(args), set[str]()
     work = Work("judge", len(args.recordings), "recordings")
@@ -88,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
                 events = read_events(path) if path.suffix.lower() == ".mf4" else []
                 faults = [span.label for span in events]
                 found = judge_with_trace(
-                    args.requirements, signals, str(path), args.start, given=given, faults=faults
+                    file, signals, str(path), args.start, given=given, faults=faults
                 )
             except HilBenchError as error:  # of this one, or of the requirements
                 if str(error) not in said:
@@ -96,25 +101,35 @@ def run(args: argparse.Namespace) -> int:
                 said.add(str(error))
                 about_it = args.requirements, path, str(error), _options(args)
                 chapters.append(reports.unread_chapter(*about_it))
+                content[str(path)] = _unread_content(file, str(error))
                 continue
             judged[path] = found
+            content[str(path)] = reports.finding_content(found.findings)
+            ending.take(reports.exit_code_for(found.findings, file.requirement_ids))
             names = names_in(each.requirement.condition for each in found.findings)
             doubts = [*find_doubts(signals, names), *_unseen_faults(args, path, found)]
             warn_of([f"{path}: {doubt}" for doubt in doubts])
             if args.report:
-                about = args.requirements, path, signals, found, doubts
+                about = file, path, signals, found, doubts
                 chapters.append(reports.recording_chapter(*about, _options(args)))
-    if not judged:
-        return ending.code
-    content = {str(path): reports.finding_content(each.findings) for path, each in judged.items()}
-    outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
-    ending.take(reports.exit_code_for(outcomes))
-    with ending.going_on():
-        print_results(args, _lines(judged), content)
+    if judged:
+        with ending.going_on():
+            print_results(args, _lines(judged, file.requirement_ids), content)
     if args.report:
         with ending.going_on():
             reports.write_report(args, f"Judgement by {args.requirements}", chapters)
     return ending.code
+
+
+def _unread_content(file: RequirementsFile, problem: str) -> list[dict[str, object]]:
+    """Return, for a program, that a recording could not be judged: nothing of it is decided."""
+    length = file.duration or 0.0
+    coverage = Coverage(0.0, length, 0.0, length, file.duration is not None)
+    judgement = Judgement(RequirementOutcome.INCONCLUSIVE, None, coverage, reason=problem)
+    return [
+        {"id": each.id, "that": each.that, "judgement": judgement, "text": problem}
+        for each in file.expectations
+    ]
 
 
 def _unseen_faults(args: argparse.Namespace, path: Path, found: Judged) -> list[str]:
@@ -180,9 +195,9 @@ def _seconds(text: str) -> float:
     return time
 
 
-def _lines(judged: dict[Path, Judged]) -> Iterator[str]:
+def _lines(judged: dict[Path, Judged], named: Sequence[str]) -> Iterator[str]:
     for path, (findings, trace) in judged.items():
         yield f"{path}:"
         if trace.note:
             yield f"  {trace.note}"
-        yield from reports.finding_lines(findings)
+        yield from reports.finding_lines(findings, unjudged_ids(named, findings))

@@ -70,6 +70,10 @@ def prepare_chosen(
     Raises:
         ConfigError: something is wrong in any of them, or nothing is chosen.
     """
+
+    def is_chosen(text: str) -> bool:
+        return args.k.lower() in text.lower()
+
     chosen, wrong = [], []
     for path in paths:
         try:
@@ -77,13 +81,12 @@ def prepare_chosen(
         except ConfigError as error:
             wrong.append(str(error))
             continue
-        requirements = tuple(
-            each
-            for each in prepared.requirements
-            if args.k.lower() in f"{path}\n{prepared.scenario.title}\n{each.id}".lower()
-        )
+        about = f"{path}\n{prepared.scenario.title}\n"
+        requirements = tuple(each for each in prepared.requirements if is_chosen(about + each.id))
+        ids = tuple(each for each in prepared.scenario.requirement_ids if is_chosen(about + each))
         if requirements:
-            chosen.append(replace(prepared, requirements=requirements))
+            scenario = replace(prepared.scenario, requirement_ids=ids)
+            chosen.append(replace(prepared, requirements=requirements, scenario=scenario))
     if wrong:
         raise ConfigError("\n".join(wrong))
     if not chosen:

@@ -19,9 +19,10 @@ from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.scenario import report as reports
 from hil_bench.abilities.scenario.judgement import Evidence, RequirementOutcome
-from hil_bench.abilities.scenario.recorded import Finding, Judged
+from hil_bench.abilities.scenario.recorded import Finding, Judged, unjudged_ids
+from hil_bench.abilities.scenario.records import RequirementsFile
 from hil_bench.abilities.scenario.resolve import PreparedScenario
-from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
+from hil_bench.abilities.scenario.results import UNJUDGED, ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.exit_codes import ExitCode, verdict_code, worst
@@ -128,7 +129,7 @@ def run_chapter(
 
 
 def recording_chapter(
-    requirements: Path,
+    requirements: RequirementsFile,
     path: Path,
     signals: Recording,
     judged: Judged,
@@ -138,7 +139,7 @@ def recording_chapter(
     """Return the chapter of a report on a recording that was judged.
 
     Args:
-        requirements: their file.
+        requirements: those of a file.
         path: of the recording.
         signals: what it holds.
         judged: what it says.
@@ -159,13 +160,13 @@ def recording_chapter(
         planned=trace.planned,
     )
     length = f"{times[-1] - times[0]:g} s from {times[0]:g} s, a row a {trace.tick_ns * 1e-6:g} ms"
-    words = ["hil-bench", "judge", str(requirements), str(path), *options]
+    words = ["hil-bench", "judge", str(requirements.path), str(path), *options]
     return reports.Chapter(
         str(path),
         path.name,
-        (),
+        requirements.requirement_ids,
         (
-            ("Requirements", str(requirements)),
+            ("Requirements", str(requirements.path)),
             ("Length", length),
             *((("Judged", trace.note),) if trace.note else ()),
             *(("In doubt", doubt) for doubt in doubts),
@@ -242,22 +243,31 @@ def _content(report: reports.Report) -> dict[str, Any]:
 # Verdicts line by line, and their exit code, for the verbs that judge.
 
 
-def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:
-    """Return the exit code for the outcomes of all requirements: that of the worst."""
-    found = set(outcomes)
-    return verdict_code(
-        fails=RequirementOutcome.FAILED in found, passes=found == {RequirementOutcome.PASSED}
-    )
+def exit_code_for(findings: Sequence[Finding], named: Iterable[str]) -> ExitCode:
+    """Return the exit code of a judgement: that of the worst outcome.
+
+    Args:
+        findings: on each requirement.
+        named: the requirements that it is about; one that is not judged is undecided.
+    """
+    found = {each.judgement.outcome for each in findings}
+    is_whole = found == {RequirementOutcome.PASSED} and not unjudged_ids(named, findings)
+    return verdict_code(fails=RequirementOutcome.FAILED in found, passes=is_whole)
 
 
 def exit_code_of_results(results: Sequence[ScenarioResult]) -> ExitCode:
     """Return the exit code of scenarios; an interrupted one says nothing of its requirements."""
-    codes = {ExitCode.INTERRUPTED for each in results if each.is_interrupted}
-    codes |= {ExitCode.USAGE for each in results if each.is_misuse}
-    whole = [each for each in results if not (each.is_interrupted or each.is_misuse)]
-    if whole or not codes:
-        codes.add(exit_code_for(set().union(*(each.outcomes for each in whole))))
-    return worst(*codes)
+    return worst(*map(_exit_code_of_result, results)) if results else ExitCode.INCONCLUSIVE
+
+
+def _exit_code_of_result(result: ScenarioResult) -> ExitCode:
+    if result.is_interrupted:
+        return ExitCode.INTERRUPTED
+    if result.is_misuse:
+        return ExitCode.USAGE
+    if result.problem:
+        return ExitCode.CHECK_FAILED
+    return exit_code_for(result.findings, result.requirement_ids)
 
 
 def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
@@ -268,16 +278,19 @@ def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
             yield f"  {result.problem}"
         if result.ending:
             yield f"  {result.ending}"
-        yield from finding_lines(result.findings)
+        yield from finding_lines(result.findings, result.unjudged)
 
 
-def finding_lines(findings: Sequence[Finding]) -> Iterator[str]:
-    """Yield judgements, a line each."""
-    width = max((len(each.requirement.id) for each in findings), default=0)
+def finding_lines(findings: Sequence[Finding], unjudged: Sequence[str]) -> Iterator[str]:
+    """Yield judgements, a line each, and what is not judged."""
+    names = [*(each.requirement.id for each in findings), *unjudged]
+    width = max(map(len, names), default=0)
     for each in findings:
         judgement = each.judgement
         why = reason_of(judgement)
         yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()
+    for name in unjudged:
+        yield f"  {name:{width}}  {reports.NOT_JUDGED:13}  {UNJUDGED}"
 
 
 def result_content(result: ScenarioResult) -> dict[str, object]:

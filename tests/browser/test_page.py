@@ -159,6 +159,10 @@ def test_the_bus_says_what_is_wrong(page, bench, keep):
     expect(wrong).to_contain_text("heartbeat lost: valve: no heartbeat after")
     wrong.get_by_text("heartbeat lost").click()
     expect(wrong).to_contain_text("bus-off")
+    expect(wrong).to_contain_text(re.compile(r"the times below count from \d+\.\d{3} s"))
+    view(page, "loop")
+    view(page, "bus")
+    expect(wrong).not_to_contain_text("heartbeat lost")  # of frames before those that come now
     keep(page, "bus-findings")
 
 

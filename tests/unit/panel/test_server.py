@@ -717,6 +717,57 @@ def test_a_heartbeat_that_stops_is_told_once_and_by_name():
     assert finding["bus"] == 0
 
 
+def test_times_of_what_is_wrong_count_from_the_first_frame_that_was_seen():
+    findings = BusFindings(DEVICES)
+    message = findings.take(sorted(beats(1, 50, 60) + beats(2, 50, 90)))
+    (finding,) = message["findings"]
+    assert finding["since"] == 5.0
+    assert finding["text"].startswith("valve: no heartbeat after 0.900 s")
+
+
+def findings_shown(viewer):
+    """Return the messages of what is wrong that wait for a browser."""
+    messages = [json.loads(line) for line in b"".join(viewer._waiting).splitlines()]
+    return [each["findings"] for each in messages if each.get("type") == "findings"]
+
+
+def hub_with_viewer():
+    """Return a hub before a bench with two nodes, and a browser that shows frames."""
+    hub, viewer = Hub(), Viewer(send_nowhere)
+    hub.link = Link(lambda _number: None)
+    hub.link.hello = {**hub.link.hello, "devices": DEVICES, "bus_rates": [[1_000_000, 1.0]]}
+    hub.admit(viewer)
+    viewer.wants_frames = True
+    return hub, viewer
+
+
+def show(hub, frames):
+    hub._take("frames", json.dumps({"frames": frames}).encode() + b"\n", {})
+
+
+def test_what_a_bench_was_not_asked_for_is_no_silence():
+    """A browser looks at the frames, then at another page for ten seconds, then again."""
+    hub, viewer = hub_with_viewer()
+    show(hub, sorted(beats(1, 0, 20) + beats(2, 0, 20)))
+    viewer.wants_frames = False
+    care(hub, hub.link)
+    viewer.wants_frames = True
+    care(hub, hub.link)
+    show(hub, sorted(beats(1, 120, 160) + beats(2, 120, 160)))
+    assert findings_shown(viewer) == []
+
+
+def test_a_browser_that_begins_to_show_frames_sees_what_is_wrong_already():
+    hub, _ = hub_with_viewer()
+    show(hub, sorted(beats(1, 0, 10) + beats(2, 0, 40)))
+    second = Viewer(send_nowhere)
+    hub.admit(second)
+    second.wants_frames = True
+    hub.review()
+    ((finding,),) = findings_shown(second)
+    assert finding["title"] == "heartbeat lost"
+
+
 def test_each_bus_is_judged_alone():
     """Node 1 of bus 1 goes on; the bench knows no device there."""
     findings = BusFindings(DEVICES)

@@ -67,6 +67,8 @@ export class BusView {
 
   show() {
     this.isShown = true;
+    this.findings.replaceChildren(); // of frames before those that come now
+    for (const sender of this.model.senders.values()) sender.times = []; // nobody counted meanwhile
     this.model.request("want", { frames: true }).catch(() => {});
     this.readPdos();
   }
@@ -101,9 +103,11 @@ export class BusView {
     setText(this.loadText, this.loads.length ? `${(this.loads.at(-1) * 100).toFixed(1)} %; scale to ${(most * 100).toFixed(0)} %` : "");
   }
 
-  // The causes that `hil-bench explain` finds in the frames since this view was opened.
+  // The causes that `hil-bench explain` finds in the frames since somebody has opened this view.
   drawFindings(findings) {
-    this.findings.replaceChildren(...findings.map(({ bus, title, text, advice, clause, leads_to: leads }) => el(
+    const begins = new Map(findings.map(({ bus, since }) => [bus, since]));
+    const times = [...begins].map(([bus, since]) => el("p", { class: "quiet" }, `${bus ? `bus ${bus}: ` : ""}the times below count from ${since.toFixed(3)} s`));
+    this.findings.replaceChildren(...times, ...findings.map(({ bus, title, text, advice, clause, leads_to: leads }) => el(
       "details", { class: "finding" },
       el("summary", {}, `${bus ? `bus ${bus}: ` : ""}${title}: ${text}`),
       el("p", { class: "quiet" }, `${advice} (${clause})`),
@@ -137,7 +141,7 @@ export class BusView {
   drawSenders() {
     const rows = [...this.model.senders.values()].sort((a, b) => a.frame.id - b.frame.id).slice(0, ROWS).map(({ count, times, frame }) => {
       const lasts = times.at(-1) - times[0];
-      const isOld = this.model.time - times.at(-1) > 2;
+      const isOld = this.model.time - frame.time > 2;
       const rate = isOld ? "–" : lasts > 0 ? ((times.length - 1) / lasts).toFixed(1) : "";
       const [, , identifier, use, , meaning] = this.cells(frame);
       return el("tr", {}, ...[identifier, use, count, rate, meaning || frame.data].map((cell, n) => el("td", { class: n === 4 ? "" : "figure" }, String(cell))));

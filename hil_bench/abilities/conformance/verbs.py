@@ -149,6 +149,8 @@ def _allowed(args: argparse.Namespace) -> Impact:
     if not 0.0 < args.patience < 60.0:
         raise ConfigError(f"--patience {args.patience:g}: give more than 0 and less than 60 s")
     if args.report is not None:
+        if args.report.suffix.lower() in {".html", ".htm"}:
+            raise ConfigError(f"--report {args.report}: the report is Markdown; give FILE.md")
         check_place("--report", args.report)
     if args.store:
         return Impact.STORE

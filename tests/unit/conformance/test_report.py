@@ -1,5 +1,7 @@
 """Reports: what fails first, and every result in a table."""
 
+import pytest
+
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Check, Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
@@ -91,3 +93,10 @@ def test_a_line_of_text():
     assert report.line(RESULTS[2]) == (
         "not applicable  required     7.2.4.3.6    this is right: no RPDO"
     )
+
+
+@pytest.mark.parametrize("name", ["device.html", "device.HTM"])
+def test_a_report_is_no_web_page(tmp_path, cli, name):
+    said = cli(f"conformance --virtual --node-id 1 --report {tmp_path / name}", code=2)
+    assert said.err.endswith(f"{name}: the report is Markdown; give FILE.md\n")
+    assert [*tmp_path.iterdir()] == []

@@ -1,6 +1,7 @@
 """Tables of controllers: in a bench, in a scenario, on the command line and in a test."""
 
 import json
+import re
 
 import pytest
 from support.tables import from_text
@@ -10,6 +11,7 @@ from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.cli import main
+from hil_bench.errors import ControllerError
 
 FILE = """
 import can
@@ -36,6 +38,19 @@ PASSED = RequirementOutcome.PASSED
 def folder(tmp_path):
     (tmp_path / "mine.py").write_text(FILE)
     return tmp_path
+
+
+@pytest.mark.parametrize("named", ["target_mm", "id"])
+def test_a_parameter_that_nobody_gives_is_a_line_that_says_who_may(folder, named):
+    text = f"def asks(rig):\n    rig.parameters['{named}'] + rig.parameters['gain']\n"
+    (folder / "asks.py").write_text(text)
+    asks = {"kind": "python", "call": "asks.py:asks"}
+    one = prepare(scenario(folder, "always axis1.P_A < 250 bar", controller=asks))
+    missing = "gain" if named == "id" else named
+    words = f"{missing}: give it in [parameters] of a scenario; there is id"
+    with pytest.raises(ControllerError, match=re.escape(words)) as error:
+        play(one)
+    assert "asks.py:2: " in str(error.value)
 
 
 def toml(table):

@@ -38,6 +38,14 @@ _UNENDING: list[greenlet] = []
 """Stacks that take every exception for their own and never end; without power, each stays there."""
 
 
+class _Parameters(dict[str, float]):
+    """Parameters by name; one that is missing is a KeyError that says who gives it."""
+
+    def __missing__(self, name: str) -> NoReturn:
+        known = ", ".join(self) or "none"
+        raise KeyError(f"{name}: give it in [parameters] of a scenario; there is {known}")
+
+
 class Rig:
     """The rig that a Python controller is given.
 
@@ -59,7 +67,7 @@ class Rig:
             for number, name in enumerate(surroundings.buses)
         }
         self.config: BenchConfig = surroundings.config
-        self.parameters: Mapping[str, float] = surroundings.values
+        self.parameters: Mapping[str, float] = _Parameters(surroundings.values)
 
     def now(self) -> float:
         """Return the bench time [s]."""

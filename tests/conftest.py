@@ -103,9 +103,14 @@ def anyio_backend():
 
 
 @pytest.fixture
-def cli(capsys):
-    """Calls a verb, sees that it ends with a code, and returns what it has said: `out`, `err`."""
+def cli(capsys, monkeypatch):
+    """Calls a verb, sees that it ends with a code, and returns what it has said: `out`, `err`.
+
+    Progress is not among that, however long a busy machine takes.
+    """
     from hil_bench.cli import main  # noqa: PLC0415 - see `site`
+
+    monkeypatch.setattr("hil_bench.abilities.common.progress.WORK_PERIOD", 10**18)
 
     def call(words, code=0):
         assert main(words.split() if isinstance(words, str) else words) == code

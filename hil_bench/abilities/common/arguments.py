@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,6 +40,13 @@ def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str
         metavar="DIR",
         help=f"folder for {what} (default: %(default)s)",
     )
+
+
+def count_processors() -> int:
+    """Return the number of processors that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def find_cylinder(config: BenchConfig, name: str | None, who: str) -> CylinderConfig:

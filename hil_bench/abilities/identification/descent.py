@@ -1,5 +1,9 @@
 """Least squares between bounds: Levenberg and Marquardt's steps, projected.
 
+Slopes cost a run for each variable, so steps go on by slopes that each step updates (C. G. Broyden,
+"A class of methods for solving nonlinear simultaneous equations", Mathematics of Computation 19,
+1965), as long as that lowers the cost.
+
 SciPy's `least_squares` halts early on these problems: many unknowns are at a bound (no leakage, no
 null opening), which `trf` shuns with steps that grow ever shorter, and `dogbox` rarely leaves.
 """
@@ -13,7 +17,8 @@ Values = npt.NDArray[np.float64]
 
 _FIRST, _LEAST, _MOST = 1e-2, 1e-6, 1e6  # damping, as a share of the curvature
 _FACTOR = 8.0
-_TRIES = 6  # of steps from one place
+_TRIES, _TRIES_AGAIN = 6, 2  # of steps from one place, by its own slopes and by updated ones
+_UPDATES = 8  # of slopes, by Broyden's rule, before they are taken anew
 
 
 def descend(
@@ -32,25 +37,28 @@ def descend(
         begin: variables where the search begins.
         bounds: lowest and highest variables.
         rounds: slopes that are taken at most.
-        exact: share of the cost by which the last step has lowered it.
+        exact: share of the cost by which the steps from the last slopes have lowered it.
     """
     here = np.clip(begin, *bounds)
     off, damping = residuals(here), _FIRST
     for _ in range(rounds):
-        slope, cost = slopes(here), float(off @ off)
-        hessian, gradient = slope.T @ slope, slope.T @ off
-        for _ in range(_TRIES):
-            there = here + damped_step(here, hessian, gradient, damping, bounds)
-            off_there = residuals(there)
-            lowered = cost - float(off_there @ off_there)
-            if lowered > 0.0:
+        slope, begun = slopes(here), float(off @ off)
+        for tries in (_TRIES, *[_TRIES_AGAIN] * _UPDATES):
+            hessian, gradient, cost = slope.T @ slope, slope.T @ off, float(off @ off)
+            for _ in range(tries):
+                step = damped_step(here, hessian, gradient, damping, bounds)
+                off_there = residuals(here + step)
+                if float(off_there @ off_there) < cost:
+                    break
+                damping = min(max(damping * _FACTOR, 1e-4), _MOST)
+            else:
                 break
-            damping = min(max(damping * _FACTOR, 1e-4), _MOST)
-        else:
-            break
-        here, off = there, off_there
-        damping = max(damping / _FACTOR, _LEAST)
-        if lowered < exact * cost:
+            # In the measure of the curvature, which asks for no scale of the variables.
+            weights = np.diag(hessian) * step
+            slope = slope + np.outer(off_there - off - slope @ step, weights / (step @ weights))
+            here, off = here + step, off_there
+            damping = max(damping / _FACTOR, _LEAST)
+        if begun - float(off @ off) < exact * begun:
             break
     return here
 

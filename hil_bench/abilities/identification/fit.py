@@ -26,7 +26,6 @@ Before = tuple[float, float]
 _AWFUL = 1e3  # scales: what a run that fails counts as
 _BURNT = 0.02  # [s] at the start of a stroke that count for nothing if the piston moves then
 _SEEN = [0, 2, 3]  # x, P_A, P_B among what a course shows
-_WIDE = 5.0  # times the step for slopes where residuals are blurred
 _MIDDLE, _FEW_ROWS, _LEAST_TRAVEL = (0.35, 0.65), 4, 2e-3  # of the travel, where speed stands; [m]
 _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
@@ -261,9 +260,8 @@ class Problem:
         if not np.array_equal(variables, self._here):
             self.residuals(variables)
         here, cuts = self._residuals, self._cuts
-        wide = _WIDE if self.bench.blur else 1.0
         steps = [
-            wide * one.step if variable + wide * one.step <= one.high else -wide * one.step
+            one.step if variable + one.step <= one.high else -one.step
             for one, variable in zip(self.unknowns, variables.tolist(), strict=True)
         ]
         places = variables + np.diag(steps)

@@ -206,12 +206,11 @@ def _covariance(bench: Bench, fit: Fit) -> Values:
     for part in itertools.starmap(slice, itertools.pairwise(edges)):
         rest = np.linalg.pinv(hessian - slopes[part].T @ slopes[part], rcond=1e-12)
         moved.append(rest @ (slopes[part].T @ residuals[part]))
-    count, steps = len(moved), np.array(moved)
-    left_out = np.square(steps).sum(axis=0) * (count - 1) / count
     size = max(1.0, float(np.mean(np.square(residuals[: edges[-1]]))))
     plain = size * np.linalg.pinv(hessian, rcond=1e-12)
     to_go = plain / size @ (slopes.T @ residuals)
-    left_out += np.square(to_go)
+    jackknife = np.square(moved).sum(axis=0) * (1.0 - 1.0 / len(moved))
+    left_out = jackknife + np.square(to_go)
     larger = np.sqrt(np.maximum(left_out / np.maximum(np.diag(plain), 1e-300), 1.0))
     return np.asarray(plain * np.outer(larger, larger))
 

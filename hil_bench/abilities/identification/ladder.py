@@ -112,6 +112,8 @@ _GRIDS: Mapping[str, Sequence[float]] = {
     "dead_a": _logs(3.0, 10.0, 30.0),
     "dead_b": _logs(3.0, 10.0, 30.0),
     "bulk_modulus_mpa": _logs(1.4, 0.7, 0.5, 0.35, 0.2),
+    MASS: _logs(0.7, 0.85, 1.2, 1.5, 2.0),
+    LOAD: _logs(0.7, 0.85, 1.2, 1.5, 2.0),
     "spool_natural_frequency_rad_s": _logs(1.5, 0.7, 0.5, 0.35),
     SLEW: _logs(1.0, 0.5, 0.3, 0.2),
     DELAY: (0.0, 1.0, 2.0, 3.0, 5.0),

@@ -106,8 +106,8 @@ class Unknown(NamedTuple):
 
     @property
     def step(self) -> float:
-        """Of the variable, for slopes."""
-        return 2e-3 if self.is_log else 2e-3 * max(self.spread, 1.0)
+        """Of the variable, for slopes: far from the next swing, and above the solver's noise."""
+        return 2e-6 if self.is_log else 2e-6 * max(self.spread, 1.0)
 
 
 class Running(NamedTuple):

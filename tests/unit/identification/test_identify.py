@@ -166,6 +166,22 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(rec
     assert found == pytest.approx(right, abs=1e-6)
 
 
+def test_slopes_of_modulus_and_mass_are_those_that_the_cost_has(record):
+    """They set the pace of one swing: where both grow their slopes nearly cancel, and errors stay.
+
+    Beside them the cost itself, a little before and behind.
+    """
+    bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 5e-4)
+    names = ("bulk_modulus_mpa", "moving_mass_kg")
+    problem = Problem(bench, [bench.template.unknown(name) for name in names])
+    here, aside = np.array([0.1, 0.1]), np.array([1e-4, 1e-4])
+    costs = [0.5 * np.square(problem.residuals(here + aside * way)).sum() for way in (-1.0, 1.0)]
+
+    gradient = problem.slopes(here).T @ problem.residuals(here)
+
+    assert gradient @ aside == pytest.approx(0.5 * (costs[1] - costs[0]), rel=0.01)
+
+
 def test_a_blurred_residual_is_the_mean_of_the_rows_about_it_that_count():
     """Of three rows each; the ends count twice, as rows beyond them are like them."""
     course = SimpleNamespace(record=SimpleNamespace(interval=TICK))

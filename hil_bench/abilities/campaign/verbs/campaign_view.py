@@ -1,7 +1,6 @@
 """A campaign or a search as those see it who watch: progress, margins, failures, best so far."""
 
 import argparse
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from time import monotonic
@@ -10,6 +9,7 @@ from hil_bench.abilities.campaign.records import RunResult, Verdict
 from hil_bench.abilities.campaign.reports import bin_margins
 from hil_bench.abilities.campaign.summary import show_point, size_of, smallest_margin
 from hil_bench.abilities.campaign.table import Note
+from hil_bench.abilities.common.arguments import count_processors
 from hil_bench.abilities.common.progress import Work
 from hil_bench.abilities.common.work import (
     MOST_ITEMS,
@@ -153,7 +153,7 @@ def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         type=count_from_zero,
         metavar="N",
-        default=_processors(),
+        default=count_processors(),
         help="number of processes (default: %(default)s); 0 runs in this one, without time-outs",
     )
 
@@ -170,9 +170,3 @@ def count_runs(work: Work) -> Note:
             work.remark = f"{failures} failed"
 
     return note
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

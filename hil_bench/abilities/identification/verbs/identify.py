@@ -3,7 +3,6 @@
 import argparse
 import json
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,11 +17,7 @@ from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.identification.against import compare, describe
 from hil_bench.abilities.identification.against import to_json as comparison_to_json
 from hil_bench.abilities.identification.bench_file import write_bench
-from hil_bench.abilities.identification.errors import (
-    Limit,
-    find_exceeded,
-    read_limit,
-)
+from hil_bench.abilities.identification.errors import Limit, find_exceeded, read_limit
 from hil_bench.abilities.identification.identify import Identification, Options, identify
 from hil_bench.abilities.identification.ladder import ALIASES, Wish
 from hil_bench.abilities.identification.logger import look_through
@@ -130,7 +125,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="end the search after this time with the best so far (default: 600)",
     )
     parser.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="runs of the plant at a time (default: 1)"
+        "--jobs",
+        type=int,
+        default=common.count_processors(),
+        metavar="N",
+        help="runs of the plant at a time (default: %(default)s)",
     )
     common.add_output_argument(parser, "hil-bench-identify", "the files")
     add_design_arguments(parser)
@@ -157,7 +156,8 @@ def run(args: argparse.Namespace) -> int:
         if args.design:
             return run_design(args, Question(config, axis, bench))
         asked = Question(config, axis)
-        settings = _settings(asked)
+        table = f"plant.{axis.name}"
+        settings = {one.key.name: one for one in config.settings if one.table == table}
         wish = _read_wish(args, settings)
         if args.against:
             return _compare(args, asked, settings, wish, recordings)
@@ -173,16 +173,12 @@ def _check_arguments(args: argparse.Namespace) -> list[Limit]:
     Raises:
         ConfigError: an option makes no sense.
     """
-    if not 1 <= args.jobs <= 4 * (os.cpu_count() or 1):
-        raise ConfigError(f"--jobs {args.jobs}: give 1 to {4 * (os.cpu_count() or 1)}")
+    most = 4 * common.count_processors()
+    if not 1 <= args.jobs <= most:
+        raise ConfigError(f"--jobs {args.jobs}: give 1 to {most}")
     if not 1.0 <= args.time_limit <= _LONGEST:
         raise ConfigError(f"--time-limit {args.time_limit:g}: give 1 to {_LONGEST:g}")
     return [read_limit(text) for text in args.require]
-
-
-def _settings(asked: Question) -> Settings:
-    table = f"plant.{asked.axis.name}"
-    return {one.key.name: one for one in asked.config.settings if one.table == table}
 
 
 def _read_wish(args: argparse.Namespace, settings: Settings) -> Wish:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import monotonic
 from typing import NamedTuple
@@ -30,7 +31,8 @@ _MIDDLE, _FEW_ROWS, _LEAST_TRAVEL = (0.35, 0.65), 4, 2e-3  # of the travel, wher
 _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
-_HARDLY, _HALVES = 1e-9, 8  # damping of a step of Newton; times that it is halved at most
+_HARDLY = 1e-9  # damping of a step of Newton
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it: the first that leads to a machine is taken
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
@@ -287,12 +289,11 @@ class Problem:
         for fold in folds:
             part, off = (one[~np.isin(owner, fold)] for one in (slopes, residuals))
             step = damped_step(variables, part.T @ part, part.T @ off, _HARDLY, self.bounds)
-            for _ in range(_HALVES):
-                try:
-                    self.bench.machine(read_values(self.unknowns, variables + step))
-                except ParameterError:
-                    step = 0.5 * step
-            left.append(np.asarray(variables + step))
+            for share in _SHARES:
+                with suppress(ParameterError):
+                    self.bench.machine(read_values(self.unknowns, variables + share * step))
+                    break
+            left.append(np.asarray(variables + share * step))
         return left
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:

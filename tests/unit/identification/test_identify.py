@@ -21,12 +21,13 @@ from hil_bench.abilities.identification.ladder import (
     climb,
     find_free,
 )
-from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.machine import Template, read_values
 from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.report import error_lines, summarise
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def test_a_pressure_that_was_not_recorded_goes_on_from_the_stroke_before(hidden)
     )
 
 
-def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(record):
+def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(record, monkeypatch):
     """Where a residual is linear, one step of Newton is the least squares of what stays."""
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
     names = ("orifice_width_mm", "viscous_friction_n_s_m")
@@ -164,6 +165,15 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(rec
     (found,) = line.without(np.array([0.05, 0.4]), [[0]])
 
     assert found == pytest.approx(right, abs=1e-6)
+
+    def only_here(_template, values, _dt):
+        if values != read_values(unknowns, np.array([0.05, 0.4])):
+            raise ParameterError("no machine")
+
+    # A fit at the edge of what a machine may be stays, whatever its strokes say.
+    monkeypatch.setattr(Template, "run", only_here)
+    (found,) = line.without(np.array([0.05, 0.4]), [[0]])
+    assert found.tolist() == [0.05, 0.4]
 
 
 def test_slopes_of_modulus_and_mass_are_those_that_the_cost_has(record):

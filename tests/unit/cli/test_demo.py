@@ -1,13 +1,16 @@
 """`hil-bench demo`, as fast as it goes."""
 
 import contextlib
+import dataclasses
 import errno
+import re
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
+from hil_bench.abilities.demo.sensors import Shaft
 from hil_bench.abilities.demo.session import (
     DemoAxis,
     DemoSession,
@@ -20,10 +23,12 @@ from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
+from hil_bench.cli.status_line import StatusLine
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.outside.recording import block_file
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
+from hil_drivers import DriverError
 
 MACHINES = Path(__file__).parents[3] / "examples" / "machines"
 
@@ -110,8 +115,19 @@ def test_the_missing_extra_is_named(tmp_path, capsys):
 @pytest.mark.usefixtures("no_plot")
 def test_the_bus_log_reads_back(tmp_path, capsys):
     assert demo(tmp_path, "--duration", "0.1") == 0
-    expected = "plot      none, matplotlib is missing: pip install 'hil-bench[plot]'\n"
-    assert capsys.readouterr().out.endswith(expected)
+    recording = read_recording(tmp_path / "demo.csv")
+    error = 1e3 * (recording["axis1.position_setpoint"] - recording["axis1.position"])
+    error = error[np.isfinite(error)]
+    lines = [
+        f"error     RMS {np.sqrt(np.mean(error**2)):.3f} mm, max {np.abs(error).max():.3f} mm",
+        "control   50 cycles of 2 ms, 0 left out",
+        f"recording {tmp_path / 'demo.csv'}",
+        f"frames    {tmp_path / 'demo.log'}",
+        "plot      none, matplotlib is missing: pip install 'hil-bench[plot]'",
+    ]
+    motion, *others = capsys.readouterr().out.splitlines()
+    assert others == lines
+    assert re.fullmatch(r"motion    0\.1 s in \d+\.\d s, \d+(\.\d\d)? times real time", motion)
     with can.LogReader(tmp_path / "demo.log") as reader:
         frames = [(message.arbitration_id, bytes(message.data)) for message in reader]
     boot_ups, syncs, commands = {0x701, 0x702, 0x703, 0x704}, {0x080}, {0x201}
@@ -121,6 +137,11 @@ def test_the_bus_log_reads_back(tmp_path, capsys):
     # controller's heartbeats of 50 ms; 0x1400.05, the RPDO's time-out: 100 ms, the drivers' own.
     assert (0x601, bytes.fromhex("23161001c8007f00")) in frames
     assert (0x601, bytes.fromhex("2b00140564000000")) in frames
+    starts = [data for can_id, data in frames if can_id == 0 and data[0] == 1]
+    assert starts == [bytes((1, node)) for node in (1, 2, 3, 4)]
+    # Each sensor's drivers make its TPDO send by itself: 0x1800.02, a type of 254 or 255.
+    sent = {can_id for can_id, data in frames if data.startswith(bytes.fromhex("2f001802"))}
+    assert {0x602, 0x603, 0x604} <= sent
 
 
 @pytest.mark.usefixtures("no_plot")
@@ -204,6 +225,7 @@ def test_the_controller_fits_a_tank_under_pressure_and_a_slow_spool():
         ({}, 0.15),  # 60 % of either way's speed are more
         ({"supply_pressure_bar": 50}, None),  # and here less
         ({"load_n": 1e5}, 0.01),  # which it cannot lift
+        ({"load_n": -1e5}, 0.01),  # nor pull
     ],
 )
 def test_the_demo_is_no_faster_than_the_slower_way(keys, fastest):
@@ -211,11 +233,87 @@ def test_the_demo_is_no_faster_than_the_slower_way(keys, fastest):
     if fastest is None:
         ways = [steady_motion(axis.parameters, axis.options, extends=way) for way in (True, False)]
         fastest = 0.6 * min(way.speed for way in ways)
+        assert ways[0].speed != ways[1].speed
         assert 0.01 < fastest < 0.15
     profile = demo_profile(0.0, axis)
     speeds = [abs(profile.at(0.01 * step).speed) for step in range(1500)]
     assert max(speeds) == pytest.approx(fastest)
     assert setpoint_position(profile, 2.0, 2.5) == profile.at(0.5).position != 0.0
+
+
+def test_a_motor_has_the_controller_of_its_cylinder_at_the_lever():
+    """Whose lever is (28 cm³ / 2 pi) to the power of 1/3."""
+    motor = load_config(MACHINES / "drum.toml").first_axis
+    of_cylinder, lever = tuned_parameters(motor.cylinder), (28e-6 / (2 * np.pi)) ** (1 / 3)
+    found = DemoAxis(motor).parameters()
+    assert found.full_speed == pytest.approx(of_cylinder.full_speed / lever)
+    assert found.tolerance == 2e-3
+    same = {"full_speed": found.full_speed, "tolerance": found.tolerance}
+    assert found == dataclasses.replace(of_cylinder, **same)
+    cylinder = load_config().first_axis
+    assert DemoAxis(cylinder).parameters() == tuned_parameters(cylinder)
+
+
+class Encoder:
+    """A rotary sensor that shows what it is asked to."""
+
+    max_age, angle, speed, is_valid, reading, received_at, age = 0.1, 0.0, 2.0, True, "r", 3.0, 4.0
+
+    def __init__(self):
+        self.calls = []
+
+    def setup(self):
+        self.calls.append("setup")
+
+    def poll(self):
+        self.calls.append("poll")
+        return True
+
+
+def test_a_shaft_counts_from_the_turn_in_which_it_begins():
+    """An encoder of 4096 turns that begins half a radian below 0 shows the end of its range."""
+    turn, encoder = 2.0 * np.pi, Encoder()
+    shaft = Shaft(encoder)
+    for begin, first in [(-0.5, 4096 * turn - 0.5), (3 * turn + 1, 3 * turn + 1), (0.2, 0.1)]:
+        shaft.begin_at(begin)
+        for moved in (0.0, -2.0, 2.9 * turn):  # never again by where it is
+            encoder.angle = first + moved
+            expected = (first if first < 4000 * turn else begin) + moved
+            assert shaft.position == pytest.approx(expected, abs=1e-9)
+    names = ("max_age", "speed", "is_valid", "reading", "received_at", "age")
+    assert [getattr(shaft, name) for name in names] == [getattr(encoder, name) for name in names]
+    assert (shaft.setup(), shaft.poll(), encoder.calls) == (None, True, ["setup", "poll"])
+
+
+@pytest.mark.parametrize(
+    ("path", "first", "rest"),
+    [
+        (None, ["   1.5 s", "set   +40.00 mm"], "x   +40.00 mm"),
+        (MACHINES / "drum.toml", ["   1.5 s", "set    +0.500 rev"], "phi    +0.500 rev"),
+    ],
+)
+def test_the_status_shows_time_set_point_and_axis(path, first, rest):
+    session = DemoSession(load_config(path), duration=0.1, is_paced=False)
+    value = 0.04 if path is None else np.pi
+    texts = [field.template.format(value * field.scale) for field in session.fields[1:3]]
+    assert [session.fields[0].template.format(1.5), texts[0]] == first
+    assert texts[1] == rest
+    session._setpoint_at = lambda time: 2.0 * time
+    with session.bench:
+        session._publish(0.25)
+    time, setpoint, position, *others = session.snapshot.read().values
+    assert (time, setpoint) == (0.25, 0.5)
+    assert position == pytest.approx(session.bench.bench.axes[0].plant.output[0])
+    assert len(others) == len(session.fields) - 3
+
+
+def test_a_controller_that_gets_no_answer_ends_the_demo_in_one_line(tmp_path, cli, monkeypatch):
+    def control(*_):
+        raise DriverError("node 1 does not answer")
+
+    monkeypatch.setattr(DemoSession, "_control", control)
+    found = cli(["demo", "--speed", "max", "--output", str(tmp_path)], 2)
+    assert found.err == "hil-bench: error: the demo's controller: node 1 does not answer\n"
 
 
 def test_a_short_cylinder_is_moved_with_at_most_1_5_m_s2():
@@ -243,6 +341,17 @@ def test_a_shaft_turns_for_ever_as_fast_as_its_swing_lets_it():
     assert speeds.max() == pytest.approx(600 * 2.0 * np.pi / 60, rel=1e-3)
     swing = 2.0 * np.pi * eigenfrequency(drum.cylinder, 0.0)
     assert np.abs(np.diff(speeds)).max() / 0.01 <= 0.25 * speeds.max() * swing
+
+
+def test_a_shaft_is_no_faster_than_the_slower_way_lets_it(make_file):
+    text = (MACHINES / "drum.toml").read_text(encoding="utf-8").replace("_bar = 210", "_bar = 85")
+    drum = load_config(make_file("slow.toml", text)).first_axis
+    p, options = drum.cylinder.parameters, drum.cylinder.options
+    out, back = (steady_motion(p, options, extends=way).speed / drum.lever for way in (True, False))
+    assert 0.0 < 0.6 * out < min(0.6 * back, 20.0 * np.pi)  # the load is against the one way
+    profile = DemoAxis(drum).profile(1.0)
+    speeds = [abs(profile.at(0.01 * step).speed) for step in range(2000)]
+    assert max(speeds) == pytest.approx(0.6 * out)
 
 
 def test_only_a_paced_demo_runs_under_the_policy_of_its_bench(monkeypatch):
@@ -298,18 +407,27 @@ def test_a_heavy_load_does_not_swing(tmp_path, machine):
 
 
 @pytest.mark.usefixtures("no_plot")
-def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
-    clocks = []
+@pytest.mark.parametrize(("words", "speed"), [([], 1.0), (["--speed", "0.25"], 0.25)])
+def test_a_speed_scales_the_clock_that_paces_it(words, speed, tmp_path, cli, monkeypatch):
+    clocks, lines = [], []
 
     def clock_of(_base, speed):
         clocks.append(speed)
         return ScaledClock(VirtualClock(), speed)  # as slow as asked, and nobody waits
 
+    class Status(StatusLine):
+        def __init__(self, snapshot, fields, **words):
+            lines.extend(map(len, fields))
+            super().__init__(snapshot, fields, **words)
+
     monkeypatch.setattr("hil_bench.abilities.demo.session.ScaledClock", clock_of)
-    command = ["demo", "--speed", "0.25", "--duration", "0.2", "--output", str(tmp_path)]
-    assert main(command) == 0
-    assert clocks == [0.25]
-    assert "0 overran, 0 skipped" in capsys.readouterr().out
+    monkeypatch.setattr("hil_bench.abilities.demo.verbs.StatusLine", Status)
+    out = cli(["demo", *words, "--duration", "0.2", "--output", str(tmp_path)]).out
+    assert clocks == [speed]
+    assert lines == [2, 4]  # time and set-point; position, two pressures, spool
+    names = " ".join(line.split()[0] for line in out.splitlines())
+    assert names == "motion error control ticks lateness work recording frames plot"
+    assert "0 overran, 0 skipped" in out
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "fast", "nan"])

@@ -115,6 +115,20 @@ def test_recordings_without_like_strokes_are_refused(before):
     assert find_alike(first, first) == [[0], [1], [2], [3]]
 
 
+def test_strokes_are_alike_that_go_the_same_way_as_often_changed_at_like_openings(monkeypatch):
+    """In three hundredths of the full opening, which is not met exactly."""
+
+    def course(*strokes):
+        made = [SimpleNamespace(is_forth=f, opening=o, changes=c) for f, o, c in strokes]
+        return SimpleNamespace(course=SimpleNamespace(strokes=made))
+
+    monkeypatch.setattr(against, "find_changes", lambda _bench, stroke: [0.0] * stroke.changes)
+    one = course((True, 0.50, 1), (False, 0.50, 1))
+    other = course((True, 0.529, 1), (True, 0.531, 1), (True, 0.471, 1), (True, 0.50, 2))
+    assert find_alike(one, other) == [[0, 2], []]
+    assert find_alike(other, one) == [[0], [], [0], []]
+
+
 def test_a_step_inside_a_row_is_found_by_the_row_mean(before):
     record = replace(before, setpoints=before.setpoints.copy())
     bench = make_coarse(record, AXIS, SETTINGS, 1, Clock())

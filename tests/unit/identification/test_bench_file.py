@@ -8,7 +8,7 @@ import pytest
 from support.built_in_nodes import NODES
 from support.machine_record import FULL_OPENING, Machine
 
-from hil_bench.abilities.identification.bench_file import _toml, write_bench
+from hil_bench.abilities.identification.bench_file import _toml, _without_table, write_bench
 from hil_bench.abilities.identification.fit import Bench, Fit
 from hil_bench.abilities.identification.identify import Estimate, Identification
 from hil_bench.abilities.identification.ladder import PAPER, STEADY, SWIFT, Ladder, Rung
@@ -75,6 +75,17 @@ def found_by(path):
         bench=bench, ladder=ladder, fit=fit, estimates=estimates, is_refined=True
     )
     return write_bench(found, config, "run.csv", ())
+
+
+def test_all_tables_but_that_of_the_axis_and_what_is_below_it_stay():
+    ours = ["[plant.axis1]", "bore_mm = 50", "[ plant . 'axis1'.load ]", "n = 3"]
+    others = [
+        ["# by hand", "[bench]", "tick_us = 1000"],
+        ["[plant.axis10]  # another", "bore_mm = 60"],
+        ["[[faults.axis1]]", "[plant]", "[nodes.axis1]", "node_id = 3"],
+    ]
+    text = "\n".join([*others[0], *ours[:2], *others[1], *ours[2:], *others[2], *ours[:2]])
+    assert _without_table(text, "axis1").splitlines() == [*others[0], *others[1], *others[2]]
 
 
 @pytest.mark.parametrize("given", [None, DATA_SHEET + NODES], ids=["built-in", "data sheet"])

@@ -1,5 +1,7 @@
 """The search between bounds, on problems whose answers are known."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,35 @@ def test_it_leaves_a_bound_at_which_it_begins():
     )
 
     assert found == pytest.approx([3.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_it_finds_the_least_squares_in_a_box_that_trying_all_sides_finds(seed):
+    """Each variable is free, at its lower or at its upper bound: of all 27 ways the best."""
+    random = np.random.default_rng(seed)
+    matrix, target = random.standard_normal((5, 3)), 3.0 * random.standard_normal(5)
+    low, high = np.full(3, -0.5), np.full(3, 0.7)
+    costs = []
+    for sides in itertools.product((np.nan, -0.5, 0.7), repeat=3):
+        there = np.array(sides)
+        free = np.isnan(there)
+        held = matrix[:, ~free] @ there[~free]
+        there[free] = np.linalg.lstsq(matrix[:, free], target - held, rcond=None)[0]
+        if (there >= low).all() and (there <= high).all():
+            costs.append((float(np.sum((matrix @ there - target) ** 2)), there.tolist()))
+
+    begin = random.choice([-0.5, 0.1, 0.7], 3)
+    found = descend(lambda x: matrix @ x - target, lambda _: matrix, begin, (low, high), 60, 1e-14)
+
+    assert found == pytest.approx(min(costs)[1], abs=1e-5)
+
+
+def test_a_step_that_goes_too_far_is_made_shorter():
+    """Newton's steps to the zero of the arc tangent go further off each time from 1.4 on."""
+    bounds = (np.full(1, -100.0), np.full(1, 100.0))
+
+    found = descend(
+        np.arctan, lambda x: np.diag(1.0 / (1.0 + x**2)), np.array([50.0]), bounds, 60, 1e-12
+    )
+
+    assert found == pytest.approx([0.0], abs=1e-6)

@@ -48,6 +48,14 @@ def test_lost_rows_are_found_and_counted(recording, first, lost):
     assert jump.way == pytest.approx(lost * speed, rel=0.2)
 
 
+def test_a_jump_is_what_its_step_is_beyond_the_two_steps_on_each_side():
+    steps = 1e-4 * (1.0 + 0.1 * np.random.default_rng(8).standard_normal(400))
+    steps[200] += 1e-3
+    (jump,) = find_jumps(np.cumsum(steps), 1e-9)  # whose first step is steps[1]
+    beside = (steps[198] + steps[199] + steps[201] + steps[202]) / 4.0
+    assert jump == (199, pytest.approx(steps[200] - beside), round(steps[200] / beside) - 1)
+
+
 def test_steps_of_a_coarse_encoder_are_no_lost_rows():
     """2.6 steps of the sensor a row are now two, now three, now four."""
     step, source = 59e-6, np.random.default_rng(3)

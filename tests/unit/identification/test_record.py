@@ -186,7 +186,9 @@ def test_a_recording_that_cannot_serve_is_refused(recording, change, complaint):
 def test_three_seconds_of_all_recordings_together_are_enough(recording):
     short, rest = (AxisRecord.of(recording[:rows], "lift", FULL_OPENING) for rows in (1200, 1801))
 
-    assert len(join_records([short, rest])) == 3001
+    both = join_records([short, rest])
+    assert len(both) == 3001
+    assert [both.session_of(row) for row in (0, 1199, 1200, 3000)] == [0, 0, 1, 1]
     with pytest.raises(ConfigError, match=r"recordings span together 2\.4 s; 3 s or more"):
         join_records([short, short])
     with pytest.raises(ConfigError, match=r"the recording spans 1\.2 s; 3 s or more"):
@@ -202,6 +204,25 @@ def test_times_that_are_rounded_up_to_10_ms_are_taken(recording):
 def test_a_wrong_axis_is_told_which_there_are(recording):
     with pytest.raises(ConfigError, match=r"lacks swing\.position, .*; it has lift"):
         AxisRecord.of(recording, "swing", FULL_OPENING)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 7])
+def test_a_thinned_record_has_the_mean_set_point_of_the_rows_before_each(recording, factor):
+    recording["lift.spool_setpoint"] = np.random.default_rng(7).uniform(-1.0, 1.0, ROWS)
+    record = AxisRecord.of(recording, "lift", FULL_OPENING)
+    thin = record.thinned(factor)
+
+    assert thin.times.tolist() == record.times[::factor].tolist()
+    assert thin.measured.tolist() == record.measured[::factor].tolist()
+    assert thin.clipped.shape == thin.measured.shape
+    means = [
+        sum(record.setpoints[row - factor + 1 : row + 1]) / factor
+        for row in range(factor, ROWS, factor)
+    ]
+    assert thin.setpoints == pytest.approx([record.setpoints[0], *means])
+    assert thin.interval == pytest.approx(1e-3 * factor)
+    count = len(thin)
+    assert (thin.stretches, thin.sessions[0].rows) == ((range(count),), range(count))
 
 
 @pytest.mark.parametrize("rows", [range(10), range(7, 20), range(9, 19), range(1, 3)])

@@ -283,7 +283,7 @@ def write_campaign_report(
         "requirements": requirements,
         "correlations": summary.correlations(results)[:_SHOWN],
         "sensitivity": sensitivity,
-        "bounds": list(summary.bounds_of(plan, results)),
+        "notes": [*summary.unjudged_of(plan), *summary.bounds_of(plan, results)],
         "worst": worst,
         "changes": changes,
     }

@@ -13,6 +13,7 @@ from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.store import set_words
 from hil_bench.abilities.scenario.judgement import RequirementOutcome, show_seen, show_share
+from hil_bench.abilities.scenario.results import UNJUDGED
 from hil_bench.errors import ConfigError
 
 # Confidence bounds on a probability after a number of runs.
@@ -237,6 +238,12 @@ def bounds_of(plan: Plan, results: Sequence[RunResult]) -> Iterator[str]:
         for each in own if len(own) > 1 else ():
             tally = each.tally
             yield f"{scenario}  {each.id}: {tally.failures_text()}; {tally.bound_text()}"
+
+
+def unjudged_of(plan: Plan) -> Iterator[str]:
+    """Yield the requirements that a scenario is about and does not judge, a line each."""
+    for name, scenario in {group.case.name: group.case.scenario for group in plan.groups}.items():
+        yield from (f"{name}  {one}: not judged; {UNJUDGED}" for one in scenario.unjudged)
 
 
 def count_outcomes(results: Sequence[RunResult]) -> dict[str, int]:

@@ -44,10 +44,8 @@ class ScenarioFile(pytest.File):
             item = ScenarioItem.from_parent(self, name=expectation.id)
             item.place(number, expectation.place.line)
             yield item
-        judged = {expectation.id for expectation in scenario.expectations}
-        for name in dict.fromkeys(scenario.requirement_ids):
-            if name not in judged:
-                yield UnjudgedItem.from_parent(self, name=name)
+        for name in scenario.unjudged:
+            yield UnjudgedItem.from_parent(self, name=name)
 
     def result(self) -> ScenarioResult:
         """Return the result of the scenario, which is played at the first call."""

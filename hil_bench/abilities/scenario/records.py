@@ -243,6 +243,12 @@ class Scenario:
         """The file of the bench as seen from here; None for the built-in one."""
         return self.path.parent / self.bench if self.bench else None
 
+    @property
+    def unjudged(self) -> list[str]:
+        """The requirements that it is about and that no expectation is on."""
+        judged = {each.id for each in self.expectations}
+        return [one for one in dict.fromkeys(self.requirement_ids) if one not in judged]
+
 
 # The place of a key in a file: line and column, which the TOML parser does not give.
 

@@ -72,6 +72,19 @@ def test_a_requirement_that_is_never_exercised_is_said(tmp_path, cli):
     assert "R-2: 2 not exercised; no run was decided, so nothing is known of it" in out
 
 
+def test_a_requirement_that_is_named_and_not_judged_is_undecided(tmp_path, cli):
+    text = REST.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]")  # all runs pass
+    path = write_rest(tmp_path, 'requirement_ids = ["R-1", "R-9"]\n' + text)
+    report = tmp_path / "report.html"
+    words = ["campaign", str(path), "--runs=2", "--jobs=0"]
+    out = cli([*words, f"--report={report}"], 6).out
+    said = "rest  R-9: not judged; requirement_ids names it, and no expectation has this id"
+    assert out.startswith("2 runs: 2 passed\n")
+    assert f"  {said}\n" in out
+    assert said in report.read_text(encoding="utf-8")
+    assert json.loads(cli([*words, "--json"], 6).out)["unjudged"] == [said]
+
+
 def test_a_bound_counts_decided_runs_alone(tmp_path, capsys, cli):
     # R-2 is open at the last ticks of every run; R-1 holds in all of them.
     text = REST.replace("always axis1.P_B < 200 bar", "always (axis1.P_B < 200 bar for 5 ms)")

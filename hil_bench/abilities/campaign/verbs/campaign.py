@@ -22,6 +22,7 @@ from hil_bench.abilities.campaign.summary import (
     count_outcomes,
     show_point,
     summarise,
+    unjudged_of,
     worst_runs,
 )
 from hil_bench.abilities.campaign.table import WHOLE, Outcome, Shard, collect, execute
@@ -174,7 +175,7 @@ def run(args: argparse.Namespace) -> int:
     sensitivity = sobol_indices(plan, outcome.results)
     found = plan, outcome, changes, sensitivity
     lines = [*_lines(*found), f"  results are in {args.output}"]
-    ending.take(_exit_code(outcome))
+    ending.take(_exit_code(plan, outcome))
     if not is_whole:
         ending.take(ExitCode.INTERRUPTED)
     with ending.going_on():
@@ -276,9 +277,10 @@ def _repeat(args: argparse.Namespace, plan: Plan) -> int:
     return exit_code_of_runs({result.outcome})
 
 
-def _exit_code(outcome: Outcome) -> ExitCode:
+def _exit_code(plan: Plan, outcome: Outcome) -> ExitCode:
     code = exit_code_of_runs({each.outcome for each in outcome.results})
-    return worst(code, ExitCode.INCONCLUSIVE if outcome.missing else ExitCode.DONE)
+    is_open = outcome.missing or any(unjudged_of(plan))
+    return worst(code, ExitCode.INCONCLUSIVE if is_open else ExitCode.DONE)
 
 
 def _lines(
@@ -289,6 +291,7 @@ def _lines(
     yield f"{len(outcome.results)} runs: {counts or 'none'}{missing}"
     for summary in summarise(outcome.results):
         yield f"  {summary.line()}"
+    yield from (f"  {line}" for line in unjudged_of(plan))
     yield from (f"  {line}" for line in bounds_of(plan, outcome.results))
     yield from (f"  {line}" for line in sensitivity.lines())
     yield from (f"  {change.line()}" for change in changes)
@@ -319,6 +322,7 @@ def _content(
             }
             for each in summarise(outcome.results)
         ],
+        "unjudged": list(unjudged_of(plan)),
         "bounds": list(bounds_of(plan, outcome.results)),
         "sobol_indices": [each.content() for each in sensitivity.indices],
         "worst": [

@@ -111,7 +111,7 @@ def try_machine(number: int, pairs: int, seconds: float) -> dict[str, Any]:
 
     def say(stage: str) -> None:
         nonlocal first
-        if stage.startswith("first answer"):
+        if not first and "so far" in stage:
             first = time.process_time() - begin
 
     options = Options(seconds=seconds, say=say)

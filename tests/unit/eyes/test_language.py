@@ -21,6 +21,7 @@ CAR = (
     Frame(0x625, bytes.fromhex("3200FF1C0000")),  # an SDO request of six bytes
     Frame(0x710, bytes(8)),  # a heartbeat of eight
 )
+SEGMENT = ((0x605, 0x60), (0x585, 0x00))  # a request for one, and one (CiA 301, 7.2.4.3.7)
 PDOS = (Frame(0x1A4, bytes(8)), Frame(0x294, bytes(7)), Frame(0x405, b"\x01"))
 ONE_WORD_OF_CANOPEN = {
     "NMT": (Frame(0x000, b"\x01\x00"),),
@@ -64,6 +65,17 @@ def test_each_of_its_frames_is_no_canopen(frame):
 )
 def test_contents_that_canopen_does_not_have_are_against_it(frame):
     assert explained(*PDOS, frame).notes[0].startswith("this is no CANopen: 1 of 4 frames")
+
+
+def test_the_middle_of_a_transfer_may_be_what_the_log_begins_with():
+    asked, answered = (Frame(can_id, bytes([first]) + bytes(7)) for can_id, first in SEGMENT)
+    again, more = (Frame(can_id, bytes([first | 0x10]) + bytes(7)) for can_id, first in SEGMENT)
+    found = explained(*(asked, answered, again, more) * 10)
+    (note,) = found.notes
+    either = "this is no CANopen, or the log begins within SDO transfers: 40 of 40 frames"
+    assert (note.startswith(either), found.is_judged) == (True, False)
+    (note,) = explained(asked, answered, *CAR[:1]).notes
+    assert note.startswith("this is no CANopen: 3 of 3 frames")
 
 
 def test_identifiers_of_pdos_alone_show_nothing():

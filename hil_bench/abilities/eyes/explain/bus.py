@@ -25,6 +25,8 @@ _MOST = 4096
 _SEEN_FOR_ONE = 20
 """Frames that CANopen does not have, for each that only CANopen has, on a bus that speaks it."""
 
+_SDO_BYTES = 8
+
 _LEAST_INDEX = 0x1000
 """Of an object that can be read or written (CiA 301, table 39)."""
 
@@ -49,6 +51,7 @@ class Language:
         self.for_canopen = 0
         self.against = Evidence()
         self.is_j1939 = False
+        self._are_segments = True  # what is against it may be the middle of SDO transfers
         self._messages = 0
         self._unread = Counter[int]()  # messages whose values nobody reads, by parameter group
 
@@ -62,6 +65,8 @@ class Language:
                     self._unread[sight.message.group] += 1
         elif _is_against(sight):
             self.against.append(sight)
+            is_of_none = sight.service is Service.SDO and sight.transfer is None
+            self._are_segments &= is_of_none and len(sight.frame.data) == _SDO_BYTES
         else:
             self.for_canopen += _is_for(sight)
 
@@ -126,9 +131,10 @@ class Language:
         if self.is_foreign:
             first = self.against[0]
             what = f"{first.frame.can_id:03X} [{first.frame.data.hex(' ').upper()}]"
+            or_else = ", or the log begins within SDO transfers" if self._are_segments else ""
             yield (
-                f"this is no CANopen: {self.against.total} of {frames} frames are not as CiA 301 "
-                f"has them, the first at {seconds(first.now)}: {what}"
+                f"this is no CANopen{or_else}: {self.against.total} of {frames} frames "
+                f"are not as CiA 301 has them, the first at {seconds(first.now)}: {what}"
             )
         elif frames and not self.names:
             yield (

@@ -335,7 +335,7 @@ def search(
         unknowns: that are sought.
         begin: variables at the start of the search.
         rounds: steps at most.
-        exact: share of the cost by which the last step of a search has lowered it.
+        exact: as `descend` has it.
 
     Returns:
         The best that was found, also where the time was over: then perhaps where it began, with

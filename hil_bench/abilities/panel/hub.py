@@ -144,8 +144,7 @@ class BusFindings:
     def __init__(self, devices: Mapping[str, Any], rates: Sequence[Sequence[float]] = ()) -> None:
         self._devices = devices
         self._rates = rates
-        self._buses: dict[int, tuple[Explainer, LiveFindings]] = {}
-        self._begins: dict[int, float] = {}
+        self._buses: dict[int, tuple[Explainer, LiveFindings, float]] = {}
 
     def take(self, frames: Iterable[Sequence[Any]]) -> dict[str, Any] | None:
         """Take frames; return the message of what is wrong where that has changed.
@@ -158,14 +157,14 @@ class BusFindings:
         for time, bus, _way, can_id, data, is_extended, is_remote, fd in frames:
             if bus not in self._buses and len(self._buses) >= _MOST_BUSES:
                 continue
-            explainer, live = self._buses.get(bus) or self._begin(bus, time)
+            explainer, live, _ = self._buses.get(bus) or self._begin(bus, time)
             payload = bytes.fromhex(data)
             frame = Frame(can_id, payload, bool(is_remote), bool(is_extended), fd=fd)
             explainer.take(LoggedFrame(frame, round(time * _NS), None))
             is_news |= any([*live.look(explainer.now)])
         return self.message() if is_news else None
 
-    def _begin(self, bus: int, time: float) -> tuple[Explainer, LiveFindings]:
+    def _begin(self, bus: int, time: float) -> tuple[Explainer, LiveFindings, float]:
         known = [
             KnownNode(each["node_id"], name)
             for name, each in self._devices.items()
@@ -173,8 +172,7 @@ class BusFindings:
         ]
         bitrate, speedup = self._rates[bus] if bus < len(self._rates) else (USUAL_BITRATE, 1.0)
         explainer = Explainer(known, int(bitrate), speedup=speedup)
-        self._buses[bus] = explainer, LiveFindings(explainer)
-        self._begins[bus] = time
+        self._buses[bus] = explainer, LiveFindings(explainer), time
         return self._buses[bus]
 
     def message(self) -> dict[str, Any]:
@@ -182,8 +180,8 @@ class BusFindings:
         return {
             "type": "findings",
             "findings": [
-                {**_content(bus, finding), "since": self._begins[bus]}
-                for bus, (_, live) in sorted(self._buses.items())
+                {**_content(bus, finding), "since": begin}
+                for bus, (_, live, begin) in sorted(self._buses.items())
                 for finding in live.findings[:_MOST]
             ],
         }
@@ -279,7 +277,8 @@ class Hub:
 
     def review(self) -> None:
         """Look again at what browsers want; one that begins to show frames sees what is wrong."""
-        self._show_findings()
+        if self._findings is not None:
+            self._show_findings(self._findings.message())
         self._change.set()
 
     def choose(self, name: str) -> None:
@@ -425,14 +424,13 @@ class Hub:
         except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
             raise BusError("the bench's message of frames is not one") from None
         if message is not None:
-            self._show_findings()
+            self._show_findings(message)
 
-    def _show_findings(self) -> None:
-        if self._findings is not None:
-            line = encode(self._findings.message())
-            for viewer in self.viewers:
-                if viewer.wants_frames:
-                    viewer.offer(line)
+    def _show_findings(self, message: dict[str, Any]) -> None:
+        line = encode(message)
+        for viewer in self.viewers:
+            if viewer.wants_frames:
+                viewer.offer(line)
 
     def _mark(self, line: bytes) -> None:
         """Show the frames that are news to the browsers that mark them.

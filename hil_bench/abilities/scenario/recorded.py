@@ -145,12 +145,6 @@ class Finding(NamedTuple):
     judgement: Judgement
 
 
-def unjudged_ids(named: Iterable[str], findings: Iterable[Finding]) -> list[str]:
-    """List the requirements that a file is about and that no finding is on."""
-    judged = {finding.requirement.id for finding in findings}
-    return [name for name in dict.fromkeys(named) if name not in judged]
-
-
 class Judged(NamedTuple):
     """The findings of a recording on some requirements, and the recording on its ticks."""
 

@@ -1,7 +1,7 @@
 """The records of a scenario, and their places in its file."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -192,6 +192,12 @@ class TextPlace(NamedTuple):
         return f"{self.source}:{self.line + line - 1}:{column + shift}"
 
 
+def unjudged_ids(named: Iterable[str], judged: Iterable[str]) -> list[str]:
+    """List the requirements that a file is about and that have no verdict."""
+    ids = {*judged}
+    return [one for one in dict.fromkeys(named) if one not in ids]
+
+
 class RequirementsFile(NamedTuple):
     """The requirements of a file, for any run.
 
@@ -210,6 +216,11 @@ class RequirementsFile(NamedTuple):
     duration: float | None
     faults: tuple[str, ...]
     requirement_ids: tuple[str, ...]
+
+    @property
+    def unjudged(self) -> list[str]:
+        """The requirements that it is about and that no expectation is on."""
+        return unjudged_ids(self.requirement_ids, (each.id for each in self.expectations))
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,8 +257,7 @@ class Scenario:
     @property
     def unjudged(self) -> list[str]:
         """The requirements that it is about and that no expectation is on."""
-        judged = {each.id for each in self.expectations}
-        return [one for one in dict.fromkeys(self.requirement_ids) if one not in judged]
+        return unjudged_ids(self.requirement_ids, (each.id for each in self.expectations))
 
 
 # The place of a key in a file: line and column, which the TOML parser does not give.

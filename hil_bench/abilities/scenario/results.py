@@ -14,8 +14,8 @@ from hil_bench.abilities.scenario.judgement import (
     RequirementOutcome,
     show_share,
 )
-from hil_bench.abilities.scenario.recorded import Finding, unjudged_ids
-from hil_bench.abilities.scenario.records import Scenario
+from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.records import Scenario, unjudged_ids
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, play
 from hil_bench.errors import ControllerFileError, HilBenchError, about_file
@@ -59,7 +59,8 @@ class ScenarioResult:
     @property
     def unjudged(self) -> list[str]:
         """The requirements that it is about and does not judge; none where it has a problem."""
-        return [] if self.problem else unjudged_ids(self.requirement_ids, self.findings)
+        judged = (each.requirement.id for each in self.findings)
+        return [] if self.problem else unjudged_ids(self.requirement_ids, judged)
 
 
 def blank_result(

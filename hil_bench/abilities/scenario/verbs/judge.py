@@ -15,7 +15,7 @@ from hil_bench.abilities.scenario.examination import Coverage
 from hil_bench.abilities.scenario.judgement import Judgement, RequirementOutcome
 from hil_bench.abilities.scenario.load import load_requirements
 from hil_bench.abilities.scenario.reach import names_in
-from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace, unjudged_ids
+from hil_bench.abilities.scenario.recorded import Judged, judge_with_trace
 from hil_bench.abilities.scenario.records import RequirementsFile
 from hil_bench.abilities.scenario.verbs import scenario_report as reports
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
                 continue
             judged[path] = found
             content[str(path)] = reports.finding_content(found.findings)
-            ending.take(reports.exit_code_for(found.findings, file.requirement_ids))
+            ending.take(reports.exit_code_for(found.findings, file.unjudged))
             names = names_in(each.requirement.condition for each in found.findings)
             doubts = [*find_doubts(signals, names), *_unseen_faults(args, path, found)]
             warn_of([f"{path}: {doubt}" for doubt in doubts])
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
                 chapters.append(reports.recording_chapter(*about, _options(args)))
     if judged:
         with ending.going_on():
-            print_results(args, _lines(judged, file.requirement_ids), content)
+            print_results(args, _lines(judged, file.unjudged), content)
     if args.report:
         with ending.going_on():
             reports.write_report(args, f"Judgement by {args.requirements}", chapters)
@@ -195,9 +195,9 @@ def _seconds(text: str) -> float:
     return time
 
 
-def _lines(judged: dict[Path, Judged], named: Sequence[str]) -> Iterator[str]:
+def _lines(judged: dict[Path, Judged], unjudged: Sequence[str]) -> Iterator[str]:
     for path, (findings, trace) in judged.items():
         yield f"{path}:"
         if trace.note:
             yield f"  {trace.note}"
-        yield from reports.finding_lines(findings, unjudged_ids(named, findings))
+        yield from reports.finding_lines(findings, unjudged)

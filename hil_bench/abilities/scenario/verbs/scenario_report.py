@@ -19,7 +19,7 @@ from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.scenario import report as reports
 from hil_bench.abilities.scenario.judgement import Evidence, RequirementOutcome
-from hil_bench.abilities.scenario.recorded import Finding, Judged, unjudged_ids
+from hil_bench.abilities.scenario.recorded import Finding, Judged
 from hil_bench.abilities.scenario.records import RequirementsFile
 from hil_bench.abilities.scenario.resolve import PreparedScenario
 from hil_bench.abilities.scenario.results import UNJUDGED, ScenarioResult, reason_of
@@ -243,15 +243,15 @@ def _content(report: reports.Report) -> dict[str, Any]:
 # Verdicts line by line, and their exit code, for the verbs that judge.
 
 
-def exit_code_for(findings: Sequence[Finding], named: Iterable[str]) -> ExitCode:
+def exit_code_for(findings: Sequence[Finding], unjudged: Sequence[str]) -> ExitCode:
     """Return the exit code of a judgement: that of the worst outcome.
 
     Args:
         findings: on each requirement.
-        named: the requirements that it is about; one that is not judged is undecided.
+        unjudged: requirements that it is about and that have no verdict; they are undecided.
     """
     found = {each.judgement.outcome for each in findings}
-    is_whole = found == {RequirementOutcome.PASSED} and not unjudged_ids(named, findings)
+    is_whole = found == {RequirementOutcome.PASSED} and not unjudged
     return verdict_code(fails=RequirementOutcome.FAILED in found, passes=is_whole)
 
 
@@ -267,7 +267,7 @@ def _exit_code_of_result(result: ScenarioResult) -> ExitCode:
         return ExitCode.USAGE
     if result.problem:
         return ExitCode.CHECK_FAILED
-    return exit_code_for(result.findings, result.requirement_ids)
+    return exit_code_for(result.findings, result.unjudged)
 
 
 def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:

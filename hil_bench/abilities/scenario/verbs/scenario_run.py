@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from hil_bench.abilities.recording.options import recording_code, recording_wish, report_lines
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.abilities.scenario.load import load_scenario
-from hil_bench.abilities.scenario.recorded import Finding, unjudged_ids
+from hil_bench.abilities.scenario.recorded import Finding
 from hil_bench.abilities.scenario.records import FirmwareStep, Scenario
 from hil_bench.abilities.scenario.resolve import PreparedScenario, parameter_values
 from hil_bench.abilities.scenario.results import play_for_result
@@ -90,7 +90,7 @@ class _Played:
         return Guest(lambda: director.is_over, self._lines, self._content, self._shown, self._code)
 
     def _code(self) -> ExitCode:
-        return scenario_report.exit_code_for(self.findings, self._scenario.requirement_ids)
+        return scenario_report.exit_code_for(self.findings, self._scenario.unjudged)
 
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -99,8 +99,7 @@ class _Played:
 
     def _lines(self) -> Iterator[str]:
         yield f"{self._scenario.path}: {self._scenario.title}"
-        unjudged = unjudged_ids(self._scenario.requirement_ids, self.findings)
-        yield from scenario_report.finding_lines(self.findings, unjudged)
+        yield from scenario_report.finding_lines(self.findings, self._scenario.unjudged)
 
     def _content(self) -> dict[str, object]:
         path = str(self._scenario.path)

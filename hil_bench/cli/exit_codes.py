@@ -25,6 +25,7 @@ from hil_bench.errors import (
     TimingError,
     WaitTimeoutError,
 )
+from hil_bench.outside import signals
 from hil_bench.registry import owner_of
 
 # Exit codes of `hil-bench`: their meanings, their order of severity, and the end of a verb.
@@ -254,6 +255,7 @@ def interrupted_once() -> Iterator[None]:
         Nothing.
     """
     wish = Interruption()
+    signals.attend()
     with _handling(wish.interrupt), _coming_again(wish):
         yield
 

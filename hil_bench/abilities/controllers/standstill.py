@@ -6,17 +6,17 @@ does what others need at its end, and is over.
 """
 
 import os
-import select
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final
+from typing import Final
 
 from hil_bench.abilities.common.processes import is_traced
 from hil_bench.abilities.controllers.patience import Lapse, Patience
+from hil_bench.outside import signals
 
 USUAL_PATIENCE: Final = 60.0
 """Time of a call of a controller, where its table gives no other [s]."""
@@ -40,7 +40,6 @@ _ASKS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
     if hasattr(signal, name)
 )  # fmt: skip
-_WAKES: Any = getattr(signal, "SIGURG", None)  # ignored where nobody has a use for it
 
 
 class Overdue(BaseException):
@@ -110,12 +109,12 @@ class Guard:
         is_main = self._ident == threading.main_thread().ident
         if time.monotonic() - self._tried < GRACE:  # it may be on its way
             return
-        if self.is_native or not (is_main and _is_heard()) or self._tries == _MOST_TRIES:
+        if self.is_native or not (is_main and signals.can_wake()) or self._tries == _MOST_TRIES:
             leave(f"{self._place}{words}", self._farewell)
             return
         self._tries, self._tried = self._tries + 1, time.monotonic()
         self._problem = words
-        signal.pthread_kill(self._ident, _WAKES)
+        signals.wake()
 
 
 def is_debugged(ident: int) -> bool:
@@ -128,39 +127,22 @@ def is_debugged(ident: int) -> bool:
     return is_traced()
 
 
-class _Watch(threading.Thread):
-    """Looks at guards, once a second and where a signal comes."""
+def _look() -> None:
+    while True:
+        time.sleep(GLANCE)
+        for guard in tuple(_guards):
+            guard.look()
 
-    def __init__(self) -> None:
-        super().__init__(name="hil-bench watch", daemon=True)
-        self._signals, self._sent = os.pipe()
-        os.set_blocking(self._sent, False)
-        self._hears = threading.current_thread() is threading.main_thread()
-        if self._hears:
-            before = signal.set_wakeup_fd(self._sent, warn_on_full_buffer=False)
-            if before != -1:  # another loop's, as of a notebook
-                signal.set_wakeup_fd(before)
-                self._hears = False
 
-    def let_go(self) -> None:
-        """Hear no signals any more."""
-        if self._hears:
-            signal.set_wakeup_fd(-1)
-
-    def run(self) -> None:
-        while True:
-            came = b""
-            if select.select([self._signals], [], [], GLANCE)[0]:
-                came = os.read(self._signals, 256)
-            for guard in tuple(_guards):
-                if any(number in _ASKS for number in came):
-                    guard.ask()
-                guard.look()
+def _pass_on(number: int) -> None:
+    if number in _ASKS:
+        for guard in tuple(_guards):
+            guard.ask()
 
 
 _guards: list[Guard] = []
 _wishes = {"watch": True}
-_watches: list[_Watch] = []
+_watches: list[threading.Thread] = []
 
 
 def watch(guard: Guard) -> None:
@@ -170,10 +152,12 @@ def watch(guard: Guard) -> None:
     guard.begin()
     if guard not in _guards:
         _guards.append(guard)
-    if not guard.is_native and _may_listen():
-        signal.signal(_WAKES, _interrupt)
+    if threading.current_thread() is threading.main_thread():
+        signals.attend()
     if not _watches or not _watches[-1].is_alive():
-        _watches[:] = [_Watch()]
+        signals.add_listener(_pass_on)
+        signals.add_visitor(_interrupt)
+        _watches[:] = [threading.Thread(target=_look, name="hil-bench watch", daemon=True)]
         _watches[-1].start()
 
 
@@ -187,20 +171,10 @@ def watch_nothing() -> None:
     """Look at nothing in this process, a copy by fork: it needs no further thread to be copied."""
     _wishes["watch"] = False
     _guards.clear()
-    for each in _watches:
-        each.let_go()
+    signals.attend_no_more()
 
 
-def _is_heard() -> bool:
-    return _WAKES is not None and signal.getsignal(_WAKES) is _interrupt
-
-
-def _may_listen() -> bool:
-    is_main = threading.current_thread() is threading.main_thread()
-    return is_main and _WAKES is not None and signal.getsignal(_WAKES) == signal.SIG_DFL
-
-
-def _interrupt(_number: int, _frame: object) -> None:
+def _interrupt() -> None:
     for guard in tuple(_guards):
         if problem := guard.take_problem():
             raise Overdue(problem)

@@ -1,12 +1,15 @@
 """Signals that ask for the end, and a terminal that closes."""
 
+import ctypes
 import json
+import operator
 import os
 import pty
 import signal
 import subprocess
 import sys
 import threading
+from functools import partial
 
 import pytest
 from support.signals import SIGNALS
@@ -92,6 +95,18 @@ def test_an_interruption_is_not_lost_while_it_is_asked_for_again(monkeypatch):
     monkeypatch.setattr(threading.Thread, "start", start_behind_the_signal)
     with interrupted_once(), pytest.raises(KeyboardInterrupt):
         work()
+
+
+def test_a_signal_just_before_a_call_that_waits_is_not_lost():
+    """Nothing of Python runs between the signal and the call, of which nothing ends."""
+    come = partial(ctypes.pythonapi.PyErr_SetInterruptEx, int(signal.SIGTERM))
+    end, other_end = os.pipe()
+    try:
+        with interrupted_once(), pytest.raises(KeyboardInterrupt):
+            list(map(operator.call, [come, partial(os.read, end, 1)]))
+    finally:
+        os.close(end)
+        os.close(other_end)
 
 
 def test_another_exception_in_a_finaliser_is_shown_as_before(monkeypatch):

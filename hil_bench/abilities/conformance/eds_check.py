@@ -296,8 +296,7 @@ def _summary(findings: Sequence[EdsFinding]) -> str:
         return "ok"
     counts = Counter(finding.severity for finding in findings)
     errors, warnings = counts[Severity.ERROR], counts[Severity.WARNING]
-    will_not_work = ", which will not work" if errors else ""
-    return f"{_count(errors, 'error')}{will_not_work}; {_count(warnings, 'warning')}"
+    return f"{_count(errors, 'error')}; {_count(warnings, 'warning')}"
 
 
 def _count(count: int, what: str) -> str:

@@ -276,7 +276,7 @@ class Load:
         speedup: how many times faster the data phase of CAN FD is.
 
     Attributes:
-        total: bits of all frames.
+        total: bits of all frames behind the first instant, whose frames were sent before it.
     """
 
     def __init__(self, bitrate: int, speedup: float = 1.0) -> None:
@@ -300,7 +300,7 @@ class Load:
         else:
             bits = _BITS[frame.is_extended][len(frame.data)]
         self._bits += bits
-        self.total += bits
+        self.total += bits if now else 0.0
         if self._bits > _HALF * self._most:  # a window of high load is likely: by whom?
             key = frame._replace(data=b"")
             self._shares[key] = self._shares.get(key, 0.0) + bits

@@ -57,6 +57,7 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    prepare_streams()  # before anything is opened, which would get the number of a closed one
     with choice_of_a_call(), interrupted_once() if argv is None else nullcontext():
         return _main(arguments, freezes=argv is None)
 
@@ -64,7 +65,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(arguments: Sequence[str], *, freezes: bool) -> int:
     verbosity, code = 0, ExitCode.DONE
     try:
-        prepare_streams()
         with collection_put_off(freezes=freezes):
             args = _parse(arguments)
         if freezes and getattr(args, "json", False):

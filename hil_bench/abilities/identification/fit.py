@@ -1,9 +1,8 @@
 """Output error over whole strokes: the plant beside the record, and the search for its unknowns."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import monotonic
 from typing import NamedTuple
@@ -32,7 +31,7 @@ _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
 _HARDLY = 1e-9  # damping of a step of Newton
-_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it: the first that leads to a machine is taken
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it: the one that fits best is taken
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
@@ -277,24 +276,22 @@ class Problem:
         with ThreadPoolExecutor(self.bench.jobs) as pool:
             return np.stack(list(pool.map(slope, range(len(steps)))), axis=1)
 
-    def without(self, variables: Values, folds: Sequence[Sequence[int]]) -> list[Values]:
-        """Return the variables of a fit without some of its strokes each, by one step of Newton.
+    def without(self, variables: Values, folds: Sequence[Sequence[int]]) -> Iterator[Values]:
+        """Yield the variables of a fit without some of its strokes each, by one step of Newton.
 
-        A search from where these strokes count, too, would keep what only they show.
+        A search from where these strokes count, too, would keep what only they show. It goes
+        as far as the other strokes are fitted ever better: slopes do not reach farther.
         """
         slopes, residuals = self.slopes(variables), self._residuals
         owner = np.repeat(np.arange(len(self.lengths)), self.lengths)
         owner = np.append(owner, np.full(len(variables), -1))  # expectations stay
-        left = []
         for fold in folds:
-            part, off = (one[~np.isin(owner, fold)] for one in (slopes, residuals))
+            kept = ~np.isin(owner, fold)
+            part, off = slopes[kept], residuals[kept]
             step = damped_step(variables, part.T @ part, part.T @ off, _HARDLY, self.bounds)
-            for share in _SHARES:
-                with suppress(ParameterError):
-                    self.bench.machine(read_values(self.unknowns, variables + share * step))
-                    break
-            left.append(np.asarray(variables + share * step))
-        return left
+            places = [np.asarray(variables + share * step) for share in _SHARES]
+            shown = [self._at(place, self.bench.cuts())[kept] for place in places]
+            yield places[int(np.argmin([np.square(one).sum() for one in shown]))]
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.

@@ -1,7 +1,7 @@
 """The ladder of models: each starts from the plateaus, and is judged by strokes left out."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.keys import Supply
 from hil_bench.units import BAR, LITRE
 
 Values = npt.NDArray[np.float64]
+Folds = Sequence[Sequence[int]]
 
 _FOLDS = 3  # of the strokes by amplitude, or at random
 _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
@@ -42,7 +43,7 @@ _CLEARLY = 0.9  # of the cost with a plain supply: an accumulator
 _RISE = 0.06  # of the supply pressure, where the relief valve takes all that the pump gives
 
 _ROUNDS = 12  # of a search at most
-_AS_WELL = 1.1  # times the least cost: a model that fits so well is as good where none is judged
+_AS_WELL = 1.1  # times the least score, or cost where none is judged: about as good
 
 MASS, LOAD = "moving_mass_kg", "load_mass_kg"
 
@@ -236,16 +237,14 @@ def climb(
 def choose_rung(rungs: Sequence[Rung]) -> int:
     """Return the place of the model that predicts best, or that fits best where none is judged.
 
-    Of several that are good the one with the fewest unknowns counts as best.
+    Of several that are good, or about as good, the one with the fewest unknowns counts as best.
     """
-    judged = [place for place, rung in enumerate(rungs) if len(rung.scores)]
-    if not judged:
-        enough = _AS_WELL * min(rung.fit.cost for rung in rungs)
-        fitting = [place for place, rung in enumerate(rungs) if rung.fit.cost <= enough]
-        return min(fitting, key=lambda place: len(rungs[place].fit.unknowns))
-    if good := [place for place in judged if rungs[place].is_good]:
-        return min(good, key=lambda place: len(rungs[place].fit.unknowns))
-    return min(judged, key=lambda place: rungs[place].score)
+    scores, good = [rung.score for rung in rungs], _GOOD
+    if not math.isfinite(min(scores)):
+        scores, good = [rung.fit.cost for rung in rungs], 0.0
+    enough = max(good, _AS_WELL * min(scores))
+    alike = [place for place, score in enumerate(scores) if score <= enough]
+    return min(alike, key=lambda place: len(rungs[place].fit.unknowns))
 
 
 def choose_folds(bench: Bench) -> tuple[list[list[int]], tuple[str, ...]]:
@@ -346,7 +345,7 @@ def _scan(
     return problem.best[1] if math.isfinite(problem.best[0]) else variables
 
 
-def judge(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> Rung:
+def judge(bench: Bench, title: str, fit: Fit, folds: Folds) -> Rung:
     """Return a model with the errors of strokes that were left out of its fit.
 
     Openings that were left out say what its errors are. What scores it is each opening one way
@@ -381,7 +380,7 @@ def _kinds(strokes: Sequence[Stroke]) -> list[list[int]]:
     ]
 
 
-def _leave_out(bench: Bench, title: str, fit: Fit, folds: Sequence[Sequence[int]]) -> list[Values]:
+def _leave_out(bench: Bench, title: str, fit: Fit, folds: Folds) -> Iterable[Values]:
     """Return the variables of a fit without the strokes of each fold."""
     if title != PLATEAUS and folds:
         return Problem(bench, fit.unknowns).without(fit.variables, folds)

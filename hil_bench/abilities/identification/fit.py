@@ -22,6 +22,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
 Values = npt.NDArray[np.float64]
 Cuts = list[CourseCuts]
 Before = tuple[float, float]
+Folds = Sequence[Sequence[int]]
 
 _AWFUL = 1e3  # scales: what a run that fails counts as
 _BURNT = 0.02  # [s] at the start of a stroke that count for nothing if the piston moves then
@@ -30,8 +31,8 @@ _MIDDLE, _FEW_ROWS, _LEAST_TRAVEL = (0.35, 0.65), 4, 2e-3  # of the travel, wher
 _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
-_HARDLY = 1e-9  # damping of a step of Newton
-_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it: the one that fits best is taken
+_HARDLY, _LOST = 1e-9, 4.0  # damping of a step of Newton; times the cost, where it leads nowhere
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
@@ -276,22 +277,25 @@ class Problem:
         with ThreadPoolExecutor(self.bench.jobs) as pool:
             return np.stack(list(pool.map(slope, range(len(steps)))), axis=1)
 
-    def without(self, variables: Values, folds: Sequence[Sequence[int]]) -> Iterator[Values]:
+    def without(self, variables: Values, folds: Folds, wide: int) -> Iterator[Values]:
         """Yield the variables of a fit without some of its strokes each, by one step of Newton.
 
-        A search from where these strokes count, too, would keep what only they show. It goes
-        as far as the other strokes are fitted ever better: slopes do not reach farther.
+        A search from where these strokes count, too, would keep what only they show. The step of
+        the first folds goes as far as the other strokes are not lost, beyond which slopes do not
+        hold; that of the others ends where the other strokes are fitted best.
         """
         slopes, residuals = self.slopes(variables), self._residuals
         owner = np.repeat(np.arange(len(self.lengths)), self.lengths)
         owner = np.append(owner, np.full(len(variables), -1))  # expectations stay
-        for fold in folds:
+        for number, fold in enumerate(folds):
             kept = ~np.isin(owner, fold)
             part, off = slopes[kept], residuals[kept]
             step = damped_step(variables, part.T @ part, part.T @ off, _HARDLY, self.bounds)
             places = [np.asarray(variables + share * step) for share in _SHARES]
             shown = [self._at(place, self.bench.cuts())[kept] for place in places]
-            yield places[int(np.argmin([np.square(one).sum() for one in shown]))]
+            costs = [float(one @ one) for one in shown]
+            most = _LOST * costs[-1] if number < wide else min(costs)
+            yield next(one for one, cost in zip(places, costs, strict=True) if cost <= most)
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.

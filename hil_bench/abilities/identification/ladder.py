@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.abilities.identification.errors import StrokeError, measure_errors
-from hil_bench.abilities.identification.fit import Bench, Fit, Problem, Stopped, search
+from hil_bench.abilities.identification.fit import Bench, Fit, Folds, Problem, Stopped, search
 from hil_bench.abilities.identification.machine import (
     DELAY,
     DROOP,
@@ -29,7 +29,6 @@ from hil_bench.plants.hydraulic_cylinder.keys import Supply
 from hil_bench.units import BAR, LITRE
 
 Values = npt.NDArray[np.float64]
-Folds = Sequence[Sequence[int]]
 
 _FOLDS = 3  # of the strokes by amplitude, or at random
 _ALIKE = 2  # strokes of a recording, an opening and a direction that the ladder looks at
@@ -356,7 +355,8 @@ def judge(bench: Bench, title: str, fit: Fit, folds: Folds) -> Rung:
     every = [*folds, *(kinds if len(kinds) > 2 else folds)] if folds else []
     errors: list[StrokeError] = []
     try:
-        for fold, variables in zip(every, _leave_out(bench, title, fit, every), strict=True):
+        left = _leave_out(bench, title, fit, every, len(folds))
+        for fold, variables in zip(every, left, strict=True):
             shown = bench.run(bench.machine(read_values(fit.unknowns, variables)), bench.cuts())
             for place in fold:
                 one = bench.course.strokes[place]
@@ -380,10 +380,10 @@ def _kinds(strokes: Sequence[Stroke]) -> list[list[int]]:
     ]
 
 
-def _leave_out(bench: Bench, title: str, fit: Fit, folds: Folds) -> Iterable[Values]:
-    """Return the variables of a fit without the strokes of each fold."""
+def _leave_out(bench: Bench, title: str, fit: Fit, folds: Folds, wide: int) -> Iterable[Values]:
+    """Return the variables of a fit without the strokes of each fold, as `Problem.without` does."""
     if title != PLATEAUS and folds:
-        return Problem(bench, fit.unknowns).without(fit.variables, folds)
+        return Problem(bench, fit.unknowns).without(fit.variables, folds, wide)
     places = range(len(bench.course.strokes))
     rests = [[place for place in places if place not in fold] for fold in folds]
     return [fit_plateaus(bench.some(rest), fit.unknowns, fit.variables)[0] for rest in rests]

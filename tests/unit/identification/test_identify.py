@@ -137,12 +137,22 @@ def test_a_pressure_that_was_not_recorded_goes_on_from_the_stroke_before(hidden)
     )
 
 
-@pytest.mark.parametrize(("reach", "share"), [(np.inf, 1.0), (0.3, 0.25), (0.0, 0.0)])
-def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(record, reach, share):
+@pytest.mark.parametrize(
+    ("reach", "beyond", "shares"),
+    [
+        (np.inf, 1e3, (1.0, 1.0)),
+        (0.3, 1e3, (0.25, 0.25)),
+        (0.3, 1.5, (1.0, 0.25)),
+        (0.0, 1e3, (0.0, 0.0)),
+    ],
+)
+def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(
+    record, reach, beyond, shares
+):
     """Where a residual is linear, one step of Newton is the least squares of what stays.
 
-    Where it is linear for a part of the way alone, or there is no machine beyond, as at the edge of
-    what one may be, the step ends before.
+    Where it is linear for a part of the way alone, a step that chooses ends before, and one that
+    says how far off a prediction may be where the others are lost: as where there is no machine.
     """
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
     names = ("orifice_width_mm", "viscous_friction_n_s_m")
@@ -155,7 +165,7 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(rec
             missed = rows @ variables - shown
             way = (variables - here) @ (right - here)
             if way > reach * (right - here) @ (right - here):
-                missed = np.full_like(missed, 1e3)
+                missed = beyond * (missed if beyond < 2.0 else np.ones_like(missed))
             return np.concatenate([missed, expected])
 
     line = Line(bench, unknowns)
@@ -173,9 +183,10 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(rec
 
     line.slopes = lambda _variables: np.concatenate([rows, whole])
     line._residuals = np.concatenate([rows @ here - shown, whole @ (here - line.start)])
-    (found,) = line.without(here, [[0]])
+    found = list(line.without(here, [[0], [0]], 1))
 
-    assert found == pytest.approx(here + share * (right - here), abs=1e-6)
+    expected = [here + share * (right - here) for share in shares]
+    assert found == [pytest.approx(each, abs=1e-6) for each in expected]
 
 
 def test_slopes_of_modulus_and_mass_are_those_that_the_cost_has(record):

@@ -97,9 +97,7 @@ class DeviceUnderTest:
         self.command(command)
         boot_up = None
         if self._sends_boot_up or insists:
-            boot_up = self.wire.take(
-                lambda frame: self.is_error_control(frame) and frame.data == b"\0", BOOT_PATIENCE
-            )
+            boot_up = self.wire.take(self.is_boot_up, BOOT_PATIENCE)
             self._sends_boot_up = boot_up is not None
         if boot_up is None:
             self._wait_for_answer(command)
@@ -286,6 +284,10 @@ class DeviceUnderTest:
     def is_error_control(self, frame: Frame) -> bool:
         """Return True if a frame is the device's heartbeat, boot-up or answer to node guarding."""
         return is_data(frame, _ERROR_CONTROL + self.node_id)
+
+    def is_boot_up(self, frame: Frame) -> bool:
+        """Return True if a frame is the device's boot-up message."""
+        return self.is_error_control(frame) and frame.data == b"\0"
 
     def is_emergency(self, frame: Frame) -> bool:
         """Return True if a frame is the device's EMCY, by the predefined connection set."""

@@ -3,6 +3,11 @@
 And what is stored beyond a reset (7.5.2.13 and 7.5.2.14).
 """
 
+import contextlib
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final
+
 from hil_bench.abilities.conformance.check import Chapter, Degree, Impact
 from hil_bench.abilities.conformance.device import (
     BOOT_PATIENCE,
@@ -10,11 +15,13 @@ from hil_bench.abilities.conformance.device import (
     DeviceUnderTest,
     find_fall,
 )
-from hil_bench.abilities.conformance.scratch import scratch
+from hil_bench.abilities.conformance.pdo import COB_ID, INVALID, RPDOS, TPDOS
+from hil_bench.abilities.conformance.scratch import HARMLESS
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
 from hil_bench.abilities.conformance.wire import download_request, upload_request
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
+from hil_bench.config.objects import name_object
 
 NMT = Chapter("NMT", Degree.REQUIRED)
 STORAGE = Chapter("Store and restore")
@@ -25,6 +32,11 @@ _ALL = 1
 _NOT_STORED = (0x08000020, 0x08000021, 0x08000022)
 _ON_COMMAND = 1
 _TRIAL_MS = 4321
+_BITS_TO_CHANGE: Final[Mapping[tuple[int, int], int]] = MappingProxyType(
+    {(0x1005, 0): 0x40, (0x1014, 0): INVALID, (0x1019, 0): 0x40, (0x1029, 1): 1}
+    | dict.fromkeys(HARMLESS, 0x40)
+)
+"""Numbers of the communication profile, and bits whose change moves nothing."""
 _PATIENCE = 10.0
 """Longest wait until a device has stored its parameters [s]."""
 
@@ -152,16 +164,39 @@ def operational_has_sdo(dut: DeviceUnderTest) -> None:
 
 @NMT.check("7.3.2.2.1", "reset communication restores the communication parameters")
 def reset_restores(dut: DeviceUnderTest) -> str:
-    """Change a time of the communication profile, reset, read it."""
-    with scratch(dut) as variable:
-        dut.boot()
-        power_on = dut.number(*variable.key)
-        dut.write(*variable.key, power_on ^ 0x40)
-        dut.boot()
-        found = dut.number(*variable.key)
-        if found != power_on:
-            raise Deviation(f"{variable.name} is {found} after the reset; {power_on} is right")
-        return variable.name
+    """Change numbers of the communication profile, reset, read them."""
+    dut.boot()
+    changed = dict(_change(dut))
+    if not changed:
+        raise NotApplicable("no number of the communication profile could be changed")
+    dut.boot()
+    wrong = []
+    for key, right in changed.items():
+        found = dut.number(*key)
+        if found != right:
+            wrong.append(f"{name_object(*key)} is {found:X}h after the reset; {right:X}h is right")
+            dut.write(*key, right)
+    if wrong:
+        raise Deviation("; ".join(wrong))
+    return ", ".join(name_object(*key) for key in changed)
+
+
+def _change(dut: DeviceUnderTest) -> Iterator[tuple[tuple[int, int], int]]:
+    """Change numbers of the communication profile, where the device takes another value.
+
+    Yields:
+        The object of each, and what it was before.
+    """
+    pdos = [(index, COB_ID) for among in (RPDOS, TPDOS) for index in dut.objects.indices(among)[:1]]
+    for key, bits in {**_BITS_TO_CHANGE, **dict.fromkeys(pdos, INVALID)}.items():
+        variable = dut.objects.find(*key)
+        if variable is None or not (variable.access.writable and variable.access.readable):
+            continue
+        before = dut.number(*key)
+        with contextlib.suppress(Refused):
+            dut.write(*key, before ^ bits)
+            if dut.number(*key) != before:
+                yield key, before
 
 
 def _expect_boot_up(dut: DeviceUnderTest, command: NmtCommand) -> None:
@@ -172,6 +207,11 @@ def _expect_boot_up(dut: DeviceUnderTest, command: NmtCommand) -> None:
     """
     if not dut.reset(command, insists=True):
         raise Deviation(f"no boot-up message within {BOOT_PATIENCE:g} s after NMT {command.name}")
+    if dut.wire.take(dut.is_boot_up, dut.patience) is not None:
+        raise Deviation(
+            f"more than one boot-up message after NMT {command.name}: does another node have this "
+            "node-ID, too?"
+        )
     dut.rest()
 
 
@@ -192,11 +232,13 @@ def restore_ability(dut: DeviceUnderTest) -> str:
 
 @STORAGE.check("7.5.2.13", "a wrong signature aborts with 0800 0020h to 0022h")
 def wrong_signature(dut: DeviceUnderTest) -> None:
-    """Write "load" to 1010h and "save" to 1011h."""
+    """Write "load" to 1010h and "save" to 1011h; beyond sub-index 1 any abort is right."""
     dut.variable(_STORE, _ALL)
-    dut.sdo.expect_abort(download_request(_STORE, _ALL, b"load"), *_NOT_STORED)
-    if dut.objects.find(_RESTORE, _ALL):
-        dut.sdo.expect_abort(download_request(_RESTORE, _ALL, b"save"), *_NOT_STORED)
+    for index, wrong in ((_STORE, b"load"), (_RESTORE, b"save")):
+        for variable in dut.objects.entries(index):
+            if variable.subindex:
+                codes = _NOT_STORED if variable.subindex == _ALL else ()
+                dut.sdo.expect_abort(download_request(*variable.key, wrong), *codes)
 
 
 @STORAGE.check("7.5.2.13", "what was stored is there after a reset of the node", Impact.STORE)

@@ -149,6 +149,20 @@ def find_pdo(
         subindices: of its communication parameters, beside the COB-ID.
         mapping: sub-indices of its mapping.
     """
+    return next(_pdos(dut, among, subindices, mapping), None)
+
+
+def sound_pdos(dut: DeviceUnderTest, among: range, *subindices: int) -> list[Pdo]:
+    """Return the PDO of `first_pdo`, and all others like it that are valid."""
+    first = first_pdo(dut, among, *subindices)
+    others = (pdo for pdo in _pdos(dut, among, subindices) if pdo.index != first.index)
+    return [first, *(pdo for pdo in others if not pdo.cob_id & INVALID)]
+
+
+def _pdos(
+    dut: DeviceUnderTest, among: range, subindices: Iterable[int], mapping: Iterable[int] = ()
+) -> Iterator[Pdo]:
+    """Yield the PDOs that carry something and have these objects to be changed."""
     for index in dut.objects.indices(among):
         keys = [(index, sub) for sub in (COB_ID, *subindices)]
         keys += [(index + TO_MAPPING, sub) for sub in mapping]
@@ -156,8 +170,7 @@ def find_pdo(
         if all(variable is not None and variable.access.writable for variable in variables):
             pdo = Pdo(dut, index)
             if pdo.entries:
-                return pdo
-    return None
+                yield pdo
 
 
 def expect_length(pdo: Pdo, data: bytes) -> None:
@@ -167,4 +180,4 @@ def expect_length(pdo: Pdo, data: bytes) -> None:
         Deviation: it is not that of the mapping.
     """
     if len(data) != pdo.length:
-        raise Deviation(f"PDO of {len(data)} bytes; {pdo.length} by its mapping")
+        raise Deviation(f"PDO {pdo.index:04X}h of {len(data)} bytes; {pdo.length} by its mapping")

@@ -26,9 +26,10 @@ from hil_bench.abilities.conformance.pdo import (
     Pdo,
     expect_length,
     first_pdo,
+    sound_pdos,
 )
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
-from hil_bench.abilities.conformance.wire import upload_request
+from hil_bench.abilities.conformance.wire import shown, upload_request
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand
 
@@ -45,12 +46,15 @@ _WINDOW = 0x1007
 
 @TPDO.check("7.5.2.37", "type 1 is sent with every SYNC, as long as its mapping")
 def each_sync(dut: DeviceUnderTest) -> str:
-    """Send five SYNCs."""
-    with _sending(dut, {TYPE: 1}) as pdo:
-        counts = sync_counts(dut, pdo, 5)
-    if counts != [1] * 5:
-        raise Deviation(f"PDOs after each SYNC: {counts}; one each is right")
-    return f"{pdo.index:04X}h, {pdo.length} bytes"
+    """Send five SYNCs to each TPDO in turn."""
+    found = []
+    for pdo in sound_pdos(dut, TPDOS, TYPE):
+        with pdo.configured({TYPE: 1}), dut.operational():
+            counts = sync_counts(dut, pdo, 5)
+        if counts != [1] * 5:
+            raise Deviation(f"PDOs after each SYNC: {counts}; one each is right, {pdo.index:04X}h")
+        found.append(f"{pdo.index:04X}h, {pdo.length} bytes")
+    return "; ".join(found)
 
 
 @TPDO.check("7.5.2.37", "type 3 is sent with every third SYNC")
@@ -77,35 +81,64 @@ def operational_only(dut: DeviceUnderTest) -> None:
 
 
 @TPDO.check("7.5.2.38", "a PDO carries the values of its objects")
-def contents(dut: DeviceUnderTest) -> None:
-    """Compare a synchronous PDO with what SDO reads before and after it."""
-    with _sending(dut, {TYPE: 1}) as pdo:
+def contents(dut: DeviceUnderTest) -> str:
+    """Compare each synchronous PDO with what SDO reads before and after it."""
+    compared, reasons = [], []
+    for pdo in sound_pdos(dut, TPDOS, TYPE):
+        try:
+            compared.append(f"{pdo.index:04X}h {shown(_compared(dut, pdo))}")
+        except NotApplicable as reason:
+            reasons.append(str(reason))
+    if not compared:
+        raise NotApplicable(reasons[0])
+    return "; ".join([*compared, *reasons])
+
+
+def _compared(dut: DeviceUnderTest, pdo: Pdo) -> bytes:
+    """Return the data of a PDO that are those of its objects.
+
+    Raises:
+        Deviation: it has others, or does not come.
+        NotApplicable: they cannot be compared.
+    """
+    name = f"{pdo.index:04X}h"
+    with pdo.configured({TYPE: 1}), dut.operational():
         before = pdo.values()
         dut.wire.send(SYNC)
         arrival = dut.wire.take(pdo.matches, dut.patience)
         after = pdo.values()
     if arrival is None:
-        raise Deviation("no PDO after a SYNC")
+        raise Deviation(f"{name}: no PDO after a SYNC")
     if before != after:
-        raise NotApplicable("the values change too fast to be compared")
+        raise NotApplicable(f"{name}: the values change too fast to be compared")
     if arrival.frame.data != before:
-        raise Deviation(f"PDO {arrival.frame.data.hex(' ')}; {before.hex(' ')} by SDO")
+        raise Deviation(f"{name}: PDO {shown(arrival.frame.data)}; {shown(before)} by SDO")
+    return before
 
 
 @TPDO.check("7.5.2.37", "the event timer sends a PDO of type 254 or 255")
 def event_timer(dut: DeviceUnderTest) -> str:
     """Set 50 ms and take the median of 20 periods."""
-    return judge_period(_event_times(dut, {EVENT_TIMER: 50}), 50)
+    found = []
+    for kind, times in _event_times(dut, {EVENT_TIMER: 50}):
+        try:
+            found.append(f"type {kind} {judge_period(times, 50)}")
+        except Deviation as deviation:
+            raise Deviation(f"type {kind}: {deviation}") from None
+    return ", ".join(found)
 
 
 @TPDO.check("7.5.2.37", "no two event-driven PDOs within the inhibit time")
 def inhibit_time(dut: DeviceUnderTest) -> str:
     """Set an event timer of 10 ms and an inhibit time of 50 ms."""
     first_pdo(dut, TPDOS, TYPE, EVENT_TIMER, INHIBIT_TIME)
-    period_ms = median_period(_event_times(dut, {EVENT_TIMER: 10, INHIBIT_TIME: 500}))
-    if period_ms < 50 * (1 - TOLERANCE):
-        raise Deviation(f"a PDO every {period_ms:.1f} ms; 50 ms or more is right")
-    return f"{period_ms:.1f} ms"
+    found = []
+    for kind, times in _event_times(dut, {EVENT_TIMER: 10, INHIBIT_TIME: 500}):
+        period_ms = median_period(times)
+        if period_ms < 50 * (1 - TOLERANCE):
+            raise Deviation(f"type {kind}: a PDO every {period_ms:.1f} ms; 50 ms or more is right")
+        found.append(f"type {kind} {period_ms:.1f} ms")
+    return ", ".join(found)
 
 
 @TPDO.check("7.2.2.5", "a remote request is answered with the PDO")
@@ -189,20 +222,28 @@ def sync_counts(dut: DeviceUnderTest, pdo: Pdo, count: int, sync: Frame = SYNC) 
     return counts
 
 
-def _event_times(dut: DeviceUnderTest, values: dict[int, int]) -> list[float]:
-    """Return the times of event-driven PDOs with these parameters [s]."""
+def _event_times(dut: DeviceUnderTest, values: dict[int, int]) -> Iterator[tuple[int, list[float]]]:
+    """Yield types that the device takes, and the times of event-driven PDOs of each [s].
+
+    Raises:
+        Deviation: too few came.
+        NotApplicable: the device takes neither type.
+    """
     pdo = first_pdo(dut, TPDOS, TYPE, *values)
+    taken = 0
     for kind in (254, 255):
         try:
             with pdo.configured({**values, TYPE: kind}), dut.operational():
                 arrivals = [dut.wire.take(pdo.matches, 1.0) for _ in range(BEATS + 3)]
         except Refused:
             continue  # a device need not have both types
+        taken += 1
         times = [arrival.time for arrival in arrivals[2:] if arrival is not None]
         if len(times) != BEATS + 1:
             raise Deviation(f"{len(times)} PDOs of type {kind} in {BEATS} s")
-        return times
-    raise NotApplicable("the device refuses transmission types 254 and 255")
+        yield kind, times
+    if not taken:
+        raise NotApplicable("the device refuses transmission types 254 and 255")
 
 
 # RPDOs.
@@ -250,14 +291,20 @@ def synchronous_window(dut: DeviceUnderTest) -> str:
         return "discarded after the window" if found == before else "kept after the window"
 
 
-@RPDO.check("7.3.2.3", "an RPDO in PRE-OPERATIONAL does nothing")
+@RPDO.check("7.3.2.3", "an RPDO in PRE-OPERATIONAL or STOPPED does nothing")
 def rpdo_operational_only(dut: DeviceUnderTest) -> None:
-    """Send one, read the objects."""
+    """Send one in each state; read the objects in PRE-OPERATIONAL, for STOPPED has no SDO."""
     pdo = first_pdo(dut, RPDOS, TYPE)
     with pdo.configured(_AT_ONCE):
         before = pdo.values()
-        dut.tell(Frame(pdo.can_id, _changed(dut, pdo, before)))
+        changed = Frame(pdo.can_id, _changed(dut, pdo, before))
+        dut.tell(changed)
         _expect(pdo, before, "an RPDO in PRE-OPERATIONAL")
+        dut.command(NmtCommand.STOP)
+        dut.wire.wait(dut.settling)
+        dut.tell(changed)
+        dut.rest()
+        _expect(pdo, before, "an RPDO in STOPPED")
 
 
 @RPDO.check("7.2.7.1", "an RPDO that is too short is not processed: EMCY 8210h")

@@ -10,7 +10,7 @@ from hil_bench.canopen_device.datatypes import VISIBLE_STRING
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
 
-_HARMLESS = ((0x1017, 0), (0x1015, 0), (0x100C, 0), (0x1016, 1))
+HARMLESS = ((0x1017, 0), (0x1015, 0), (0x100C, 0), (0x1016, 1))
 """Times that may be changed for a moment without anything moving."""
 
 _NO_SUCH_TEXT = frozenset(
@@ -40,7 +40,7 @@ def scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
     Raises:
         NotApplicable: there is none.
     """
-    for key in _HARMLESS:
+    for key in HARMLESS:
         variable = dut.objects.find(*key)
         if variable is not None and variable.access.writable:
             with restored(dut, variable):

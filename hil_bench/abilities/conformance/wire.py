@@ -254,7 +254,7 @@ class SdoClient:
             codes: those that are right; none where every code is.
 
         Raises:
-            Deviation: it is no abort, or has another code.
+            Deviation: it is no abort, has another code, or names another object than the request.
         """
         codes = tuple(codes)
         right = " or ".join(map(code_text, codes)) or "an abort"
@@ -263,6 +263,8 @@ class SdoClient:
         code = int.from_bytes(answer[4:], "little")
         if codes and code not in codes:
             raise Deviation(f"{shown(request)}: abort {code_text(code)}; {right} is right")
+        if _names_object(request) and answer[1:4] != request[1:4]:
+            raise Deviation(f"the abort {shown(answer)} names another object than {shown(request)}")
         return code
 
     def abort_request(self) -> bytes:

@@ -90,6 +90,10 @@ SEGMENTS = "segmented toggle client_abort time_out"
 SAYS = {
     "NMT": {
         "no boot-up": ("reset_node reset_communication", lost(HEARTBEAT, "00")),
+        "two boot-ups": (
+            "reset_node reset_communication",
+            lambda f: [f] * (1 + (f.can_id == HEARTBEAT and f.data == b"\0")),
+        ),
         "wrong boot-up": ("reset_node reset_communication", begun_otherwise(HEARTBEAT, "00", "7f")),
         "wrong state": ("commands broadcast", begun_otherwise(HEARTBEAT, "04", "7f")),
         "heartbeat of two bytes": (
@@ -126,6 +130,10 @@ SAYS = {
         "five of identity": ("identity constants highest_subindex", answers("4f181000", 4, 1)),
         "another product": ("identity constants", answers("43181002", 4, 1)),
         "another revision": ("identity constants", answers("43181003", 4, 1)),
+        "another object in an abort": (
+            "write_only no_object no_subindex history_beyond read_only write_nothing",
+            answers("80", 1, 1),
+        ),
         "four bytes for one": ("error_register everything_readable", answers("4f011000", 0, 0x0C)),
         "wrong length of a float": ("everything_readable", answers("43122000", 0, 0x04)),
         "wrong highest sub-index": ("constants highest_subindex", answers("4f161000", 4, 1)),
@@ -146,7 +154,7 @@ SAYS = {
             altered(ANSWER, lambda d: d[:7]),
         ),
         "wrong length of segments": (SEGMENTS, answers("41", 4, 1)),
-        "another object in an abort": ("toggle", answers("80", 1, 1)),
+        "another object in an abort": ("toggle time_out", answers("80", 1, 1)),
         "no toggle in upload segments": (
             SEGMENTS,
             altered(ANSWER, lambda d: bytes([d[0] & 0xEF]) + d[1:] if is_segment(d) else d),
@@ -213,6 +221,8 @@ SAYS = {
             every_second(TPDO),
         ),
         "PDO with wrong values": ("contents", altered(TPDO, flips(0, 1))),
+        "second PDO too short": ("each_sync contents", altered(0x285, lambda d: d[:-1])),
+        "second PDO with wrong values": ("contents", altered(0x285, flips(0, 1))),
     },
     "PDO parameters": {
         "identifier of a valid PDO taken": ("identifier_of_valid restricted", confirms(0x1400))
@@ -286,6 +296,21 @@ def with_own_serial_number(*specifiers):
     return altered(LSS, lambda d: d[:1] + own if d[0] in specifiers else d)
 
 
+def hears_rpdos_in(state):
+    """A defect: an RPDO acts in a state that an NMT command, also one to others, leads to."""
+    last = b""
+
+    def hears(frame):
+        nonlocal last
+        if frame.can_id == 0:
+            last = frame.data
+        if frame.can_id == RPDO and last[:1] == bytes([state]):
+            return [Frame(0, b"\x01\x05"), frame, Frame(0, last)]
+        return [frame]
+
+    return hears
+
+
 HEARS = {
     "NMT": {
         "obeys commands to others": ("other_node", hears_any_node),
@@ -330,6 +355,10 @@ HEARS = {
     "TPDO": {
         "takes a reserved type": ("reserved_types", writes("2f001802 f1", "2f001802 01")),
         "remote frames by type 252 alone": ("remote_request", writes("2f001802 fd", "2f001802 f0")),
+        "no events of type 255": (
+            "event_timer inhibit_time",
+            writes("2f001802 ff", "2f001802 01"),
+        ),
         "does not leave OPERATIONAL": ("operational_only", begun_otherwise(0, "8005", "0105")),
     },
     "RPDO": {
@@ -339,6 +368,8 @@ HEARS = {
         ),
         "misses RPDOs too early": ("in_time", writes("2b001405 f401", "2b001405 0a00")),
         "takes 29-bit frames for its own RPDOs": ("strange_frames", hears_extended),
+        "takes RPDOs in PRE-OPERATIONAL": ("rpdo_operational_only", hears_rpdos_in(0x80)),
+        "takes RPDOs in STOPPED": ("rpdo_operational_only", hears_rpdos_in(0x02)),
         "takes short RPDOs": ("too_short", altered(RPDO, lambda d: d.ljust(4, b"\0"))),
     },
     "SYNC and TIME": {
@@ -347,6 +378,10 @@ HEARS = {
     },
     "Store and restore": {
         "stores another value": ("store restore", writes("2b171000 e110", "2b171000 0000")),
+        "stores sub-index 2 by any word": (
+            "wrong_signature",
+            writes("23101002 6c6f6164", "23101002 73617665"),
+        ),
         "forgets": ("store restore", writes("23101001 73617665", "40101001 00000000")),
     },
     "LSS": {

@@ -186,3 +186,31 @@ def test_a_missing_boot_up_is_one_finding(laboratory):
         ("7.2.8.3.3", "reset node is followed by the boot-up message"),
         ("7.2.8.3.3", "reset communication is followed by the boot-up message"),
     ]
+
+
+@pytest.mark.parametrize(
+    "key",
+    [(0x1005, 0), (0x1014, 0), (0x1016, 1), (0x1017, 0), (0x1400, 1), (0x1800, 1)],
+)
+def test_what_a_reset_of_communication_does_not_restore(laboratory, key):
+    """7.3.2.2.1: it sets the parameters of the communication profile to their power-on values."""
+    variable = laboratory.node.object_dictionary.variable(*key)
+
+    def hears(frame):
+        if frame.can_id == 0 and frame.data[:1] == b"\x82":
+            laboratory.says = keeps(variable.value)
+        return [frame]
+
+    def keeps(value):
+        def says(frame):
+            if frame.can_id == HEARTBEAT and frame.data == b"\0":
+                variable.value = value
+            return [frame]
+
+        return says
+
+    laboratory.hears = hears
+    (failed,) = [r for r in laboratory.run("NMT") if r.outcome is Outcome.FAILED]
+    assert failed.check.clause == "7.3.2.2.1"
+    assert failed.detail.startswith(f"0x{key[0]:04X}.{key[1]:02X} is ")
+    assert variable.value == variable.default

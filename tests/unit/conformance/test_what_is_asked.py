@@ -70,7 +70,8 @@ def test_rpdos_are_sent_as_their_clauses_say(laboratory):
         ["1007.00=00004e20", *rpdo("01", START, *window, *end), "1007.00=00000000"],
     ]
     assert found[3][:4] == rpdo("ff")[:3] + found[3][3:4]
-    assert not [each for each in found[3] if each.startswith(("NMT", "SYNC"))]
+    sent = [each for each in found[3] if "." not in each]
+    assert sent == [found[3][3], STOP, found[3][3], PREPARE]
     sent = [[each for each in check if each.startswith("205")] for check in found[4:]]
     assert [len(each.partition(" ")[2]) // 2 for check in sent[:2] for each in check] == [
         3,
@@ -98,13 +99,21 @@ def test_tpdos_are_asked_for_as_their_clauses_say(laboratory):
     remote = {"cob_id": "00000185"}
     timer, off = "1800.05=0032", "1800.05=0000"
     inhibit = {"more": ("1800.05=000a", "1800.03=01f4"), "undo": (off, "1800.03=0000")}
+    for place, more in ((0, 10), (3, 1)):  # two more TPDOs, of which one can all be read
+        end = found[place].index("1801.01=c0000285")
+        assert found[place][end:].count("SYNC") == more
+        del found[place][end:]
     assert found[:8] == [
         tpdo("01", START, *syncs[:5], PREPARE),
         tpdo("03", START, *syncs, PREPARE),
         tpdo("01", PREPARE, "SYNC", "SYNC", PREPARE, STOP, "SYNC", "SYNC", PREPARE),
         tpdo("01", START, "SYNC", PREPARE),
-        tpdo("fe", START, PREPARE, more=(timer,), undo=(off,)),
-        tpdo("fe", START, PREPARE, **inhibit),
+        [
+            frame
+            for kind in ("fe", "ff")
+            for frame in tpdo(kind, START, PREPARE, more=(timer,), undo=(off,))
+        ],
+        tpdo("fe", START, PREPARE, **inhibit) + tpdo("ff", START, PREPARE, **inhibit),
         tpdo("fc", START, "SYNC", "185 remote", PREPARE, **remote)
         + tpdo("fd", START, "SYNC", "185 remote", PREPARE, **remote),
         [
@@ -311,7 +320,20 @@ def test_nmt_is_commanded_as_its_clauses_say(laboratory):
         [on, "NMT 0305", "NMT 02", "NMT", "NMT remote", "NMT 29 bits 0205", PREPARE, off],
         [STOP, PREPARE],
         [START, PREPARE],
-        [*again, "1017.00=0040", *again, "605 8017100000000008", off],
+        [
+            *again,
+            "1005.00=000000c0",
+            "1014.00=80000085",
+            "1019.00=40",
+            "1029.01=01",
+            "1017.00=0040",
+            "1015.00=0040",
+            "100c.00=0040",
+            "1016.01=00000040",
+            "1400.01=80000205",
+            "1800.01=c0000185",
+            *again,
+        ],
     ]
 
 
@@ -395,7 +417,8 @@ def test_parameters_are_stored_as_their_clauses_say(make_variant):
     of 0x1F80 keeps a node from starting by itself (CiA 302-2)."""
     save, load = (f"{place}={word[::-1].encode().hex()}" for place, word in (
         ("1010.01", "save"), ("1011.01", "load")))  # fmt: skip
-    wrong = ["1010.01=64616f6c", "1011.01=65766173"]
+    words_of = {"1010": "64616f6c", "1011": "65766173"}
+    wrong = [f"{i}.{sub:02}={word}" for i, word in words_of.items() for sub in range(1, 5)]
     value, none = "1017.00=10e1", "1017.00=0000"
     starts, waits = "1f80.00=00000000", "1f80.00=00000004"
     watched = [PREPARE, save, "NMT 8105", "1017.00=0032", PREPARE, none]
@@ -443,7 +466,17 @@ def test_error_control_is_asked_as_its_clauses_say(laboratory):
         ("SDO upload", {1: "0x1008.00, 11 bytes", 12: "20 of 20 answered"}),
         ("SDO download", {0: "0x1017.00", 1: "taken", 6: "0503 0000h", 9: "0607 0012h"}),
         ("SDO block transfer", {0: "0x1008.00, 11 bytes, with CRC", 4: "0504 0003h"}),
-        ("TPDO", {0: "1800h, 4 bytes", 4: "50.0 ms", 6: "type 252, type 253", 9: "4 TPDOs"}),
+        (
+            "TPDO",
+            {
+                0: "1800h, 4 bytes; 1801h, 4 bytes; 1802h, 4 bytes",
+                3: "1800h 00 00 00 00; 1801h 00 00 00 00; "
+                "what PDO 1802h carries cannot all be read",
+                4: "type 254 50.0 ms, type 255 50.0 ms",
+                6: "type 252, type 253",
+                9: "4 TPDOs",
+            },
+        ),
         ("RPDO", {0: "1400h, 4 bytes", 2: "discarded after the window", 5: "EMCY 8220h"}),
         ("PDO mapping", {0: "1600h, 1A00h", 1: "0601 0000h", 5: "0604 0041h", 8: "1600h"}),
         ("SYNC and TIME", {4: "20.0 ms", 6: "0609 0030h"}),

@@ -71,6 +71,7 @@ class WorkLines:
         work: which.
         say: takes each line.
         clock: of the machine [ns].
+        pauses: say it only where no part was done for as long, for each is printed.
     """
 
     def __init__(
@@ -78,14 +79,19 @@ class WorkLines:
         work: Work,
         say: Callable[[str], None] = logger.warning,
         clock: Callable[[], int] = monotonic_ns,
+        *,
+        pauses: bool = False,
     ) -> None:
-        self._work, self._say, self._clock = work, say, clock
+        self._work, self._say, self._clock, self._pauses = work, say, clock, pauses
+        self._seen = work.done
         self._start = clock()
         self._due = self._start + WORK_PERIOD
 
     def look(self) -> None:
         """Say how far it is, where it is time; to be called often."""
         present = self._clock()
+        if self._pauses and self._work.done != self._seen:
+            self._seen, self._due = self._work.done, present + WORK_PERIOD
         if present >= self._due:
             self._due += WORK_PERIOD
             self._say(self._work.line(present - self._start))
@@ -115,13 +121,16 @@ class WorkBar:
 
 
 @contextmanager
-def shown_work(args: argparse.Namespace, work: Work, *, prints: bool = False) -> Iterator[Work]:
+def shown_work(
+    args: argparse.Namespace, work: Work, *, prints: bool = False, pauses: bool = False
+) -> Iterator[Work]:
     """Show on standard error how far work is, in the block; nothing under --quiet.
 
     Args:
         args: the command line, with `quiet`.
         work: which.
         prints: whether the verb prints each part when it is done, and needs no more.
+        pauses: whether it prints each part, and one may take long: lines only where it does.
 
     Yields:
         The work, to be counted up.
@@ -129,8 +138,8 @@ def shown_work(args: argparse.Namespace, work: Work, *, prints: bool = False) ->
     if args.quiet or prints:
         yield work
         return
-    has_bar = sys.stderr.isatty() and find_spec("tqdm") is not None
-    shown = WorkBar(work) if has_bar else WorkLines(work)
+    has_bar = not pauses and sys.stderr.isatty() and find_spec("tqdm") is not None
+    shown = WorkBar(work) if has_bar else WorkLines(work, pauses=pauses)
     over = threading.Event()
 
     def look() -> None:

@@ -6,7 +6,14 @@ Errors are provoked by a heartbeat that stays out: every device that watches hea
 import contextlib
 from collections.abc import Callable, Iterator
 
-from hil_bench.abilities.conformance.check import BEATS, Chapter, Impact, judge_period
+from hil_bench.abilities.conformance.check import (
+    BEATS,
+    TOLERANCE,
+    Chapter,
+    Impact,
+    judge_period,
+    median_period,
+)
 from hil_bench.abilities.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 from hil_bench.abilities.conformance.wire import code_text
@@ -27,6 +34,14 @@ _INCOMPATIBLE = 0x06040043
 _ERROR_REGISTER, _HISTORY, _COB_ID, _INHIBIT_TIME = 0x1001, 0x1003, 0x1014, 0x1015
 _GENERIC, _COMMUNICATION = 0x01, 0x10
 _LONG_MS = 10_000
+_LISTENING_MS = 5_000
+"""Longest time for which the heartbeat is listened to, where nothing may be written [ms]."""
+_HEARD_LATE_MS = 10
+"""By how much the median period of a heartbeat may be off where it is short [ms]."""
+_SILENCE = 1.1
+"""Time in which no heartbeat comes that is off [s]; most devices have periods of up to 1 s."""
+_ANOTHER = "does another node have this node-ID, too?"
+
 _PERIOD_MS = 100
 
 _INVALID = 1 << 31
@@ -37,19 +52,50 @@ _LATENESS = 0.05
 
 @ERRORS.check("7.2.8.3.2.2", "a heartbeat is one byte, and names an NMT state", Impact.READ)
 def heartbeat_format(dut: DeviceUnderTest) -> str:
-    """Listen, where 1017h says that there is a heartbeat."""
+    """Listen to some, and compare their period with 1017h; with 0 there is none.
+
+    Another node with the same node-ID may have no SDO, and show by its heartbeat alone.
+    """
     dut.variable(*HEARTBEAT_TIME)
     period = dut.number(*HEARTBEAT_TIME)
-    if period == 0:
-        raise NotApplicable("the heartbeat is off (1017h is 0)")
     dut.wire.forget()
-    arrival = dut.wire.take(dut.is_error_control, 2 * period / 1000 + dut.patience)
-    if arrival is None:
-        raise Deviation(f"no heartbeat, though 1017h is {period} ms")
-    data = arrival.frame.data
-    if len(data) != 1 or data[0] not in frozenset(NmtState):
-        raise Deviation(f"heartbeat {data.hex(' ')}; one byte of 04, 05 or 7F is right")
-    return f"every {period} ms"
+    if period == 0:
+        _expect_no_heartbeat(dut)
+        raise NotApplicable("the heartbeat is off (1017h is 0)")
+    count = min(BEATS, _LISTENING_MS // period) if period <= _LISTENING_MS // 2 else 0
+    beats = []
+    for _ in range(count + 1):
+        arrival = dut.wire.take(dut.is_error_control, 2 * period / 1000 + dut.patience)
+        if arrival is None:
+            raise Deviation(f"no heartbeat, though 1017h is {period} ms")
+        data = arrival.frame.data
+        if len(data) != 1 or data[0] not in frozenset(NmtState):
+            raise Deviation(f"heartbeat {data.hex(' ')}; one byte of 04, 05 or 7F is right")
+        beats.append(arrival.time)
+    if not count:
+        return f"one came; 1017h is {period} ms, which was not measured"
+    found = median_period(beats)
+    if abs(found - period) > max(TOLERANCE * period, _HEARD_LATE_MS):
+        doubt = f"; {_ANOTHER}" if found < period else ""
+        raise Deviation(f"a heartbeat every {found:.1f} ms, though 1017h is {period} ms{doubt}")
+    return f"every {found:.1f} ms"
+
+
+def _expect_no_heartbeat(dut: DeviceUnderTest) -> None:
+    """Judge that no heartbeat comes; what answers the remote frames of a master is none.
+
+    Raises:
+        Deviation: one came.
+    """
+    error_control = 0x700 + dut.node_id
+    arrivals = dut.wire.take_all(
+        lambda frame: frame.can_id == error_control and not frame.is_extended,
+        max(dut.patience, _SILENCE),
+    )
+    frames = [arrival.frame for arrival in arrivals]
+    beats = [frame for frame in frames if dut.is_error_control(frame) and frame.data != b"\0"]
+    if beats and not any(frame.is_remote for frame in frames):
+        raise Deviation(f"heartbeat {beats[0].data.hex(' ')}, though 1017h is 0; {_ANOTHER}")
 
 
 @ERRORS.check("7.5.2.20", "the heartbeat has the period of 1017h")

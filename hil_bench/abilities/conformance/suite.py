@@ -74,6 +74,12 @@ class Result:
     detail: str
 
 
+def planned(allowed: Impact, chapters: Iterable[Chapter] = CHAPTERS) -> list[Check]:
+    """Return the checks that `run_suite` runs, in its order."""
+    checks = (check for chapter in chapters for check in chapter.checks)
+    return [check for check in checks if check.impact <= allowed]
+
+
 def run_suite(
     dut: DeviceUnderTest, allowed: Impact = Impact.READ, chapters: Iterable[Chapter] = CHAPTERS
 ) -> Iterator[Result]:

@@ -12,9 +12,9 @@ from hil_bench.abilities.common.files import check_place, whole_file
 from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Impact
-from hil_bench.abilities.conformance.device import DeviceUnderTest
+from hil_bench.abilities.conformance.device import DeviceUnderTest, answers_twice
 from hil_bench.abilities.conformance.eds_check import check_eds
-from hil_bench.abilities.conformance.suite import Outcome, Result, run_suite
+from hil_bench.abilities.conformance.suite import Outcome, Result, planned, run_suite
 from hil_bench.abilities.conformance.verdicts import Deviation, Silence
 from hil_bench.abilities.conformance.wire import Wire
 from hil_bench.bench.configuration import BenchConfig
@@ -100,19 +100,15 @@ def run(args: argparse.Namespace) -> int:
     with open_network(args, config) as opened:
         wire = Wire(opened.network.bus, opened.network.now)
         dut = DeviceUnderTest(wire, node_id, objects, args.patience)
-        code = _hear(dut, opened)
-        if code is not ExitCode.DONE:
-            return code
-        results = []
-        checks = Work("conformance", unit="checks")
-        with _reset_afterwards(dut, allowed), shown_work(args, checks, prints=not args.json):
-            for result in run_suite(dut, allowed):
-                results.append(result)
-                checks.done += 1
-                is_shown = result.outcome is not Outcome.NOT_RUN
-                if is_shown and not args.json and not args.quiet:
-                    print(report.line(result), flush=True)
-            device = _description(dut)
+        checks = Work("conformance", len(planned(allowed)), "checks")
+        checks.stage = f"node {node_id} is listened to and asked"
+        with shown_work(args, checks, pauses=not args.json):
+            code = _hear(dut, opened)
+            if code is not ExitCode.DONE:
+                return code
+            with _reset_afterwards(dut, allowed):
+                results = _run_checks(args, dut, allowed, checks)
+                device = _description(dut)
     ending = Ending(args)
     ending.take(ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE)
     with ending.going_on():
@@ -121,6 +117,23 @@ def run(args: argparse.Namespace) -> int:
         with ending.going_on():
             _write_report(results, args, device, allowed, eds)
     return ending.code
+
+
+def _run_checks(
+    args: argparse.Namespace, dut: DeviceUnderTest, allowed: Impact, work: Work
+) -> list[Result]:
+    """Run the checks, print each result as it comes, and return all."""
+    stages = (check.text for check in planned(allowed))
+    results: list[Result] = []
+    work.stage = next(stages)
+    for result in run_suite(dut, allowed):
+        results.append(result)
+        work.done += 1
+        work.stage = next(stages, "")
+        is_shown = result.outcome is not Outcome.NOT_RUN
+        if is_shown and not args.json and not args.quiet:
+            print(report.line(result), flush=True)
+    return results
 
 
 @contextlib.contextmanager
@@ -198,6 +211,13 @@ def _hear(dut: DeviceUnderTest, opened: OpenNetwork) -> ExitCode:
         )
         is_silent = isinstance(deviation, Silence)
         return ExitCode.INCONCLUSIVE if is_silent else ExitCode.CHECK_FAILED
+    if answers_twice(dut):
+        print(
+            f"node {dut.node_id} on {opened.description}: two answers to one SDO request: another "
+            "node has this node-ID, too, or it answers twice; nothing more was judged",
+            file=sys.stderr,
+        )
+        return ExitCode.CHECK_FAILED
     return ExitCode.DONE
 
 

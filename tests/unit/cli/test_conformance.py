@@ -1,4 +1,5 @@
 import json
+import threading
 import zlib
 from pathlib import Path
 
@@ -6,8 +7,10 @@ import pytest
 from support.tables import from_text
 
 from device_profiles import VALVE_408
+from hil_bench.abilities.common import progress
+from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
-from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result
+from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result, planned
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
 
@@ -114,6 +117,38 @@ def test_nobody_there_is_inconclusive_with_a_hint(make_file, capsys):
     arguments = [str(path), "--virtual", "--node-id", "5", "--eds", str(eds)]
     assert main(["conformance", *arguments]) == 6
     assert "node 5 on virtual bench: 0x1000.00 cannot be read" in capsys.readouterr().err
+
+
+def test_two_nodes_of_one_node_id_are_not_judged(monkeypatch, cli):
+    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.answers_twice", lambda _dut: True)
+    out, err = cli("conformance --virtual --node-id 1", 1)
+    assert out == ""
+    assert "two answers to one SDO request: another node has this node-ID, too" in err
+
+
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_a_check_that_takes_long_is_named_meanwhile(more, monkeypatch, cli):
+    """Where nothing was printed for the time between two lines of progress, here none."""
+    said, own = threading.Event(), progress.WorkLines.look
+
+    def look(lines):
+        own(lines)
+        if lines._work.stage.startswith("1000h"):
+            said.set()
+
+    def run_suite(_dut, _allowed):
+        assert said.wait(60.0)
+        yield Result("Object dictionary", CHAPTERS[1].checks[0], Outcome.PASSED, "")
+
+    monkeypatch.setattr(progress.WorkLines, "look", look)
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.001)
+    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.run_suite", run_suite)
+    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.answers_twice", lambda _dut: False)
+    err = cli(["conformance", "--virtual", "--node-id", "1", *more]).err
+    count = len(planned(Impact.READ))
+    line = f"conformance: 0 of {count} checks, 0 s; 1000h has the device type of the EDS"
+    assert line in err
 
 
 @from_text("arguments", "message")

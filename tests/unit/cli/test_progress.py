@@ -51,6 +51,17 @@ def test_a_line_every_ten_seconds_of_work():
     assert said == ["campaign: 20 of 64 runs, 10 s", "campaign: 40 of 64 runs, 20 s; 1 failed"]
 
 
+def test_work_that_prints_its_parts_has_a_line_where_one_takes_long():
+    said, clock = [], [0]
+    work = Work("conformance", 64, "checks")
+    lines = WorkLines(work, said.append, lambda: clock[0], pauses=True)
+    for second in range(40):
+        clock[0] = second * 1_000_000_000
+        work.done = min(second, 20)  # the 21st part takes long
+        lines.look()
+    assert said == ["conformance: 20 of 64 checks, 30 s"]
+
+
 def test_a_stage_counts_when_the_next_one_begins():
     work = Work("evidence", 3)
     assert work.line(0) == "evidence: 0 of 3 parts, 0 s"

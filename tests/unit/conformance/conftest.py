@@ -21,12 +21,14 @@ class Laboratory:
     Attributes:
         hears: makes of a frame to the node the frames that it hears.
         says: makes of a frame of the node the frames that are on the bus.
+        beside: makes of the frames of a round those that are on the bus with other nodes'.
     """
 
     def __init__(self, eds, node_id=NODE_ID):
         self.node = Node(load_eds(eds, node_id), node_id)
         self.node.start(0)
         self.hears = self.says = lambda frame: [frame]
+        self.beside = lambda frames: frames
         self.bus = EmbeddedBus(self._tick)
         self.bus.advance(0.01)
         objects = load_eds(eds, node_id)
@@ -64,7 +66,7 @@ class Laboratory:
         sent = []
         self.node.transmit_pdos(now, sent.append)
         self.node.serve(now, sent.append)
-        return [said for frame in sent for said in self.says(frame)]
+        return self.beside([said for frame in sent for said in self.says(frame)])
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from support.changed_frames import LSS, REQUEST, aborted_otherwise, begun_otherw
 
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Degree, Impact
-from hil_bench.abilities.conformance.device import find_fall
+from hil_bench.abilities.conformance.device import answers_twice, find_fall
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.frame import Frame
 
@@ -225,3 +225,19 @@ def test_every_degree_is_that_of_some_check():
     assert found == set(Degree)
     required = {c.title for c in CHAPTERS if c.degree is Degree.REQUIRED}
     assert required == {"NMT", "Object dictionary", "SDO upload", "SDO download"}
+
+
+@pytest.mark.parametrize(
+    ("says", "twice"),
+    [
+        (lambda frame: [frame], False),
+        (lambda frame: [frame, frame], True),
+        # 0x1018.04, by which alone two devices of a type differ
+        (lambda frame: [frame] * (1 + (frame.data[1:4] == b"\x18\x10\x04")), True),
+        # another client has asked, too
+        (lambda frame: [Frame(0x605, b"\x40\0\x10\0\0\0\0\0"), frame, frame], False),
+    ],
+)
+def test_two_nodes_of_one_node_id_answer_twice(laboratory, says, twice):
+    laboratory.says = lambda frame: says(frame) if frame.can_id == 0x585 else [frame]
+    assert answers_twice(laboratory.dut) is twice

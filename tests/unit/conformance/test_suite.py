@@ -1,9 +1,11 @@
 """The suite on a sound device: it passes, and it is left as it was."""
 
+import pytest
 from support.changed_frames import ANSWER, HEARTBEAT, begun_otherwise, lost
 
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access
 
@@ -99,13 +101,67 @@ def test_an_abort_names_the_object_of_its_transfer(laboratory):
 def test_a_heartbeat_that_is_on_is_judged_without_writing(laboratory):
     laboratory.dut.write(0x1017, 0, 100)
     (result,) = laboratory.run("Error control", allowed=Impact.READ)
-    assert (result.outcome, result.detail) == (Outcome.PASSED, "every 100 ms")
+    assert (result.outcome, result.detail) == (Outcome.PASSED, "every 100.0 ms")
     laboratory.says = lambda f: [f._replace(data=b"\x06")] if f.can_id == 0x705 else [f]
     (result,) = laboratory.run("Error control", allowed=Impact.READ)
     assert "heartbeat 06; one byte of 04, 05 or 7F is right" in result.detail
     laboratory.says = lost(HEARTBEAT)
     (result,) = laboratory.run("Error control", allowed=Impact.READ)
     assert result.detail == "no heartbeat, though 1017h is 100 ms"
+
+
+def heartbeats_of_another(laboratory, period):
+    """Another node with the same node-ID, which has no SDO, sends its heartbeat by a period [s]."""
+    due = 0.0
+
+    def says(frames):
+        nonlocal due
+        now = laboratory.bus.now()
+        if now < due:
+            return frames
+        due = now + period
+        return [*frames, Frame(HEARTBEAT, b"\x05")]
+
+    laboratory.beside = says
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "found"),
+    [
+        (0, 1.0, "heartbeat 05, though 1017h is 0; "),
+        # Between two of its own come three at least: no distance is longer than 330 ms.
+        (1000, 0.33, "a heartbeat every "),
+        # Two that come in turn halve the period in the mean.
+        (1000, 1.0, "a heartbeat every "),
+    ],
+)
+def test_heartbeats_of_another_node_are_heard_without_writing(laboratory, own, other, found):
+    laboratory.dut.write(0x1017, 0, own)
+    heartbeats_of_another(laboratory, other)
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
+    assert result.outcome is Outcome.FAILED
+    assert result.detail.startswith(found)
+    assert result.detail.endswith("does another node have this node-ID, too?")
+
+
+def test_answers_to_the_guarding_of_a_master_are_no_heartbeat(laboratory):
+    request = Frame(HEARTBEAT, is_remote=True)
+    laboratory.says = lambda frame: [request, frame] if frame.can_id == HEARTBEAT else [frame]
+    heartbeats_of_another(laboratory, 0.3)
+    own = laboratory.beside
+
+    def guarded(frames):
+        return [each for frame in own(frames) for each in laboratory.says(frame)]
+
+    laboratory.beside = guarded
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
+    assert result.detail == "the heartbeat is off (1017h is 0)"
+
+
+def test_a_long_period_is_not_said_to_be_measured(laboratory):
+    laboratory.dut.write(0x1017, 0, 3000)
+    (result,) = laboratory.run("Error control", allowed=Impact.READ)
+    assert result.detail == "one came; 1017h is 3000 ms, which was not measured"
 
 
 SMALLEST = """

@@ -62,23 +62,24 @@ def settle_signs(record: AxisRecord, unknown: AbstractSet[str]) -> AxisRecord:
 
 
 def check_sides(record: AxisRecord, parameters: PlantParameters) -> None:
-    """Refuse a record of one recording whose pressures brake the piston: they are exchanged.
+    """Refuse a record of one recording whose pressures are one column, or exchanged: they brake.
 
     Friction is against the motion, so both pressures together push where the piston goes, whatever
     load is constant.
 
     Raises:
-        ConfigError: they push the other way, and would not if they were exchanged.
+        ConfigError: they are equal in each row, which two sensors never are; or they push the other
+            way, and would not if they were exchanged.
     """
     if not record.sessions[0].has.all():
         return
-    velocity, areas = _slope(record, 1), (parameters.A_A, parameters.A_B)
+    pressures, velocity = record.measured[:, 1:], _slope(record, 1)
+    if (pressures[:, 0] == pressures[:, 1]).all():
+        raise ConfigError("P_A and P_B are equal in each row; give the column of each, or only one")
     is_moving = np.abs(velocity) > _MOVING * np.abs(velocity).max()
-    scores = []
-    for a, b in ((1, 2), (2, 1)):
-        force = record.measured[:, a] * areas[0] - record.measured[:, b] * areas[1]
-        force = np.where(is_moving, force - force[is_moving].mean(), 0.0)
-        scores.append(_score(record, velocity, force))
+    forces = pressures * parameters.A_A - pressures[:, ::-1] * parameters.A_B
+    forces = np.where(is_moving[:, None], forces - forces[is_moving].mean(axis=0), 0.0)
+    scores = [_score(record, velocity, force) for force in forces.T]
     if scores[0] < -2.0 * _SURE and scores[1] > 2.0 * _SURE:
         raise ConfigError(
             f"P_A and P_B brake the piston ({-scores[0]:.0f} standard deviations), and would push "

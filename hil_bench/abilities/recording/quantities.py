@@ -180,7 +180,7 @@ def _without_empty(recording: Recording, quantities: list[str], notes: list[str]
         ConfigError: these are few.
     """
     is_whole = np.ones(len(recording), dtype=np.bool_)
-    for name in quantities:
+    for name in (TIME.name, *quantities):
         has = np.isfinite(recording[name])
         if has.mean() < _FULL:
             raise ConfigError(

@@ -162,6 +162,17 @@ def test_a_refusal_leaves_no_empty_folder(recording, tmp_path, capsys):
     assert mine.is_dir()
 
 
+@pytest.mark.parametrize("column", ["spool_setpoint", "position"])
+def test_a_wrong_polarity_is_refused_without_a_map_too(bench, tmp_path, column, capsys):
+    path = tmp_path / "turned.csv"
+    rows = Machine(axis="lift", tick=4e-3, step=5e-4).record(random_steps(0.4e-3, 1e-3, 34, 25))
+    rows[f"lift.{column}"] *= -1.0
+    with RecordingFile(path) as file:
+        file.write(rows)
+
+    assert "turn the polarity of" in refusal(capsys, path, bench)
+
+
 def test_a_recording_full_of_gaps_is_refused(bench, recording, tmp_path, capsys):
     lines = recording.read_text(encoding="utf-8").splitlines(keepends=True)
     path = tmp_path / "gap.csv"

@@ -109,6 +109,12 @@ def test_a_polarity_that_is_wrong(refusal, good, column):
     )
 
 
+def test_one_sensor_in_both_columns_of_pressure(refusal, good):
+    assert refusal(good | {"pB": good["pA"]}) == (
+        "P_A and P_B are equal in each row; give the column of each, or only one"
+    )
+
+
 def test_a_clock_that_goes_back(refusal, good):
     times = good["t"].copy()
     times[len(times) // 2 :] -= 1.0

@@ -103,6 +103,18 @@ def test_empty_cells_are_lost_rows():
     assert len(even) == 1000
 
 
+def test_a_row_without_a_time_is_a_lost_row():
+    times = 2e-3 * np.arange(1000)
+    given = recording(times)
+    given["time"][500] = np.nan
+
+    even, notes = make_even(given, NAMES)
+
+    assert notes[0] == "1 rows with an empty cell count as lost"
+    assert even["time"] == pytest.approx(times)
+    assert even["lift.position"] == pytest.approx(0.1 * times)
+
+
 def test_a_column_that_is_empty_more_often_is_refused():
     times = 2e-3 * np.arange(1000)
     position = np.where(np.arange(1000) % 3 == 0, np.nan, 0.1 * times)

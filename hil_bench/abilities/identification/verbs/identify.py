@@ -323,7 +323,7 @@ def _read_record(path: Path, asked: Question, *, is_truth: bool) -> AxisRecord:
     axis, recording = asked.axis, read_recording(path)
     sensors = {} if is_truth else name_sensors(asked.config, axis)
     recording, note = take_sensors(recording, axis.name, sensors)
-    record = _record_of(recording, path, asked)
+    record = settle_signs(_record_of(recording, path, asked), frozenset())
     return replace(record, notes=(*record.notes, note)) if note else record
 
 

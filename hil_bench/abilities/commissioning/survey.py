@@ -2,9 +2,12 @@
 
 import logging
 import struct
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+import can
 
 from hil_bench.abilities.commissioning import discovery
 from hil_bench.abilities.commissioning.identity import NodeDescription, describe
@@ -160,6 +163,57 @@ def _return_to_waiting(network: Network) -> None:
     network.pump(PATIENCE)
 
 
+# Heartbeats that do not fit what a node says of its own: those of another one, perhaps.
+
+
+class _Heartbeats:
+    """Takes the heartbeats of all nodes, with their times.
+
+    A node that a master guards has no heartbeat, though its answers look like one.
+
+    Args:
+        clock: of the network [s].
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._times: dict[int, list[float]] = defaultdict(list)
+        self._guarded: set[int] = set()
+
+    def take(self, message: can.Message) -> None:
+        """Take one frame."""
+        node_id = message.arbitration_id - discovery.ERROR_CONTROL
+        if message.is_extended_id or message.is_error_frame or node_id not in discovery.NODE_IDS:
+            return
+        if message.is_remote_frame:
+            self._guarded.add(node_id)
+        elif bytes(message.data) == b"\0":  # a boot-up: its period begins anew
+            self._times[node_id].clear()
+        else:
+            self._times[node_id].append(self._clock())
+
+    def misfit(self, node: NodeDescription) -> str:
+        """Say why the heartbeats heard do not fit 0x1017 of a node; empty where they do."""
+        times = self._times[node.node_id]
+        if node.heartbeat_ms is None or node.node_id in self._guarded or not times:
+            return ""
+        if node.heartbeat_ms == 0:
+            return f"a heartbeat came, though 0x1017 is 0: {_PERHAPS_TWICE}"
+        if len(times) < _FEWEST_BEATS:
+            return ""
+        period = 1000.0 * (times[-1] - times[0]) / (len(times) - 1)
+        if period > _SHORTEST * node.heartbeat_ms:
+            return ""
+        said = f"0x1017 is {node.heartbeat_ms} ms"
+        return f"a heartbeat came every {period:.0f} ms, though {said}: {_PERHAPS_TWICE}"
+
+
+_PERHAPS_TWICE = "another device may have this node-ID, too"
+_FEWEST_BEATS = 3
+_SHORTEST = 0.7
+"""Share of its period that is too short for the mean distance of some heartbeats of one node."""
+
+
 # All that a scan of a bus finds.
 
 
@@ -173,12 +227,14 @@ class Survey:
         traffic: on the bus while the nodes were looked for, the scan's own frames included.
         operation: signs that the bus is in operation, for which nothing was sent; empty where the
             nodes were asked.
+        doubtful: node-IDs whose heartbeats do not fit 0x1017, as where two devices have them.
     """
 
     nodes: tuple[NodeDescription, ...]
     unconfigured: LssScan | None
     traffic: discovery.BusTraffic
     operation: tuple[str, ...] = ()
+    doubtful: tuple[int, ...] = ()
 
 
 def survey(
@@ -202,31 +258,47 @@ def survey(
         insists: whether to ask a bus in operation, too.
     """
     wanted = list(node_ids)
-    heard, traffic = _observed(network, discovery.Method.HEARTBEAT, wanted, patience)
+    heartbeats = _Heartbeats(network.now)
+    heard, traffic = _observed(network, discovery.Method.HEARTBEAT, wanted, patience, heartbeats)
     if method is not discovery.Method.HEARTBEAT or lss:
         operation = () if insists else discovery.signs_of_operation(traffic)
         if operation:
             return Survey(tuple(map(_only_heard, heard)), None, traffic, operation)
     sightings = heard
     if method is not discovery.Method.HEARTBEAT:
-        sightings, traffic = _observed(network, method, wanted, patience)
+        sightings, traffic = _observed(network, method, wanted, patience, heartbeats)
         states = {seen.node_id: seen.nmt_state for seen in heard}
         found = {seen.node_id for seen in sightings}
         sightings = sorted(
             [s._replace(nmt_state=s.nmt_state or states.get(s.node_id)) for s in sightings]
             + [seen for seen in heard if seen.node_id not in found]
         )
-    nodes = tuple(describe(network, sighting) for sighting in sightings)
+    nodes = [describe(network, sighting) for sighting in sightings]
+    misfits = {node.node_id: misfit for node in nodes if (misfit := heartbeats.misfit(node))}
+    if method is discovery.Method.GUARDING:  # the answers are no heartbeats
+        misfits.clear()
+    described = tuple(
+        replace(node, problem=node.problem or misfits.get(node.node_id, "")) for node in nodes
+    )
     unconfigured = find_unconfigured(network, patience) if lss else None
-    return Survey(nodes, unconfigured, traffic)
+    return Survey(described, unconfigured, traffic, doubtful=tuple(misfits))
 
 
 def _observed(
-    network: Network, method: discovery.Method, node_ids: list[int], patience: float
+    network: Network,
+    method: discovery.Method,
+    node_ids: list[int],
+    patience: float,
+    heartbeats: _Heartbeats,
 ) -> tuple[list[discovery.Sighting], discovery.BusTraffic]:
     """Look for nodes, and return them with the traffic meanwhile."""
     traffic = discovery.BusTraffic()
-    network.observe = traffic.take
+
+    def take(message: can.Message) -> None:
+        traffic.take(message)
+        heartbeats.take(message)
+
+    network.observe = take
     begin = network.now()
     try:
         sightings = discovery.discover(network, method, node_ids=node_ids, patience=patience)

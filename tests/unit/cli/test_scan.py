@@ -103,6 +103,17 @@ def test_nodes_that_are_there_twice_are_named(monkeypatch, cli):
     assert "give each a node-ID of its own" in out
 
 
+def test_heartbeats_that_do_not_fit_leave_a_scan_undecided(monkeypatch, cli):
+    from hil_bench.abilities.commissioning.survey import _Heartbeats  # noqa: PLC0415
+
+    monkeypatch.setattr(
+        _Heartbeats, "misfit", lambda _self, node: "too fast" if node.node_id == 4 else ""
+    )
+    out = cli("scan --virtual", 6).out
+    assert "  problem   too fast" in out
+    assert "4 nodes found; perhaps twice on the bus: 4" in out
+
+
 @pytest.mark.parametrize(
     ("can_id", "is_extended", "words"),
     [

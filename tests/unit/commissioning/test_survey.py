@@ -1,7 +1,11 @@
 """A scan listens before it asks, and tells two devices with one node-ID apart from two clients."""
 
+from types import SimpleNamespace
+
+import can
 import pytest
 
+from hil_bench.abilities.commissioning import discovery
 from hil_bench.abilities.commissioning.discovery import (
     BusTraffic,
     Method,
@@ -10,7 +14,7 @@ from hil_bench.abilities.commissioning.discovery import (
     discover,
     signs_of_operation,
 )
-from hil_bench.abilities.commissioning.identity import describe
+from hil_bench.abilities.commissioning.identity import NodeDescription, describe
 from hil_bench.abilities.commissioning.survey import survey
 
 READ_DEVICE_TYPE = "4000100000000000"
@@ -111,3 +115,66 @@ def test_two_serial_numbers_are_two_devices(device, device_network, others, clas
     found = describe(device_network, Sighting(10, None, 1))
     assert found.clash is clash
     assert found.device_type == (None if clash else 0x198)  # the words of two are not shown
+
+
+@pytest.fixture
+def ask_one(monkeypatch):
+    """Survey a bus on which node 10 says its 0x1017 [ms], and these frames come at these times."""
+
+    def ask(period, method, *frames):
+        now = 0.0
+        network = SimpleNamespace(observe=None, now=lambda: now)
+
+        def discover(_network, asked_by, **_options):
+            nonlocal now
+            for at, message in frames if asked_by is Method.HEARTBEAT else ():
+                now = at
+                network.observe(message)
+            return [Sighting(10, None, 1)]
+
+        monkeypatch.setattr(discovery, "discover", discover)
+        said = NodeDescription(10, None, clash=False, heartbeat_ms=period)
+        monkeypatch.setattr("hil_bench.abilities.commissioning.survey.describe", lambda *_: said)
+        return survey(network, method, insists=True)
+
+    return ask
+
+
+def beats(*times, data=b"\x7f", **more):
+    """Frames of error control of node 10 at these times [s]."""
+    return [
+        (at, can.Message(arbitration_id=0x70A, data=data, is_extended_id=False, **more))
+        for at in times
+    ]
+
+
+REMOTE = beats(0.0, data=b"", is_remote_frame=True)
+
+
+@pytest.mark.parametrize(
+    ("period", "frames", "problem"),
+    [
+        (0, beats(0.4), "a heartbeat came, though 0x1017 is 0"),
+        # one each second, and another one 0.3 s later
+        (1000, beats(0.0, 0.3, 1.0, 1.3, 2.0), "a heartbeat came every 500 ms, though 0x1017 is"),
+        (1000, beats(0.1, 0.43, 0.76, 1.09), "a heartbeat came every 330 ms, though 0x1017 is"),
+        (0, [], ""),
+        (0, beats(0.4, data=b"\0"), ""),  # a boot-up
+        (0, [*REMOTE, *beats(0.1)], ""),  # a master guards the node
+        (1000, beats(0.0, 1.0, 2.0), ""),
+        (1000, beats(0.0, 0.3), ""),  # too few to say so
+        (1000, [*beats(0.0, 0.3), *beats(0.4, data=b"\0"), *beats(0.5, 1.5)], ""),
+        (None, beats(0.0, 0.3, 0.6), ""),  # it does not say its period
+    ],
+)
+def test_heartbeats_that_do_not_fit_are_perhaps_of_another(ask_one, period, frames, problem):
+    found = ask_one(period, Method.SDO, *frames)
+    (node,) = found.nodes
+    assert node.problem.startswith(problem)
+    assert bool(node.problem) is bool(problem)
+    assert found.doubtful == ((10,) if problem else ())
+    assert not node.clash  # nobody has seen two
+
+
+def test_answers_to_guarding_are_no_heartbeats_that_do_not_fit(ask_one):
+    assert ask_one(0, Method.GUARDING, *beats(0.4)).doubtful == ()

@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         return ExitCode.INCONCLUSIVE
     has_clash = any(node.clash for node in found.nodes)
     has_found = found.nodes or (found.unconfigured and found.unconfigured.devices)
-    return verdict_code(fails=has_clash, passes=bool(has_found))
+    return verdict_code(fails=has_clash, passes=bool(has_found) and not found.doubtful)
 
 
 def _node_ids(text: str) -> range:
@@ -149,6 +149,8 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     count = len(found.nodes)
     twice = ", ".join(str(node.node_id) for node in found.nodes if node.clash)
     more = f"; twice on the bus: {twice}" if twice else ""
+    if found.doubtful:
+        more += f"; perhaps twice on the bus: {', '.join(map(str, found.doubtful))}"
     lines.append(f"{count} node{'' if count == 1 else 's'} found{more}")
     if not count and not (found.unconfigured and any(found.unconfigured)):
         lines[-1] += f": {_advice(found.traffic)}"

@@ -202,7 +202,7 @@ class _Heartbeats:
         if len(times) < _FEWEST_BEATS:
             return ""
         period = 1000.0 * (times[-1] - times[0]) / (len(times) - 1)
-        if period > _SHORTEST * node.heartbeat_ms:
+        if period + 1000.0 * _LATENESS / (len(times) - 1) > _SHORTEST * node.heartbeat_ms:
             return ""
         said = f"0x1017 is {node.heartbeat_ms} ms"
         return f"a heartbeat came every {period:.0f} ms, though {said}: {_PERHAPS_TWICE}"
@@ -212,6 +212,8 @@ _PERHAPS_TWICE = "another device may have this node-ID, too"
 _FEWEST_BEATS = 3
 _SHORTEST = 0.7
 """Share of its period that is too short for the mean distance of some heartbeats of one node."""
+_LATENESS = 0.3
+"""By how much the first of them may come late, so that the others seem to come faster [s]."""
 
 
 # All that a scan of a bus finds.

@@ -198,13 +198,19 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         yield from map(printable, _work_lines(work))
     for module in given_to("ctl"):
         yield from module.state_lines(state) or filter(None, [module.NOTHING])
-    yield f"loop   {health_text(status['health'])}"
+    if health := health_text(status["health"]):  # work without a bench has no loop
+        yield f"loop   {health}"
+
+
+def progress_text(work: Mapping[str, Any]) -> str:
+    """Return the progress of work, with the unit of what it counts; empty where nobody knows it."""
+    unit = f" {work.get('unit', '')}".rstrip()
+    return f"{work['done']:g} of {work['total']:g}{unit}  " if work["total"] else ""
 
 
 def _work_lines(work: Mapping[str, Any]) -> Iterator[str]:
     """Yield how work goes; when it is over, its findings with the reason of each."""
-    part = f"{work['done']} of {work['total']}  " if work["total"] else ""
-    yield f"work   {part}{work['now'] or work['verdict']}".rstrip()
+    yield f"work   {progress_text(work)}{work['now'] or work['verdict']}".rstrip()
     for item in () if work["now"] else work["items"]:
         if item["text"] and item["verdict"] not in {"", "done"}:
             yield f"       {item['name']} {item['verdict']}: {item['text']}"

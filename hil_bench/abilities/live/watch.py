@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil_bench.abilities.common import terminal
 from hil_bench.abilities.live.client import FeedClient, connect
-from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors
+from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors, progress_text
 from hil_bench.ability import given_to
 from hil_bench.cli import results
 from hil_bench.cli.exit_codes import ExitCode
@@ -260,12 +260,10 @@ def work_parts(work: Mapping[str, Any], verb: str) -> "list[RenderableType]":
     """Return the progress of work, with the margins of its requirements and its findings."""
     from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-    unit = f" {work.get('unit', '')}".rstrip()
-    progress = f"{work['done']:g} of {work['total']:g}{unit}  " if work["total"] else ""
     left = work.get("left")
     remaining = "" if left is None else f", {left:.0f} s left"
     words = work["now"] or work["verdict"]
-    parts: list[RenderableType] = [printable(f"{verb}  {progress}{words}{remaining}")]
+    parts: list[RenderableType] = [printable(f"{verb}  {progress_text(work)}{words}{remaining}")]
     if work["detail"]:
         parts.append(printable(f"limits  {work['detail']}"))
     counts = "  ".join(f"{count} {name}" for name, count in work["counts"].items())

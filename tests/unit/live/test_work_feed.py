@@ -136,15 +136,16 @@ def test_rows_that_nobody_watches_are_not_passed_on(loop):
 
 
 def test_the_status_in_the_shell_has_a_line_for_it(loop):
-    loop.feed.show(WorkState(now="ramp\x1b[2J", done=4, total=8))
+    loop.feed.show(WorkState(now="ramp\x1b[2J", done=13.84, total=23.0944, unit="s"))
     loop.feed.put_row((0.2, 0.5))
     with loop.connect() as client:
         hello = {**client.hello, "pid": 1, "bench": "commission plan.toml"}
         lines = [*status_lines(hello, client.request("status"))]
-    assert lines[:3] == [
+    assert lines == [  # and none of a loop, which this work has not
         "bench  commission  process 1, commission plan.toml, at 0.200 s",
         "value  axis1.position      500.00 mm",
-        "work   4 of 8  ramp\\x1b[2J",
+        "work   13.84 of 23.0944 s  ramp\\x1b[2J",
+        "fault  none",
     ]
 
 

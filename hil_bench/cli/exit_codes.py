@@ -187,7 +187,6 @@ class Ending:
 # A loop asks for them between two ticks, so that it ends in order; what moves a machine is
 # interrupted at once and closes the valve. SIGHUP stays ignored where `nohup` has it ignored.
 
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 _AGAIN = 0.01
 """Time after which an interruption that was lost comes again [s]."""
 _Handler = Callable[[int, FrameType | None], None]
@@ -288,8 +287,7 @@ def _coming_again(wish: Interruption) -> Iterator[None]:
 
 @contextmanager
 def _handling(handler: _Handler) -> Iterator[None]:
-    numbers = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: signal.getsignal(number) for number in signals.ENDING}
     for number, present in before.items():
         if present is not signal.SIG_IGN or number == signal.SIGINT:  # as of a shell's "&"
             signal.signal(number, handler)

@@ -15,8 +15,7 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.util import Finalize
 from typing import Any, NamedTuple
 
-SHIELDED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-"""Signals by which a terminal, a session or a service manager ends all its processes at once."""
+from hil_bench.outside.signals import ENDING
 
 _NOTHING = object()
 _WANT_OF_MEMORY = ", by somebody or for want of memory"
@@ -152,10 +151,10 @@ def start_shielded(process: BaseProcess) -> None:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         process.start()
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _shielded())
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         resource_tracker.ensure_running()  # it is shielded, too, and lets signals through here
-        signal.pthread_sigmask(signal.SIG_BLOCK, _shielded())
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         with _handlers_put_off():
             process.start()
     finally:
@@ -171,7 +170,7 @@ def _handlers_put_off() -> Iterator[None]:
     came: list[int] = []
     before = {
         number: signal.signal(number, lambda number, _frame: came.append(number))
-        for number in _shielded()
+        for number in ENDING
         if callable(signal.getsignal(number))
     }
     try:
@@ -183,10 +182,6 @@ def _handlers_put_off() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-def _shielded() -> set[int]:
-    return {getattr(signal, name) for name in SHIELDED if hasattr(signal, name)}
-
-
 def _name_of(number: int) -> str:
     try:
         return signal.Signals(number).name
@@ -195,7 +190,7 @@ def _name_of(number: int) -> str:
 
 
 def _run(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
-    for number in _shielded():
+    for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     try:
         target(*arguments)

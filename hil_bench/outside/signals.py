@@ -13,6 +13,13 @@ import threading
 from collections.abc import Callable
 from typing import Any, Final
 
+ENDING: Final = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+    if hasattr(signal, name)
+)
+"""Signals by which a terminal, a session or a service manager ends all its processes at once."""
+
 _WAKES: Any = getattr(signal, "SIGURG", None)  # ignored where nobody has a use for it
 
 _DELAYS: Final = (0.01, 0.1, 1.0)

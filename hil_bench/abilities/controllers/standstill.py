@@ -6,7 +6,6 @@ does what others need at its end, and is over.
 """
 
 import os
-import signal
 import sys
 import threading
 import time
@@ -35,11 +34,6 @@ _DEBUGGERS: Final = {"bdb", "pdb", "pydevd", "_pydevd_bundle"}
 
 _MOST_TRIES = 3
 """How often Python code is interrupted, which may take that for its own."""
-
-_ASKS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-    if hasattr(signal, name)
-)  # fmt: skip
 
 
 class Overdue(BaseException):
@@ -135,7 +129,7 @@ def _look() -> None:
 
 
 def _pass_on(number: int) -> None:
-    if number in _ASKS:
+    if number in signals.ENDING:
         for guard in tuple(_guards):
             guard.ask()
 

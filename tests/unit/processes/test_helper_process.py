@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.outside.helper_process import SHIELDED, HelperProcess, start_shielded
+from hil_bench.outside.helper_process import HelperProcess, start_shielded
+from hil_bench.outside.signals import ENDING
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads masks from /proc")
 
@@ -40,8 +41,7 @@ def test_signals_of_a_terminal_are_blocked_from_the_first_moment_on():
     status = Path(f"/proc/{helper.pid}/status").read_text(encoding="ascii")
     helper.stop(30)
     blocked = int(re.search(r"^SigBlk:\s*([0-9a-f]+)$", status, re.MULTILINE)[1], base=16)
-    for name in SHIELDED:
-        number = getattr(signal, name)
+    for number in ENDING:
         assert blocked & 1 << (number - 1)  # proc(5): bit 0 is signal 1
         assert number not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 

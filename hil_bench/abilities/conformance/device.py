@@ -399,26 +399,6 @@ def is_there(dut: DeviceUnderTest, timeout: float) -> bool:
     return True
 
 
-def answers_twice(dut: DeviceUnderTest) -> bool:
-    """Return True if two answers come to one read, though no other client has asked.
-
-    Two devices of one type may have the same 1000h, and their answers be one frame on the bus; the
-    serial number is then another.
-    """
-    answer, request = dut.sdo.answer_id, dut.sdo.request_id
-
-    def is_of_sdo(frame: Frame) -> bool:
-        return is_data(frame, answer) or is_data(frame, request)
-
-    for key in ((0x1000, 0), (0x1018, 4)):
-        dut.wire.forget()
-        dut.sdo.send(upload_request(*key))
-        heard = [each.frame.can_id for each in dut.wire.take_all(is_of_sdo, dut.patience)]
-        if heard.count(answer) > 1 and request not in heard:
-            return True
-    return False
-
-
 def _errors_present(dut: DeviceUnderTest, errors_before: list[int]) -> str:
     """Describe the errors that the device reports, where no EMCY followed the command."""
     words = [f"EMCY 0x{code:04X} came before" for code in errors_before[:1]]

@@ -12,7 +12,7 @@ from hil_bench.abilities.common.files import check_place, whole_file
 from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Impact
-from hil_bench.abilities.conformance.device import DeviceUnderTest, answers_twice
+from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.conformance.suite import Outcome, Result, planned, run_suite
 from hil_bench.abilities.conformance.verdicts import Deviation, Silence
@@ -211,7 +211,7 @@ def _hear(dut: DeviceUnderTest, opened: OpenNetwork) -> ExitCode:
         )
         is_silent = isinstance(deviation, Silence)
         return ExitCode.INCONCLUSIVE if is_silent else ExitCode.CHECK_FAILED
-    if answers_twice(dut):
+    if dut.sdo.answers_twice():
         print(
             f"node {dut.node_id} on {opened.description}: two answers to one SDO request: another "
             "node has this node-ID, too, or it answers twice; nothing more was judged",

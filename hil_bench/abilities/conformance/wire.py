@@ -204,6 +204,25 @@ class SdoClient:
         arrival = self._wire.take(self._is_answer, self._patience if timeout is None else timeout)
         return None if arrival is None else arrival.frame.data
 
+    def answers_twice(self) -> bool:
+        """Return True if two answers come to one read, though no other client has asked.
+
+        Two devices of one type may have the same 1000h, and their answers be one frame on the bus;
+        the serial number is then another.
+        """
+
+        def is_of_channel(frame: Frame) -> bool:
+            return is_data(frame, self.answer_id) or is_data(frame, self.request_id)
+
+        for key in ((0x1000, 0), (0x1018, 4)):
+            self._wire.forget()
+            self.send(upload_request(*key))
+            heard = self._wire.take_all(is_of_channel, self._patience)
+            ids = [each.frame.can_id for each in heard]
+            if ids.count(self.answer_id) > 1 and self.request_id not in ids:
+                return True
+        return False
+
     def exchange(self, request: bytes) -> bytes:
         """Send a request and return its answer.
 

@@ -11,6 +11,7 @@ from hil_bench.abilities.common import progress
 from hil_bench.abilities.conformance.check import Impact
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome, Result, planned
+from hil_bench.abilities.conformance.wire import SdoClient
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
 
@@ -120,7 +121,7 @@ def test_nobody_there_is_inconclusive_with_a_hint(make_file, capsys):
 
 
 def test_two_nodes_of_one_node_id_are_not_judged(monkeypatch, cli):
-    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.answers_twice", lambda _dut: True)
+    monkeypatch.setattr(SdoClient, "answers_twice", lambda _sdo: True)
     out, err = cli("conformance --virtual --node-id 1", 1)
     assert out == ""
     assert "two answers to one SDO request: another node has this node-ID, too" in err
@@ -144,7 +145,7 @@ def test_a_check_that_takes_long_is_named_meanwhile(more, monkeypatch, cli):
     monkeypatch.setattr(progress, "WORK_PERIOD", 0)
     monkeypatch.setattr(progress, "_LOOK_S", 0.001)
     monkeypatch.setattr("hil_bench.abilities.conformance.verbs.run_suite", run_suite)
-    monkeypatch.setattr("hil_bench.abilities.conformance.verbs.answers_twice", lambda _dut: False)
+    monkeypatch.setattr(SdoClient, "answers_twice", lambda _sdo: False)
     err = cli(["conformance", "--virtual", "--node-id", "1", *more]).err
     count = len(planned(Impact.READ))
     line = f"conformance: 0 of {count} checks, 0 s; 1000h has the device type of the EDS"

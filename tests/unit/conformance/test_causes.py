@@ -5,7 +5,7 @@ from support.changed_frames import LSS, REQUEST, aborted_otherwise, begun_otherw
 
 from hil_bench.abilities.conformance import report
 from hil_bench.abilities.conformance.check import Degree, Impact
-from hil_bench.abilities.conformance.device import answers_twice, find_fall
+from hil_bench.abilities.conformance.device import find_fall
 from hil_bench.abilities.conformance.suite import CHAPTERS, Outcome
 from hil_bench.canopen_device.frame import Frame
 
@@ -240,4 +240,4 @@ def test_every_degree_is_that_of_some_check():
 )
 def test_two_nodes_of_one_node_id_answer_twice(laboratory, says, twice):
     laboratory.says = lambda frame: says(frame) if frame.can_id == 0x585 else [frame]
-    assert answers_twice(laboratory.dut) is twice
+    assert laboratory.dut.sdo.answers_twice() is twice

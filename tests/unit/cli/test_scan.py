@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -104,11 +105,16 @@ def test_nodes_that_are_there_twice_are_named(monkeypatch, cli):
 
 
 def test_heartbeats_that_do_not_fit_leave_a_scan_undecided(monkeypatch, cli):
-    from hil_bench.abilities.commissioning.survey import _Heartbeats  # noqa: PLC0415
+    from hil_bench.abilities.commissioning.verbs import scan  # noqa: PLC0415
 
-    monkeypatch.setattr(
-        _Heartbeats, "misfit", lambda _self, node: "too fast" if node.node_id == 4 else ""
-    )
+    survey = scan.survey
+
+    def doubt(*args, **options):
+        found = survey(*args, **options)
+        nodes = [replace(each, problem="too fast" * (each.node_id == 4)) for each in found.nodes]
+        return replace(found, nodes=nodes, doubtful=(4,))
+
+    monkeypatch.setattr(scan, "survey", doubt)
     out = cli("scan --virtual", 6).out
     assert "  problem   too fast" in out
     assert "4 nodes found; perhaps twice on the bus: 4" in out

@@ -32,7 +32,7 @@ _MIDDLE_SCALES = np.array([2e-3, 2e4, 2e4])  # a share of the speed, [Pa]
 _OF_ROWS = 1.5  # a middle's speed or pressure weighs the root of its stroke's rows by this
 _INDEPENDENT = 30.0  # values of a stroke
 _HARDLY, _LOST = 1e-9, 4.0  # damping of a step of Newton; times the cost, where it leads nowhere
-_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01, 0.0)  # of it
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.01)  # of it, beside none
 _SUNK = 1e-3  # [m] by which a piston may press into its stop
 
 
@@ -230,9 +230,8 @@ class Problem:
         self._cuts, self._here = bench.cuts(), np.array([])
         self._residuals = np.array([])
         self.best: tuple[float, Values] = (math.inf, self.start)
-        self.doubt = math.sqrt(
-            max(1.0, sum(self.lengths) / (_INDEPENDENT * len(bench.course.strokes)))
-        )
+        values = _INDEPENDENT * len(bench.course.strokes)
+        self.doubt = math.sqrt(max(1.0, sum(self.lengths) / values))
 
     @property
     def lengths(self) -> list[int]:
@@ -285,17 +284,22 @@ class Problem:
         hold; that of the others ends where the other strokes are fitted best.
         """
         slopes, residuals = self.slopes(variables), self._residuals
-        owner = np.repeat(np.arange(len(self.lengths)), self.lengths)
-        owner = np.append(owner, np.full(len(variables), -1))  # expectations stay
+        lengths = [*self.lengths, len(variables)]  # the last are expectations, which stay
+        owner = np.repeat(np.arange(len(lengths)), lengths)
         for number, fold in enumerate(folds):
             kept = ~np.isin(owner, fold)
             part, off = slopes[kept], residuals[kept]
             step = damped_step(variables, part.T @ part, part.T @ off, _HARDLY, self.bounds)
-            places = [np.asarray(variables + share * step) for share in _SHARES]
-            shown = [self._at(place, self.bench.cuts())[kept] for place in places]
-            costs = [float(one @ one) for one in shown]
-            most = _LOST * costs[-1] if number < wide else min(costs)
-            yield next(one for one, cost in zip(places, costs, strict=True) if cost <= most)
+            here, places = float(off @ off), (variables + share * step for share in _SHARES)
+            tries = ((self._cost(place, kept), place) for place in places)
+            if number < wide:
+                yield next((place for cost, place in tries if cost <= _LOST * here), variables)
+            else:
+                yield min([(here, variables), *tries], key=lambda one: one[0])[1]
+
+    def _cost(self, variables: Values, kept: npt.NDArray[np.bool_]) -> float:
+        off = self._at(variables, self.bench.cuts())[kept]
+        return float(off @ off)
 
     def _at(self, variables: Values, cuts: Cuts) -> Values:
         # Neighbouring rows are alike: expectations count as so many independent values do.
@@ -380,9 +384,8 @@ def _off_middle(off: Values, measured: Values, rows: range) -> Values:
 
 def _robust(residuals: Values) -> Values:
     """Return residuals whose halved squares are sqrt(1 + r²) - 1: far off, they count linearly."""
-    return np.asarray(
-        np.sign(residuals) * np.sqrt(2.0 * (np.sqrt(1.0 + np.square(residuals)) - 1.0))
-    )
+    sizes = np.sqrt(2.0 * (np.sqrt(1.0 + np.square(residuals)) - 1.0))
+    return np.asarray(np.copysign(sizes, residuals))
 
 
 def _start(machine: Running, stroke: Stroke, setpoint: float, before: Before) -> Values:
@@ -405,8 +408,7 @@ def _start(machine: Running, stroke: Stroke, setpoint: float, before: Before) ->
     elif math.isnan(pressures[1]):
         pressures[1] = (pressures[0] * p.A_A - load) / p.A_B
     pressures = np.clip(pressures, -0.9 * ATMOSPHERE, 10.0 * p.P_S)
-    rest = np.zeros(3)
-    return np.array([x, stroke.start[1], *pressures, setpoint, *rest, before[0], *rest])
+    return np.array([x, stroke.start[1], *pressures, setpoint, *[0.0] * 3, before[0], *[0.0] * 3])
 
 
 def _robust_size(values: Values) -> float:

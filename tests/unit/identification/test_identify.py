@@ -21,12 +21,13 @@ from hil_bench.abilities.identification.ladder import (
     climb,
     find_free,
 )
-from hil_bench.abilities.identification.machine import Template
+from hil_bench.abilities.identification.machine import Template, read_values
 from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.report import error_lines, summarise
 from hil_bench.abilities.identification.strokes import make_course
 from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 if TYPE_CHECKING:
@@ -187,6 +188,26 @@ def test_a_fit_without_strokes_is_that_of_the_others_and_of_what_is_expected(
 
     expected = [here + share * (right - here) for share in shares]
     assert found == [pytest.approx(each, abs=1e-6) for each in expected]
+
+
+def test_a_fit_at_the_edge_of_what_a_machine_may_be_stays(record, monkeypatch):
+    """Whatever its strokes say: there is no machine elsewhere."""
+    bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
+    names = ("orifice_width_mm", "viscous_friction_n_s_m")
+    unknowns = [bench.template.unknown(name) for name in names]
+    here, run = np.array([0.05, 0.4]), Template.run
+
+    def only_here(template, values, dt):
+        if values != read_values(unknowns, here):
+            raise ParameterError("no machine")
+        return run(template, values, dt)
+
+    problem = Problem(bench, unknowns)
+    slopes = problem.slopes(here)
+    problem.slopes = lambda _variables: slopes
+    monkeypatch.setattr(Template, "run", only_here)
+
+    assert [each.tolist() for each in problem.without(here, [[0], [0]], 1)] == [[0.05, 0.4]] * 2
 
 
 def test_slopes_of_modulus_and_mass_are_those_that_the_cost_has(record):

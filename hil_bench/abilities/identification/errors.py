@@ -16,6 +16,7 @@ _LEAST = 2e-3  # [m] of travel, or a stroke has no speed
 _WINDOW = (0.25, 0.75)  # of the travel, between which the speed counts
 _ARRIVAL = 0.9  # of the travel
 _MOST = 0.9  # of the strokes are within what is stated
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 BEYOND = 1.3
 """Times what is stated that errors beyond the largest opening are within: 92 % of those of forty
 strange machines that were not worked on."""
@@ -74,15 +75,11 @@ def read_limit(text: str) -> Limit:
     Raises:
         ConfigError: it states none.
     """
-    found = re.fullmatch(r"\s*(\w+)\s+([0-9.eE+-]+)\s*(mm|%|bar|ms)\s*", text)
+    found = re.fullmatch(rf"\s*(\w+)\s+({_NUMBER})\s*(mm|%|bar|ms)\s*", text)
     known = ", ".join(f'"{name} 1 {one.unit}"' for name, one in QUANTITIES.items())
     if found is None or found[1] not in QUANTITIES or QUANTITIES[found[1]].unit != found[3]:
         raise ConfigError(f'--require "{text}": give one of {known}')
-    try:
-        most = float(found[2])
-    except ValueError:
-        most = math.nan
-    if not 0.0 < most < math.inf:
+    if not 0.0 < (most := float(found[2])) < math.inf:
         raise ConfigError(f'--require "{text}": give a number above 0')
     return Limit(found[1], most)
 
@@ -106,21 +103,17 @@ def measure_errors(model: Values, record: Values, interval: float) -> StrokeErro
     gone = way[last] - way[first]
     speed = (way_model[last] - way_model[first]) / gone - 1.0 if gone > 0.0 else math.nan
     pressure = _rms(model[middle, 1:] - record[middle, 1:])
-    return StrokeError(position, abs(speed), pressure, _late(way, way_model) * interval)
+    late = abs(_arrival(way) - _arrival(way_model)) * interval
+    return StrokeError(position, abs(speed), pressure, late)
 
 
-def _late(way: Values, way_model: Values) -> float:
-    """Return by how many rows the model reaches nine tenths of the travel too late or early."""
-    at, at_model = _crossing(way, _ARRIVAL), _crossing(way_model, _ARRIVAL)
-    return float(abs(at - at_model))
-
-
-def _crossing(way: Values, share: float) -> float:
+def _arrival(way: Values) -> float:
+    """Return the rows until nine tenths of the travel are reached."""
     farthest = np.maximum.accumulate(way)
-    if farthest[-1] < share:
+    if farthest[-1] < _ARRIVAL:
         # It ends before: it would be there later, at the speed that it has had.
-        return len(way) * share / max(float(farthest[-1]), 1e-3)
-    return float(np.interp(share, farthest, np.arange(len(way))))
+        return len(way) * _ARRIVAL / max(float(farthest[-1]), 1e-3)
+    return float(np.interp(_ARRIVAL, farthest, np.arange(len(way))))
 
 
 def _reach(way: Values, share: float) -> int:

@@ -77,7 +77,7 @@ class Identification:
         ladder: the models that were tried.
         fit: the last one, of the model that was chosen.
         estimates: one an unknown, offsets of the sensors among them.
-        is_refined: whether the last fit was made with the fine step.
+        is_refined: whether the search came to its end.
     """
 
     bench: Bench
@@ -126,18 +126,18 @@ def identify(
     best = ladder.best
     chosen.say(f"{best.title}: refined")
     fit, bench = best.fit, ladder.bench.rescaled(best.fit.values)
-    if best.is_good:
+    if best.gains_by_rows:
         course, step = make_course(record, _FINE), max(step, _FINE_STEP)
         fine = replace(bench, course=course, step=step, blur=0.0, has_middles=False)
         # First averaged, as swings have many valleys, then as it is.
         averaged = replace(fine, blur=_BLUR).rescaled(fit.values)
-        fit = search(averaged, fit.unknowns, fit.variables, _ROUNDS)
-        fit, bench = _refine(fine.rescaled(fit.values), fit)
-        again = judge(bench, "refined", fit, choose_folds(bench)[0])
-        if again.errors:
-            rungs = list(ladder.rungs)
-            rungs[ladder.chosen] = replace(again, title=best.title)
-            ladder = ladder._replace(rungs=tuple(rungs))
+        near = search(averaged, fit.unknowns, fit.variables, _ROUNDS)
+        near, fine = _refine(fine.rescaled(near.values), near)
+        again = judge(fine, best.title, near, choose_folds(fine)[0])
+        if again.is_good:
+            fit, bench = near, fine
+            rungs = tuple(again if rung is best else rung for rung in ladder.rungs)
+            ladder = ladder._replace(rungs=rungs)
     is_refined = fit.is_whole and not clock.is_over
     chosen.say("intervals")
     covariance = _covariance(replace(bench, clock=replace(clock, end=math.inf)), fit)

@@ -151,6 +151,11 @@ class Rung:
         """Return True if it predicts so well that no other model needs to be tried."""
         return self.score < _GOOD
 
+    @property
+    def gains_by_rows(self) -> bool:
+        """Return True if finer rows show more: plateaus bend to what the rest of a stroke lacks."""
+        return self.is_good and self.title != PLATEAUS
+
 
 class Ladder(NamedTuple):
     """The models that were tried.
@@ -286,11 +291,7 @@ def find_free(bench: Bench, names: Sequence[str], wish: Wish) -> list[str]:
     if bench.template.axis.options.bristles is not None:
         lacking.add("stribeck_velocity_mm_s")
     held = wish.fix | lacking
-    return [
-        name
-        for name in dict.fromkeys(names)
-        if name not in held and name.partition(":")[0] not in held
-    ]
+    return [one for one in dict.fromkeys(names) if not {one, one.partition(":")[0]} & held]
 
 
 def _alike(bench: Bench) -> list[int]:

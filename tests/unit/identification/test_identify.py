@@ -14,6 +14,7 @@ from hil_bench.abilities.identification.fit import Bench, Clock, Fit, Problem
 from hil_bench.abilities.identification.identify import Options, identify
 from hil_bench.abilities.identification.ladder import (
     PLATEAUS,
+    WHOLE,
     Rung,
     Wish,
     choose_folds,
@@ -26,6 +27,7 @@ from hil_bench.abilities.identification.plot import draw_strokes
 from hil_bench.abilities.identification.record import AxisRecord
 from hil_bench.abilities.identification.report import error_lines, summarise
 from hil_bench.abilities.identification.strokes import make_course
+from hil_bench.abilities.identification.verbs.identify import check_plausible
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
@@ -261,6 +263,16 @@ def test_a_stroke_starts_from_the_mean_of_the_rest_before_it(record):
     assert after.start[2] - before.start[2] == pytest.approx(1e5, rel=0.01)
 
 
+def test_a_position_in_inches_is_doubted(record):
+    p, options = AXIS.parameters, AXIS.options
+    inches = replace(record, measured=record.measured / [25.4, 1.0, 1.0])
+
+    assert check_plausible(record, p, options) == []
+    (line,) = check_plausible(inches, p, options)
+    assert line.startswith("the position changes by ")
+    assert "set-points of up to 85 % the configured valve gives" in line
+
+
 def test_strokes_of_one_amplitude_are_left_out_together(record):
     bench = Bench(Template(AXIS, SETTINGS, 1), make_course(record, 4e-3), 1e-3)
 
@@ -278,6 +290,17 @@ def test_the_model_that_predicts_best_is_taken():
     assert choose_rung([far, near, unjudged]) == 1
     assert choose_rung([near, far]) == 0
     assert choose_rung([unjudged]) == 0
+
+
+def test_rows_that_are_finer_serve_a_good_model_of_whole_strokes_alone():
+    """Of a plain machine, a refined model of the plateaus has 14 times the error in speed."""
+
+    def rung(title, score):
+        return Rung(title, Fit((), np.array([]), 0.0, True), np.array([score**2]), ())
+
+    assert rung(WHOLE, 0.14).gains_by_rows
+    assert not rung(WHOLE, 0.16).gains_by_rows
+    assert not rung(PLATEAUS, 0.14).gains_by_rows
 
 
 def test_of_models_that_predict_alike_the_simplest_is_taken():

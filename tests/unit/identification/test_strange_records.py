@@ -86,11 +86,21 @@ def test_columns_that_are_swapped(refusal, good, other):
         ("s", 1e3, "the position changes by"),  # in um
         ("s", 1e-3, "mm in this recording; 1 mm or more are needed"),  # in m
         ("u", 1e-2, "full_scale"),  # a share
+        ("u", 10.0, "spool_setpoint goes to 900 %; check its unit, or full_scale"),  # of +-100 V
         ("pA", 1e5, "at a supply pressure of 140 bar; check its unit"),  # in Pa
     ],
 )
 def test_units_that_are_wrong(refusal, good, column, factor, words):
     assert words in refusal(good | {column: factor * good[column]})
+
+
+def test_both_pressures_in_another_unit(refusal, good):
+    share = {side: 1e-5 * good[side] for side in ("pA", "pB")}  # in Pa, given as bar
+    highest = max(share["pA"])
+    assert refusal(good | share) == (
+        f"P_A is {highest:.4g} bar at most, at a supply pressure of 140 bar; check its unit and "
+        "gain, or supply_pressure_bar"
+    )
 
 
 def test_a_piston_in_its_stop(refusal, good):

@@ -368,8 +368,10 @@ def _names(paths: Sequence[Path]) -> str:
 _WINDOW = 0.02  # [s] over which speeds are taken
 _OFTEN = 10  # windows that must be as fast: fewer are disturbances
 _TOO_FAST = 3.0  # times the speed without load, all pressure dropping over one edge
+_TOO_SLOW = 0.08  # of that speed: no load of a sound machine slows it so much
+_TOO_OPEN = 1.2  # of the full opening
 _TOO_HIGH = 5.0  # times the supply pressure: unequal areas and loads reach twice that and more
-_TOO_LOW = 0.15
+_TOO_LOW, _NOTHING = 0.15, 0.02  # of it
 
 
 def check_plausible(
@@ -385,43 +387,45 @@ def check_plausible(
     Raises:
         ConfigError: speed or pressures are beyond anything that the configured machine does.
     """
-    _check_speed(record, parameters)
-    unit = options.supply
+    doubts = _check_speed(record, parameters)
+    unit, most = options.supply, float(np.nanmax(record.measured[:, 1:]))
     supply = max(parameters.P_S, unit.relief_pressure if unit else 0.0)
-    doubts = []
     for place, name in enumerate(PRESSURES, start=1):
         highest = float(record.measured[:, place].max())  # not a number where it is missing
         line = (
             f"{name} is {BAR.from_si(highest):.4g} bar at most, at a supply pressure of "
             f"{BAR.from_si(supply):.4g} bar; check its unit and gain, or supply_pressure_bar"
         )
-        if highest > _TOO_HIGH * supply:
+        if highest > _TOO_HIGH * supply or most < _NOTHING * supply:
             raise ConfigError(line)
         if highest < _TOO_LOW * supply:
             doubts.append(line)
     return doubts
 
 
-def _check_speed(record: AxisRecord, parameters: PlantParameters) -> None:
-    """Refuse a position that is faster than the valve of the configured machine can make it.
+def _check_speed(record: AxisRecord, parameters: PlantParameters) -> list[str]:
+    """Return doubts about a position that is slower than the valve of the machine makes it.
 
     Raises:
-        ConfigError: it is.
+        ConfigError: it is faster, or the valve opens further than it can.
     """
+    share = float(np.abs(record.setpoints).max()) / record.full_opening
+    percent = f"{100.0 * share:.3g} %"
+    if share > _TOO_OPEN:
+        raise ConfigError(f"spool_setpoint goes to {percent}; check its unit, or full_scale")
     rows = max(1, round(_WINDOW / record.interval))
     position = record.measured[:, 0]
-    if len(position) <= 2 * rows:
-        return
     speeds = np.abs(position[rows:] - position[:-rows]) / (rows * record.interval)
     speed = float(np.quantile(speeds, 1.0 - min(0.05, _OFTEN * rows / len(speeds))))
-    share = float(np.abs(record.setpoints).max()) / record.full_opening
     opening = min(share * parameters.full_opening, parameters.alpha)
     flow = parameters.K * opening * math.sqrt(parameters.P_S - parameters.P_T)
     fastest = flow / min(parameters.A_A, parameters.A_B)
+    shown, most = (MILLIMETRE_PER_SECOND.from_si(each) for each in (speed, fastest))
+    line = (
+        f"the position changes by {shown:.4g} mm/s, and at set-points of up to {percent} the "
+        f"configured valve gives {most:.4g} mm/s without any load; check that the columns of "
+        "position and spool_setpoint are those, and their units, gains and full_scale"
+    )
     if speed > _TOO_FAST * fastest:
-        shown, most = (MILLIMETRE_PER_SECOND.from_si(each) for each in (speed, fastest))
-        raise ConfigError(
-            f"the position changes by {shown:.4g} mm/s, and at set-points of up to {share:.2%} the "
-            f"configured valve gives {most:.4g} mm/s without any load; check that the columns of "
-            "position and spool_setpoint are those, and their units, gains and full_scale"
-        )
+        raise ConfigError(line)
+    return [line] if speed < _TOO_SLOW * fastest else []

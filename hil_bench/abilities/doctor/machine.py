@@ -332,6 +332,7 @@ def _run(bench: Bench, pacer: Pacer, policy: RealtimePolicy, ticks: int) -> Tick
 
 _PRIORITY = 80
 _PERIOD = 1_000_000  # [ns]
+_ALL_PROCESSORS = "it takes all processors: start without taskset or cpuset, or take fifo"
 
 
 def examine_permissions(read: Read) -> Topic:
@@ -359,12 +360,13 @@ def _fifo() -> Finding:
 def _deadline() -> Finding:
     return _policy(
         "SCHED_DEADLINE",
-        lambda: linux.set_deadline_policy(_PERIOD // 10, _PERIOD),
+        lambda: linux.set_deadline_policy(round(scheduling.DEADLINE_SHARE * _PERIOD), _PERIOD),
         scheduling.GRANT_DEADLINE,
+        is_tied=len(linux.processors()) < (os.cpu_count() or 1),
     )
 
 
-def _policy(name: str, take: Callable[[], None], grant: str) -> Finding:
+def _policy(name: str, take: Callable[[], None], grant: str, *, is_tied: bool = False) -> Finding:
     """Find out by trying, in a thread that ends at once."""
     refusals: list[OSError] = []
 
@@ -380,7 +382,8 @@ def _policy(name: str, take: Callable[[], None], grant: str) -> Finding:
     if not refusals:
         return good(name, "permitted")
     if scheduling.has_capability(scheduling.CAP_SYS_NICE):
-        grant = "leave the cgroup, which gives no real-time time (cpu.rt_runtime_us), or give it"
+        cgroup = "leave the cgroup, which gives no real-time time (cpu.rt_runtime_us), or give it"
+        grant = _ALL_PROCESSORS if is_tied else cgroup
     return Finding(name, Verdict.HINT, f"refused: {refusals[0].strerror}", grant)
 
 

@@ -3,6 +3,7 @@
 import argparse
 import importlib.metadata
 import json
+import logging
 import os
 import platform
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hil_bench import __version__
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.doctor.machine import (
     IS_LINUX,
     Finding,
@@ -28,6 +30,7 @@ from hil_bench.abilities.doctor.machine import (
     read_file,
 )
 from hil_bench.ability import abilities, load, own_abilities
+from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.compiled import HOW, Core, look_at_core
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -48,6 +51,8 @@ from hil_bench.plants.hydraulic_cylinder.model.machine_code import WANTS_PYTHON,
 from hil_bench.plants.hydraulic_cylinder.model.moving import describe_kernels
 from hil_bench.plants.registry import PLANTS
 from hil_bench.registry import Extension, Registry
+
+logger = logging.getLogger(__name__)
 
 # The software: versions, buses, and extensions of other distributions.
 
@@ -187,6 +192,7 @@ def _interface(interface: CanInterface) -> Finding:
 # `hil-bench doctor`: what this machine can do for a bench, and what to change.
 
 
+_LONG = 10.0  # for those who wait and see nothing [s]
 _LONGEST = 3600.0
 _MARKS = {Verdict.GOOD: "ok", Verdict.HINT: "hint", Verdict.MISSING: "no", Verdict.ABSENT: "-"}
 _COLOURS = {"ok": "\x1b[32m", "hint": "\x1b[33m", "no": "\x1b[31m", "-": "\x1b[2m"}
@@ -231,7 +237,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--seconds {args.seconds:g}: give 0 to {_LONGEST:g} s")
     permissions, machine = examine_permissions(read_file), examine_machine(read_file)
     buses = examine_buses(read_file)
-    tests = measure(args.seconds, permissions)
+    tests = measure(args, permissions)
     topics = (permissions, machine, buses, examine_software(), examine_extensions())
     if args.json:
         print(json.dumps(found_content(topics, tests), indent=2))
@@ -241,14 +247,24 @@ def run(args: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def measure(seconds: float, permissions: Topic) -> list[LatenessTest]:
-    """Return the lateness without a policy and with those that are permitted."""
+def measure(args: argparse.Namespace, permissions: Topic) -> list[LatenessTest]:
+    """Return the lateness without a policy and with those that are permitted.
+
+    Args:
+        args: the command line, with `seconds` and `quiet`.
+        permissions: what this process may do.
+    """
     permitted = {item.name for item in permissions.findings if item.verdict is Verdict.GOOD}
     policies = [policy for name, policy in _POLICIES.items() if name in permitted]
     config = load_config()
-    if not seconds:
+    with shown_work(args, Work("plant")) as work:
+        work.begin("its kernels are compiled where no cache has them")
+        build_bench(config)
+    if not args.seconds:
         return []
-    return measure_lateness(config, seconds, [RealtimePolicy.OFF, *policies], MonotonicClock())
+    if args.seconds >= _LONG:  # once, for a thread that says it again would be measured, too
+        logger.warning("the lateness is measured for %g s", args.seconds)
+    return measure_lateness(config, args.seconds, [RealtimePolicy.OFF, *policies], MonotonicClock())
 
 
 def found_content(topics: Sequence[Topic], tests: Sequence[LatenessTest]) -> dict[str, object]:

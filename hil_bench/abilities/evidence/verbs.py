@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     results = read_results(args.results)
     config = load_config(args.config)
     traceability = trace(results)
-    timing = _timing(args.seconds)  # first: whoever shows the work would be measured, too
+    timing = _timing(args)  # first: whoever shows the work would be measured, too
     with shown_work(args, Work("evidence", 5)) as work:
         work.begin("devices")
         devices = packs.examine_devices(config)
@@ -133,9 +133,9 @@ def _verify(args: argparse.Namespace) -> int:
     return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
 
 
-def _timing(seconds: float) -> Mapping[str, object]:
+def _timing(args: argparse.Namespace) -> Mapping[str, object]:
     permissions, machine = examine_permissions(read_file), examine_machine(read_file)
-    return found_content((permissions, machine), measure(seconds, permissions))
+    return found_content((permissions, machine), measure(args, permissions))
 
 
 def _content(

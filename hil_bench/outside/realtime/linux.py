@@ -69,18 +69,25 @@ def hold_wake_latency() -> Callable[[], None]:
         OSError: the kernel refuses, or this is another system.
     """
     _require_linux()
-    file = WAKE_LATENCY.open("wb", buffering=0)
+    device = os.open(WAKE_LATENCY, os.O_WRONLY)  # no file is made where there is no such device
     try:
-        file.write(struct.pack("=i", 0))
+        os.write(device, struct.pack("=i", 0))
     except OSError:
-        file.close()
+        os.close(device)
         raise
-    return file.close
+    return lambda: os.close(device)
 
 
 def may_hold_wake_latency() -> bool:
-    """Return True if `hold_wake_latency` is permitted; nothing is held."""
-    return os.access(WAKE_LATENCY, os.W_OK)
+    """Return True if `hold_wake_latency` is permitted; nothing is held.
+
+    Access alone does not say it: a container may refuse the device itself.
+    """
+    try:
+        os.close(os.open(WAKE_LATENCY, os.O_WRONLY))
+    except OSError:
+        return False
+    return True
 
 
 def processor() -> int:

@@ -23,7 +23,10 @@ GRANT_PRIORITY = (
     "grant CAP_SYS_NICE, or 'rtprio 95' in /etc/security/limits.conf; in a container "
     "'--cap-add SYS_NICE'"
 )
-GRANT_DEADLINE = "grant CAP_SYS_NICE, or take fifo; in a container '--cap-add SYS_NICE'"
+GRANT_DEADLINE = (
+    "grant CAP_SYS_NICE and all processors (no taskset, no cpuset), or take fifo; in a container "
+    "'--cap-add SYS_NICE'"
+)
 GRANT_MEMORY = (
     "grant CAP_IPC_LOCK, or 'memlock unlimited' in /etc/security/limits.conf; in a container "
     "'--ulimit memlock=-1'"

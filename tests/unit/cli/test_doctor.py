@@ -60,6 +60,19 @@ def test_without_a_test_nothing_is_measured(cli):
     assert json.loads(cli("doctor --json --seconds 0").out)["lateness"] == []
 
 
+def test_what_it_says_of_the_kernels_is_of_a_bench_that_was_built(monkeypatch, cli):
+    built = []
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs.build_bench", built.append)
+    cli("doctor --seconds 0")
+    assert len(built) == 1
+
+
+def test_a_long_measurement_is_announced(monkeypatch, cli):
+    monkeypatch.setattr("hil_bench.abilities.doctor.verbs._LONG", 0.05)
+    assert cli("doctor --seconds 0.04").err == ""
+    assert cli("doctor --seconds 0.05").err == "hil-bench: the lateness is measured for 0.05 s\n"
+
+
 def test_other_systems_get_a_report_too(monkeypatch, cli):
     for module in ("machine", "verbs"):
         monkeypatch.setattr(f"hil_bench.abilities.doctor.{module}.IS_LINUX", False)

@@ -27,7 +27,8 @@ class Kernel:
 
 @pytest.fixture
 def examine(monkeypatch):
-    def examine_with(*refused, runtime="950000", may_lock=True, has_capability=False):
+    def examine_with(*refused, runtime="950000", may_lock=True, has_capability=False, count=2):
+        monkeypatch.setattr("hil_bench.abilities.doctor.machine.os.cpu_count", lambda: count)
         monkeypatch.setattr("hil_bench.abilities.doctor.machine.linux", Kernel(*refused))
         place = "hil_bench.outside.realtime.scheduling."
         monkeypatch.setattr(place + "may_lock_memory", lambda: may_lock)
@@ -64,6 +65,15 @@ def test_what_is_refused_says_what_to_grant(examine):
 def test_a_refusal_in_spite_of_the_capability_is_the_cgroups(examine):
     found = examine("set_fifo_policy", has_capability=True)
     assert "cpu.rt_runtime_us" in found["SCHED_FIFO"].advice
+
+
+def test_a_deadline_that_is_refused_on_some_processors_is_not_the_cgroups(examine):
+    """sched(7): EPERM, too, where the affinity leaves out a processor of the root domain."""
+    refused = ("set_fifo_policy", "set_deadline_policy")
+    found = examine(*refused, has_capability=True, count=4)  # the process may use two
+    assert "taskset" in found["SCHED_DEADLINE"].advice
+    assert "cpu.rt_runtime_us" in found["SCHED_FIFO"].advice
+    assert "cpu.rt_runtime_us" in examine(*refused, has_capability=True)["SCHED_DEADLINE"].advice
 
 
 def test_throttling_that_is_off_is_a_risk(examine):

@@ -54,10 +54,17 @@ def test_the_wake_up_latency_is_held_while_its_file_is_open(tmp_path, monkeypatc
 
 
 def test_a_wake_up_latency_that_cannot_be_held(tmp_path, monkeypatch):
-    monkeypatch.setattr(linux, "WAKE_LATENCY", tmp_path / "missing" / "cpu_dma_latency")
+    monkeypatch.setattr(linux, "WAKE_LATENCY", tmp_path / "cpu_dma_latency")
     assert not linux.may_hold_wake_latency()
     with pytest.raises(FileNotFoundError):
         linux.hold_wake_latency()
+    assert not list(tmp_path.iterdir())  # a file of that name holds no processor awake
+
+
+def test_access_alone_does_not_permit_the_wake_up_latency(tmp_path, monkeypatch):
+    """As a folder, which may be written and not opened; a container refuses a device likewise."""
+    monkeypatch.setattr(linux, "WAKE_LATENCY", tmp_path)
+    assert not linux.may_hold_wake_latency()
 
 
 def test_a_call_that_the_kernel_refuses_says_why():

@@ -179,8 +179,8 @@ def test_a_deadline_policy_reserves_half_of_each_period(make_kernel):
             "set_deadline_policy",
             RealtimeConfig(policy=RealtimePolicy.DEADLINE),
             (
-                "no SCHED_DEADLINE; grant CAP_SYS_NICE, or take fifo; in a container "
-                "'--cap-add SYS_NICE'"
+                "no SCHED_DEADLINE; grant CAP_SYS_NICE and all processors (no taskset, no cpuset), "
+                "or take fifo; in a container '--cap-add SYS_NICE'"
             ),
         ),
         (

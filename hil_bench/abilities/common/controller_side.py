@@ -55,12 +55,12 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
         if args.virtual:
             from hil_bench.bench.virtual_bench import VirtualBench  # noqa: PLC0415 - a whole bench
 
-            bench = stack.enter_context(VirtualBench(config))
-            network = stack.enter_context(
-                Network(bench.buses[args.on or FIRST_BUS], clock=bench.now)
-            )
+            bench, name = stack.enter_context(VirtualBench(config)), args.on or FIRST_BUS
+            network = stack.enter_context(Network(bench.buses[name], clock=bench.now))
             bench.pump = network.pump
-            opened = OpenNetwork(network, "virtual bench", bench)
+            which = f", --on {name} (its buses: {', '.join(config.buses)})"
+            what = "virtual bench" + which * bool(config.further_buses)
+            opened = OpenNetwork(network, what, bench)
         elif (other := _open_otherwise(args, seen)) is not None:
             opened = stack.enter_context(other)
         else:

@@ -215,6 +215,7 @@ def read_frames(
     *,
     errors: bool = False,
     is_one_channel: bool = False,
+    buses: int = 1,
 ) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
@@ -227,6 +228,8 @@ def read_frames(
         left_out: counts what is left out.
         errors: whether to yield error frames, too; see `hil_bench.frame.ERROR_FLAG`.
         is_one_channel: whether to leave out the frames of other channels than that of the first.
+        buses: number of buses of a bench; of several, the number in which a channel's name ends
+            is that of its bus, as a bench writes it, and other channels are left out.
 
     Yields:
         The frames, in the order of the file.
@@ -242,6 +245,26 @@ def read_frames(
     if suffix not in READ_LOGS:
         right = f"give a file that ends in one of {' '.join(READ_LOGS)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
+    is_one_channel = is_one_channel and buses == 1
+    frames = _read_log(path, left_out, errors=errors, is_one_channel=is_one_channel)
+    for channel, logged in frames:
+        bus = _bus_number(channel) if buses > 1 else 0
+        if bus < buses:
+            yield logged._replace(frame=logged.frame._replace(bus=bus)) if bus else logged
+        else:
+            left_out.channels[channel] += 1
+
+
+def _bus_number(channel: str) -> int:
+    digits = channel[len(channel.rstrip("0123456789")) :]
+    return int(digits or 0)
+
+
+def _read_log(
+    path: Path, left_out: LeftOut, *, errors: bool, is_one_channel: bool
+) -> Iterator[tuple[str, LoggedFrame]]:
+    """Yield the frames of a log that is no MF4, each with its channel."""
+    suffix = path.suffix.lower()
     with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")
     with file:
@@ -249,7 +272,8 @@ def read_frames(
             messages = _messages(path, _BlfReader, file, left_out, errors=errors)
             if is_one_channel:
                 messages = _one_channel(messages, left_out)
-            yield from map(logged_frame_of, messages)
+            for message in messages:
+                yield str(message.channel), logged_frame_of(message)
             return
         lines, seen = CompleteLines(file, suffix), 0
         messages = _messages(path, TEXT_READERS[suffix], lines, left_out, errors=errors)
@@ -262,12 +286,13 @@ def read_frames(
                 yield from _of_channel(channel, lines.take_errors(), left_out)
             seen += 1
             logged = logged_frame_of(message)
-            is_silent = suffix == ".log" and not lines.says_direction
-            yield logged._replace(is_received=None) if is_silent else logged
+            if suffix == ".log" and not lines.says_direction:
+                logged = logged._replace(is_received=None)
+            yield str(message.channel), logged
         if errors:
-            for logged in _of_channel(channel, lines.take_errors(), left_out):
+            for name, logged in _of_channel(channel, lines.take_errors(), left_out):
                 seen += 1
-                yield logged
+                yield name, logged
         _close(path, lines, seen, left_out)
 
 
@@ -423,11 +448,11 @@ def _one_channel(messages: Iterator[can.Message], left_out: LeftOut) -> Iterator
 
 def _of_channel(
     channel: str, errors: Iterable[tuple[str, LoggedFrame]], left_out: LeftOut
-) -> Iterator[LoggedFrame]:
+) -> Iterator[tuple[str, LoggedFrame]]:
     """Yield the error frames of a channel, of any where it is empty, and count those of others."""
     for name, logged in errors:
         if channel in {"", name}:
-            yield logged
+            yield name, logged
         else:
             left_out.channels[name] += 1
 

@@ -763,3 +763,33 @@ def test_an_instant_is_no_sound_bus(make_file, cli):
     found = cli(["explain", str(one)], 6).out
     assert "nothing wrong found, but an instant shows no period" in found
     assert cli(["explain", str(two)]).out.endswith("nothing wrong found\n")
+
+
+TWO_BUSES = """\
+[buses.sensors]
+channel = "vcan1"
+[nodes]
+valve = { profile = "valve_408", node_id = 1 }
+pressure_a = { profile = "pressure_404", node_id = 1, source = "P_A", bus = "sensors" }
+"""
+
+
+def test_the_channels_of_a_log_are_the_buses_of_its_bench(make_file, cli):
+    log = make_file("two.log", "(0.0) can1 701#00\n(0.0) can0 701#00\n(0.1) can1 181#0000000000\n")
+    bench = make_file("two.toml", TWO_BUSES)
+    explained = cli(["explain", str(log), str(bench)]).out
+    assert explained.startswith("3 frames in 0.100 s, 2 nodes, ")
+    assert explained.endswith("\nnothing wrong found\n")
+    lines = cli(["decode", str(log), str(bench)]).out.splitlines()
+    assert [line.split()[1:5] for line in lines] == [
+        ["can1", "701", "pressure_a", "boot-up"],
+        ["can0", "701", "valve", "boot-up"],
+        ["can1", "181", "pressure_a", "TPDO1"],
+    ]
+
+
+def test_of_two_channels_a_bench_of_one_bus_reads_one_and_says_so(make_file, cli):
+    log = make_file("two.log", "(0.0) can1 701#00\n(0.0) can0 702#00\n")
+    shown = cli(["decode", str(log), str(make_file("one.toml", BENCH))])
+    assert shown.out.split()[1:] == ["701", "valve", "boot-up"]
+    assert "frames of other channels left out (1 of can0)" in shown.err

@@ -2,14 +2,18 @@
 
 import json
 import shlex
+from pathlib import Path
 
 import can
 import pytest
 from support.tables import from_text
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.bench.virtual_bench import VirtualBench
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
+
+TWO_BUSES = Path(__file__).parents[3] / "examples/two_buses.toml"
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +64,22 @@ def test_frames_of_can_fd_go_to_a_bus_of_can_fd_alone(make_file, monkeypatch, cl
         message = listener.recv(1.0)
     assert (message.is_fd, message.bitrate_switch) == (True, True)
     assert bytes(message.data) == bytes(range(12))
+
+
+def test_frames_of_another_bus_are_not_put_on_this_one(make_file, monkeypatch, cli, tmp_path):
+    monkeypatch.setattr("hil_bench.abilities.replay.verbs.MonotonicClock", VirtualClock)
+    log = make_file("f.log", "(0.0) can1 182#01\n(0.1) can0 181#01\n(0.2) can1 183#01\n")
+    both = tmp_path / "both.mf4"
+    config = load_config(TWO_BUSES)
+    with VirtualBench(config, record=both) as bench:
+        bench.run(0.002)
+    for path, ids, others in ((log, [0x181], "2 of can1"), (both, [0x701], "3 of can1")):
+        with can.Bus(interface="virtual", channel="test_replay") as listener:
+            bus = ["-i", "virtual", "-c", "test_replay"]
+            err = cli(["replay", str(path), str(TWO_BUSES), *bus]).err
+            heard = list(iter(lambda: listener.recv(0.0), None))
+        assert [message.arbitration_id for message in heard] == ids
+        assert f"{path}: frames of other channels left out ({others})" in err
 
 
 def test_what_a_log_has_beside_its_frames_is_not_sent_and_said(make_file, monkeypatch, cli):

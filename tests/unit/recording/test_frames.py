@@ -47,6 +47,24 @@ def test_a_candump_log_says_a_direction_where_python_can_wrote_it(make_file):
     assert [frame.is_received for frame in read_frames(path)] == [False, True, None]
 
 
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
+def test_frames_of_several_buses_come_back_on_their_own(tmp_path, suffix):
+    path, left_out = tmp_path / f"bus{suffix}", LeftOut()
+    sent = [LoggedFrame(Frame(0x701, b"\0", bus=bus), bus * MILLISECOND, True) for bus in (1, 0, 1)]
+    with open_frame_file(path) as file:
+        file.write_frames(sent)
+    found = list(read_frames(path, left_out, is_one_channel=True, buses=2))
+    assert [logged.frame.bus for logged in found] == [1, 0, 1]
+    assert left_out == LeftOut()
+
+
+def test_channels_beyond_the_buses_are_left_out(make_file):
+    path = make_file("bus.log", "(1.0) vcan1 701#00\n(2.0) can2 701#00\n(3.0) can0 701#00\n")
+    found = list(read_frames(path, left_out := LeftOut(), buses=2))
+    assert [(logged.frame.bus, logged.now) for logged in found] == [(1, 10**9), (0, 3 * 10**9)]
+    assert dict(left_out.channels) == {"can2": 1}
+
+
 def every_kind(path):
     with open_frame_file(path) as file:
         file.write_frames(

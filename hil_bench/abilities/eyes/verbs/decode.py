@@ -96,7 +96,9 @@ def run(args: argparse.Namespace) -> int:
     eyes_arguments.check_nodes(args.node, decoder)
     language: Language | None = None
     is_writing = _is_writing(args)
-    frames = from_first(read_frames(args.log, left_out, errors=True), dates_alone=is_writing)
+    buses = len(load_bench_config(args).buses)
+    frames = read_frames(args.log, left_out, errors=True, is_one_channel=True, buses=buses)
+    frames = from_first(frames, dates_alone=is_writing)
     with shown_work(args, Work("decode", unit="frames"), prints=not is_writing) as work:
         frames = counted(work, frames)
         if is_writing:

@@ -1,6 +1,5 @@
 """A survey of a bus: its nodes, and those that LSS can give a node-ID."""
 
-import logging
 import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -14,8 +13,6 @@ from hil_bench.abilities.commissioning.identity import NodeDescription, describe
 from hil_drivers import Network
 
 # Finds devices that have no node-ID yet, by the LSS fastscan (CiA 305).
-
-logger = logging.getLogger(__name__)
 
 _REQUEST, _ANSWER = 0x7E5, 0x7E4
 _SWITCH_GLOBAL, _WAITING = 0x04, 0
@@ -37,6 +34,8 @@ the next step."""
 
 MOST_DEVICES = 127
 
+_LONGER = "a longer --patience may find it"
+
 
 class LssAddress(NamedTuple):
     """The LSS address of a device without node-ID: the four entries of 0x1018."""
@@ -52,7 +51,7 @@ class LssScan(NamedTuple):
 
     Attributes:
         devices: those whose address was found.
-        problem: what answered without showing its address; empty where nothing did.
+        problem: why others may be there; empty where all answers were understood.
     """
 
     devices: tuple[LssAddress, ...]
@@ -62,6 +61,7 @@ class LssScan(NamedTuple):
 class _Answers:
     def __init__(self, network: Network, patience: float) -> None:
         self.count = 0
+        self.latest = 0
         self.slowest = 0.0
         self._network = network
         self._patience = patience
@@ -91,6 +91,7 @@ class _Answers:
         if has_come:
             self.slowest = max(self.slowest, self._network.now() - asked)
             self._network.pump(SETTLING)
+        self.latest = self.count - before
         return has_come
 
     def settle(self) -> None:
@@ -103,7 +104,8 @@ def find_unconfigured(network: Network, patience: float = PATIENCE) -> LssScan:
 
     A device that was found is in the LSS state CONFIGURATION, where it answers no further scan;
     at the end all are sent back to WAITING. One that answers all the same would be found for ever,
-    so the scan ends where an address comes for the second time.
+    so the scan ends where an address comes for the second time. To a whole address one device
+    answers.
 
     Args:
         network: an open network.
@@ -118,17 +120,27 @@ def find_unconfigured(network: Network, patience: float = PATIENCE) -> LssScan:
         if address is None:
             problem = (
                 "a device without node-ID answered, but not to all steps of the scan (slowest "
-                f"answer {1000 * answers.slowest:.0f} ms, patience {1000 * patience:g} ms)"
+                f"answer {1000 * answers.slowest:.0f} ms, patience {1000 * patience:g} ms); "
+                f"{_LONGER}"
             )
             break
         if address in found:
-            logger.warning("a device answers LSS on after it was found: %s; scan ended", address)
+            problem = "a device without node-ID answers on after it was found, which hides others"
+            if not any(address):
+                found.remove(address)
+                problem += "; it answers each step, so that its address is not known"
             break
         found.append(address)
+        if answers.latest > 1:
+            problem = (
+                f"{answers.latest} devices without node-ID answer to serial number "
+                f"0x{address.serial_number:08X} of one product: connect one at a time"
+            )
     _return_to_waiting(network)
     if answers.count and not found and not problem:
         problem = (
-            f"a device without node-ID answered later than the patience of {1000 * patience:g} ms"
+            f"a device without node-ID answered later than the patience of {1000 * patience:g} ms; "
+            f"{_LONGER}"
         )
     return LssScan(tuple(found), problem)
 

@@ -6,6 +6,7 @@ import pytest
 from support.tables import from_text
 
 from hil_bench.abilities.commissioning.discovery import Traffic
+from hil_bench.abilities.commissioning.survey import LssScan
 from hil_bench.abilities.commissioning.verbs.scan import _identifier_line
 from hil_bench.cli import main
 from hil_bench.outside.transports.embedded import EmbeddedBus
@@ -118,6 +119,28 @@ def test_heartbeats_that_do_not_fit_leave_a_scan_undecided(monkeypatch, cli):
     out = cli("scan --virtual", 6).out
     assert "  problem   too fast" in out
     assert "4 nodes found; perhaps twice on the bus: 4" in out
+
+
+def test_a_doubt_of_lss_leaves_a_scan_undecided(monkeypatch, cli):
+    """Though four nodes were found."""
+    from hil_bench.abilities.commissioning.verbs import scan  # noqa: PLC0415
+
+    survey, doubt = scan.survey, LssScan((), "a device hides others")
+
+    def look(*args, **options):
+        return replace(survey(*args, **options), unconfigured=doubt)
+
+    monkeypatch.setattr(scan, "survey", look)
+    out = cli("scan --virtual --lss", 6).out
+    assert "\na device hides others\n4 nodes found\n" in out
+
+
+def test_a_long_scan_says_that_it_goes_on(monkeypatch, cli):
+    from hil_bench.abilities.common import progress  # noqa: PLC0415
+
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.001)
+    assert "hil-bench: scan: " in cli("scan --virtual --nodes 1-4").err
 
 
 @pytest.mark.parametrize(

@@ -53,19 +53,21 @@ def test_a_device_that_answers_once_and_vanishes_is_not_invented(device, device_
     assert "answered, but not to all steps" in problem
 
 
-def test_a_device_that_answers_every_request_is_found_once(make_network, caplog):
-    class Parrot:
-        """Answers whatever LSS asks, also after it was found."""
+class Parrot:
+    """Answers whatever LSS asks, also after it was found."""
 
-        def tick(self, frames, _now):
-            identified = Frame(0x7E4, b"\x4f".ljust(8, b"\0"))
-            return [identified for frame in frames if frame.can_id == 0x7E5]
+    def tick(self, frames, _now):
+        identified = Frame(0x7E4, b"\x4f".ljust(8, b"\0"))
+        return [identified for frame in frames if frame.can_id == 0x7E5]
 
+
+def test_a_device_that_answers_every_request_has_no_address(make_network):
     network = make_network(Parrot())
     begin = network.now()
-    assert find_unconfigured(network).devices == (LssAddress(0, 0, 0, 0),)
+    devices, problem = find_unconfigured(network)
+    assert devices == ()
+    assert "answers each step, so that its address is not known" in problem
     assert network.now() - begin < 5.0
-    assert "answers LSS on after it was found" in caplog.text
 
 
 class Slow:
@@ -113,3 +115,40 @@ def test_a_device_that_is_slower_than_the_patience_is_said(make_network):
     devices, problem = find_unconfigured(make_network(Slow(SERIAL, 60)), 0.05)
     assert devices == ()
     assert "later than the patience of 50 ms" in problem
+
+
+class Several:
+    """Devices on one bus."""
+
+    def __init__(self, *devices):
+        self._devices = devices
+
+    def tick(self, frames, now):
+        return [frame for device in self._devices for frame in device.tick(frames, now)]
+
+
+class Unimpressed(Slow):
+    """Answers with its own address, and again once it was found."""
+
+    def _take(self, data, now):
+        self._is_waiting = True
+        super()._take(data, now)
+
+
+def test_two_devices_of_one_serial_number_are_not_one(make_network):
+    devices, problem = find_unconfigured(make_network(Several(Slow(SERIAL), Slow(SERIAL))))
+    assert devices == (SERIAL,)
+    assert problem == (
+        "2 devices without node-ID answer to serial number 0x80000004 of one product: connect one "
+        "at a time"
+    )
+
+
+def test_a_device_that_answers_on_hides_others(make_network):
+    found = find_unconfigured(make_network(Several(Unimpressed(SERIAL), Slow((*SERIAL[:3], 9)))))
+    assert SERIAL in found.devices
+    assert "answers on after it was found, which hides others" in found.problem
+
+
+def test_a_device_without_any_identity_has_the_address_of_zeros(make_network):
+    assert find_unconfigured(make_network(Slow((0, 0, 0, 0)))) == LssScan((LssAddress(0, 0, 0, 0),))

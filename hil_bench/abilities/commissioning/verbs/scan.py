@@ -16,6 +16,7 @@ from hil_bench.abilities.commissioning.identity import NodeDescription
 from hil_bench.abilities.commissioning.survey import LssAddress, LssScan, Survey, survey
 from hil_bench.abilities.common.arguments import add_network_arguments
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.cli.results import add_json_argument, print_lines
@@ -91,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     if args.listen is not None and not 0.0 < args.listen < float("inf"):
         raise ConfigError(f"--listen {args.listen:g}: give a positive number of seconds")
     config = load_bench_config(args)
-    with open_network(args, config) as opened:
+    with open_network(args, config) as opened, shown_work(args, Work("scan")):
         if args.listen is not None:
             traffic = listen(opened.network, args.listen)
             if args.json:
@@ -118,7 +119,8 @@ def run(args: argparse.Namespace) -> int:
         return ExitCode.INCONCLUSIVE
     has_clash = any(node.clash for node in found.nodes)
     has_found = found.nodes or (found.unconfigured and found.unconfigured.devices)
-    return verdict_code(fails=has_clash, passes=bool(has_found) and not found.doubtful)
+    has_doubts = found.doubtful or (found.unconfigured and found.unconfigured.problem)
+    return verdict_code(fails=has_clash, passes=bool(has_found) and not has_doubts)
 
 
 def _node_ids(text: str) -> range:
@@ -254,7 +256,7 @@ def _hex(number: int | None) -> str:
 def _unconfigured_lines(scan: LssScan) -> list[str]:
     lines = [_unconfigured_line(address) for address in scan.devices]
     if scan.problem:
-        lines.append(f"{scan.problem}; a longer --patience may find it")
+        lines.append(scan.problem)
     return lines or ["no device without node-ID"]
 
 

@@ -128,6 +128,9 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
     try:
         yield
     except OSError as error:
+        folder = Path(error.filename or ".").parent
+        if what == "cannot be written" and error.errno == errno.ENOENT and not folder.exists():
+            raise ConfigError(f"{path}: there is no folder {folder}; make it first") from None
         reason = error.strerror or type(error).__name__
         text = "; ".join(filter(None, (f"{path}: {what}: {reason}", right)))
         if error.errno in DISK_FAULTS:

@@ -109,7 +109,7 @@ def check_folder(folder: Path) -> None:
     if folder.is_dir() and any(folder.iterdir()):
         raise ConfigError(f"{folder}: is not empty; give the name of a new folder")
     if not folder.absolute().parent.is_dir():
-        raise ConfigError(f"{folder}: there is no folder {folder.absolute().parent}")
+        raise ConfigError(f"{folder}: there is no folder {folder.parent}; make it first")
     with about_file(folder):
         partial = _partial(folder.absolute())
         partial.mkdir()

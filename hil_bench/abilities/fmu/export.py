@@ -115,7 +115,7 @@ def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
         about_file(path),
         whole_file(path) as file,
     ):
-        path.parent.resolve(strict=True)  # PythonFMU would make it
+        file.touch()  # PythonFMU would make its folder
         script, bench = folder / f"{_MODULE}.py", folder / "bench.toml"
         script.write_text(_SCRIPT, encoding="utf-8")
         bench.write_text("\n".join(_bench_lines(config, axis)), encoding="utf-8")

@@ -132,6 +132,6 @@ def test_what_check_prints_of_data_sheets_is_the_same_bench(make_file, cli):
 
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path, cli):
     assert cli(["new", str(tmp_path / "no/bench.toml"), *PRESS], 2).err == (
-        f"hil-bench: error: {tmp_path}/no/bench.toml: cannot be written: "
-        "No such file or directory; give a file in a directory of yours\n"
+        f"hil-bench: error: {tmp_path}/no/bench.toml: "
+        f"there is no folder {tmp_path}/no; make it first\n"
     )

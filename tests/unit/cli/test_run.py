@@ -140,7 +140,7 @@ def test_the_histograms_are_for_programs(tmp_path):
 
 def test_a_file_that_cannot_be_written_is_told_before_the_bus_is_opened(tmp_path, capsys):
     assert main(["run", *BUS, "--histograms", str(tmp_path / "no" / "file")]) == 2
-    assert "cannot be written: No such file or directory" in capsys.readouterr().err
+    assert "there is no folder" in capsys.readouterr().err
 
 
 def test_a_run_that_cannot_begin_leaves_the_files_of_the_run_before(tmp_path, make_file, cli):

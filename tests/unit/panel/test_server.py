@@ -448,7 +448,7 @@ def test_a_test_that_was_clicked_is_written_once_and_lasts_whole_nanoseconds(tmp
         write_test(scenario, replaces=False)
     write_test(scenario, replaces=True)
     lost = replace(scenario, path=tmp_path / "no" / "clicked.scenario.toml")
-    with pytest.raises(ConfigError, match="cannot be written: No such file or directory"):
+    with pytest.raises(ConfigError, match=r"there is no folder .*; make it first"):
         write_test(lost, replaces=False)
 
 

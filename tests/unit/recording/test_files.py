@@ -104,8 +104,7 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
         RecordingFile(tmp_path)
 
     assert str(missing.value) == (
-        f"{tmp_path}/no/run.csv: cannot be written: No such file or directory; "
-        "give a file in a directory of yours"
+        f"{tmp_path}/no/run.csv: there is no folder {tmp_path}/no; make it first"
     )
     assert str(directory.value) == f"{tmp_path}: is a directory; give the name of a file to write"
 

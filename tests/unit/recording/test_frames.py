@@ -174,8 +174,7 @@ def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path, suffix):
         open_frame_file(tmp_path / "no" / f"bus{suffix}")
 
     assert str(caught.value) == (
-        f"{tmp_path}/no/bus{suffix}: cannot be written: No such file or directory; "
-        "give a file in a directory of yours"
+        f"{tmp_path}/no/bus{suffix}: there is no folder {tmp_path}/no; make it first"
     )
 
 

@@ -141,9 +141,7 @@ def test_a_picture_that_cannot_be_written_says_why(tmp_path):
     with pytest.raises(ConfigError, match=r"run\.xyz: cannot be written: .*; give a \.png file"):
         plot.plot_result(recording("axis1"), tmp_path / "run.xyz")
 
-    assert str(caught.value) == (
-        f"{path}: cannot be written: No such file or directory; give a file in a directory of yours"
-    )
+    assert str(caught.value) == (f"{path}: there is no folder {path.parent}; make it first")
 
 
 def test_a_recording_without_an_axis_is_refused(tmp_path):

@@ -246,7 +246,7 @@ def test_a_killed_loop_leaves_the_recorder_to_write_all(tmp_path, make_file):
 def test_a_file_that_cannot_be_written_is_told_before_the_run(tmp_path):
     path = tmp_path / "no" / "run.csv"
     with (
-        pytest.raises(ConfigError, match=rf"^{path}: cannot be written: No such file"),
+        pytest.raises(ConfigError, match=rf"^{path}: there is no folder {path.parent}; make"),
         RecorderProcess(plan(path)),
     ):
         pass

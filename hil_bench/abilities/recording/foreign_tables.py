@@ -50,6 +50,9 @@ _DECIMAL = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?")
 _SAVVYCAN = frozenset(("ID", "Extended", "LEN"))
 """Among the names of a log of frames as SavvyCAN (GVRET) writes it."""
 
+_NO_TABLES = frozenset((".toml", ".html", ".xml", ".json", ".py", ".png", ".svg", ".pdf", ".eds"))
+"""Files of a bench that are given in the place of a recording, though rows may be numbers."""
+
 _HEAD = 50  # lines among which the one with the names is
 _TIMES = frozenset({"time", "t", "zeit"})
 
@@ -69,6 +72,9 @@ def read_columns(path: Path) -> tuple[Columns, Units]:
         signals = read_mdf(path).signals
         columns = {name: np.asarray(signals[name]) for name in signals.dtype.names or ()}
         return columns, {name: unit for name, unit in recording_channels(signals) if unit}
+    if suffix in _NO_TABLES and path.exists():
+        right = f"{suffix} is the suffix of no table; give .mf4, .csv or the like"
+        raise ConfigError(f"{path}: is no recording: {right}")
     with about_file(path, what="cannot be read", right="give a recording"):
         try:
             return (_read_mat(path), {}) if suffix == ".mat" else _read_text(path)

@@ -63,7 +63,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the recording and print where."""
+    """Draw the recording and print where.
+
+    Raises:
+        ConfigError: no time is between --from and --to, or nothing can be drawn.
+    """
+    if args.begin > args.end:
+        raise ConfigError(f"--from {args.begin:g}: is after --to {args.end:g}")
     path = _beside(args.recording) if args.output is None else _picture(args.output)
     title = args.recording.name.encode(errors="backslashreplace").decode()
     is_traffic = False

@@ -1,6 +1,7 @@
 """`hil-bench plot`; what the pictures look like was looked at."""
 
 import os
+from pathlib import Path
 
 import pytest
 from support.tables import from_text
@@ -84,6 +85,7 @@ def test_a_name_that_is_no_text_is_drawn_too(folder):
 @from_text("arguments", "message")
 def test_what_cannot_be_drawn(folder, arguments, message, cli, monkeypatch):
     monkeypatch.chdir(folder)
+    Path("bench.toml").write_text("load_series_s_n = [\n0.0, 1.0\n0.5, 2.0\n]\n")  # with numbers
     error = cli(["plot", *arguments.split()], 2).err
     assert error.startswith("hil-bench: error: ")
     assert message in error

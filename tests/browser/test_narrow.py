@@ -5,6 +5,8 @@ from itertools import combinations
 import pytest
 from support.live_bench import live_bench
 
+from hil_bench.cli import main
+
 pytest.importorskip("playwright.sync_api")
 
 pytestmark = pytest.mark.browser
@@ -69,3 +71,17 @@ def test_the_header_of_a_telephone_has_room_for_the_time_beside_several_benches(
     for one, other in combinations(boxes, 2):
         apart = one["right"] <= other["left"] or other["right"] <= one["left"]
         assert apart or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]
+
+
+def test_the_report_of_a_test_is_read_without_scrolling_aside(chromium, tmp_path):
+    path = tmp_path / "close.scenario.toml"
+    path.write_text(
+        'title = "Close"\nduration_s = 0.02\n\n[[expect]]\nid = "REQ-PRESSURE-1"\n'
+        'that = "always axis1.P_A < 250 bar and always axis1.P_B < 250 bar"\n'
+    )
+    assert main(["test", str(path), "--report", str(tmp_path / "r.html"), "-q"]) == 0
+    page = chromium.new_context(viewport={"width": 400, "height": 844}).new_page()
+    page.goto(f"file://{tmp_path}/r.html")
+    boxes = page.locator(".scroll")
+    fits = boxes.evaluate_all("found => found.map((each) => each.scrollWidth <= each.clientWidth)")
+    assert fits == [True, True, True]

@@ -217,8 +217,10 @@ class Coverage:
     @property
     def share(self) -> float:
         """The share of the time that was seen, 0 to 1."""
+        if not self.unknown:
+            return 1.0  # by count: 0.2 of 2.0 - 1.8 is not one
         length = self.end - self.start
-        return self.seen / length if length else float(not self.unknown)
+        return self.seen / length if length else 0.0
 
     def __str__(self) -> str:
         """Return it in words."""

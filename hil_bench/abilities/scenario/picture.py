@@ -99,7 +99,7 @@ def _figure(scene: Scene) -> "Figure":
     for place, panel in zip(places, panels, strict=True):
         panel.draw(place)
         _shade(place, scene)
-    _label_faults(places[0], scene)
+    _label_shades(places[0], scene)
     places[-1].set_xlabel("Time [s]")
     places[-1].set_xlim(0.0, scene.evidence.ticks * scene.evidence.tick_ns * 1e-9)
     figure.align_ylabels([place for place in places if place.get_ylabel()])
@@ -214,13 +214,17 @@ def _merged(spans: Sequence[tuple[float, float]], gap: float) -> list[tuple[floa
     return found
 
 
-def _label_faults(place: "Axes", scene: Scene) -> None:
-    for fault in scene.evidence.faults:
+def _label_shades(place: "Axes", scene: Scene) -> None:
+    """Name what is shaded: where only one of both colours is there, nobody knows them apart."""
+    named = [(fault.begin, 0.04, "bottom", fault.label) for fault in scene.evidence.faults]
+    named += [(begin, 0.96, "top", "violated") for begin, _ in scene.violated[:1]]
+    for begin, height, side, words in named:
         place.annotate(
-            f" {_literal(fault.label)}",
-            (fault.begin, 0.04),
+            f" {_literal(words)}",
+            (begin, height),
             xycoords=("data", "axes fraction"),
             rotation=90.0,
+            va=side,
             fontsize=8,
         )
 

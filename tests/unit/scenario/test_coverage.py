@@ -166,6 +166,11 @@ def test_the_share_that_was_seen():
     assert found.coverage.share == 0.5  # 2 of 4 ms
     assert verdict("p < 9", [1], planned=9).coverage.share == 1.0
     assert verdict("p < 9", [NAN], planned=9).coverage.share == 0.0
+    # In floating point 2.0 - 1.8 is less than 0.2, and 0.3 - 0.1 too.
+    late = verdict("always after 1.8 s p < 9", [1] * 2001, planned=2001)
+    assert (covered(late), late.coverage.share) == ([1800, 2000, 200, 0], 1.0)
+    most = verdict("always after 1.8 s p < 9", [1] * 2000 + [NAN], planned=2001)
+    assert 0.99 < most.coverage.share < 1.0
     shown = [show_seen(share) for share in (1.0, 0.9996, 0.5, 0.0)]
     assert shown == ["100 %", "99.9 %", "50 %", "0 %"]
 

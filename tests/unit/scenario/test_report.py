@@ -259,6 +259,8 @@ def test_a_picture_shades_fault_and_violation_and_marks_the_instant(tmp_path):
     filled = np.concatenate([p.vertices for c in margin.collections for p in c.get_paths()])
     # It is below zero all the run, and counts at ticks 10 to 12 alone.
     assert (filled[:, 0].min(), filled[:, 0].max()) == pytest.approx((0.010, 0.012))
+    words = [(text.get_text(), text.xy[0]) for text in figure.axes[0].texts]
+    assert words == [(" drop_supply axis1", pytest.approx(0.004)), (" violated", 0.010)]
     for place in figure.axes:
         boxes = [patch.get_bbox() for patch in place.patches if hasattr(patch, "get_bbox")]
         shaded = [(box.x0, box.x1) for box in boxes]

@@ -335,3 +335,19 @@ def test_every_table_of_figures_says_when_it_was_published():
         for table in re.findall(r"(?:^\|.*\n)+(?!\|)(?!" + stamp + ")", text, re.MULTILINE)
     ]
     assert undated == []
+
+
+def test_who_has_no_cylinder_gets_strokes_by_the_bench_of_that_page(tmp_path, monkeypatch, cli):
+    """The commands up to the first that takes long; a playing scenario has tests of its own."""
+    monkeypatch.chdir(tmp_path)
+    on_page = [block for block in documents.blocks("toml", "sh") if "my-cylinder" in str(block)]
+    (bench,) = (block.text for block in on_page if block.text.startswith("[plant.lift]"))
+    (practice,) = (block.text for block in on_page if block.language == "sh")
+    old, new = re.match(r"sed 's/(.*)/(.*)/' bench\.toml > machine\.toml\n", practice).groups()
+    assert bench.count(old) == 1
+    (tmp_path / "machine.toml").write_text(bench.replace(old, new))
+    design, play, fit = practice.splitlines()[1:]
+    cli(design.removeprefix("hil-bench "))
+    assert play.split()[3] == "practice/design.scenario.toml"
+    assert load_scenario(tmp_path / play.split()[3]).bench == "../machine.toml"
+    assert play.split()[-1] == fit.split()[2] == "strokes.csv"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import median
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.eyes.decoder import Decoder
@@ -19,9 +19,12 @@ from hil_bench.canopen_device.words import (
     emergency_text,
     is_error_reset,
 )
-from hil_bench.frame import BUS_SHIFT, bits_of
+from hil_bench.frame import BUS_SHIFT, bits_of, is_error_frame
 from hil_bench.outside.bits import BusLoad
 from hil_bench.outside.recording.channels import LoggedFrame
+
+if TYPE_CHECKING:
+    from hil_bench.canopen_device.nmt import NmtState
 
 FIRST_FD: Final = 1 << BUS_SHIFT
 """Added to the identifier of frames of CAN FD, which are none of a node's."""
@@ -109,7 +112,7 @@ class BusState:
         decoder: as passed in.
         now: the time, from the first frame on [ns].
         load: of the last second [-].
-        frames: how many there were.
+        frames: how many there were; an adapter's reports of errors are none.
         streams: by identifier; those of 29 bits under `EXTENDED`, of CAN FD from `FIRST_FD` on.
         values: of each identifier of a PDO, by index and sub-index.
         errors: by node-ID, what the reported codes mean by code.
@@ -129,15 +132,18 @@ class BusState:
         self._meter = BusLoad(bitrate)
         self._bits = 0.0
         self._speedup = speedup
-        self._last = 0
+        self._told: dict[int, NmtState | None] = {}
+        self._last = self._taken = 0
 
     def take(self, logged: LoggedFrame) -> None:
-        """Take a frame."""
+        """Take a frame, or a report of an error."""
         frame = logged.frame
-        self.now = self._last = logged.now
+        self.now = self._taken = logged.now
+        if not is_error_frame(frame):
+            self.frames += 1
+            self._last = self.now
         self._bits += bits_of(frame, self._speedup)
         self.load = self._meter.update(self.now, self._bits)
-        self.frames += 1
         own = None
         for sight in self.decoder.take(logged):
             self._note(sight)
@@ -146,12 +152,12 @@ class BusState:
         self._count(frame, own)
 
     def wait(self, silence: int) -> None:
-        """Let time pass in which no frame came.
+        """Let time pass in which nothing came.
 
         Args:
             silence: how long that has been [ns].
         """
-        self.now = self._last + silence
+        self.now = self._taken + silence
         self.load = self._meter.update(self.now, self._bits)
         for sight in self.decoder.expire(self.now):
             self._note(sight)
@@ -176,6 +182,10 @@ class BusState:
     def has_heard(self, node_id: int) -> bool:
         """Return True if a node has sent something."""
         return node_id in self._heard
+
+    def has_told(self, node: KnownNode) -> bool:
+        """Return True if a node itself has reported its state, which else a master commanded."""
+        return self._told.get(node.node_id) is node.state
 
     def heartbeat_of(self, node_id: int) -> float:
         """Return the time between two heartbeats of a node [s]; NaN where it is not known."""
@@ -224,6 +234,8 @@ class BusState:
         ):
             self._keep(sight)
         if sight.node_id is not None:
+            if sight.service is Service.HEARTBEAT and not (sight.problem or sight.frame.is_remote):
+                self._told[sight.node_id] = self.decoder.nodes[0, sight.node_id].state
             if sight.name == "EMCY":
                 self._hear_emcy(sight.node_id, sight)
             elif sight.name == "boot-up":

@@ -16,7 +16,7 @@ from hil_bench.abilities.eyes.verbs.watch_bus import BusView
 from hil_bench.abilities.recording.frames import message_of
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
-from hil_bench.frame import frame_bits
+from hil_bench.frame import ERROR_FLAG, frame_bits
 from hil_bench.outside.recording.channels import LoggedFrame
 
 BENCH = """\
@@ -153,6 +153,24 @@ def test_a_silent_bus_is_told_from_a_good_one(watched):
     code, lines, _ = watched([], "--once")
     assert code == 6
     assert lines == ["bus can0, 0 frames, load 0.0 % of 1 Mbit/s no frame yet, after 2.0 s"]
+
+
+def test_reports_of_errors_are_no_frames(watched):
+    """As at a wrong bit rate: nothing of the bus was seen."""
+    code, lines, _ = watched([(0.5, Frame(ERROR_FLAG | 4, bytes(8)))], "--once")
+    assert code == 6
+    assert lines[0].startswith("bus can0, 0 frames, load ")
+    assert lines[0].endswith(", 1 error frames no frame yet, after 1.5 s")
+
+
+def test_a_state_that_was_commanded_is_told_from_one_that_a_node_reports(watched):
+    """The valve is started and sends its state; the transducer has no heartbeat."""
+    start = Frame(0x000, b"\1\0")
+    frames = [(0.1, pressure(50.0)), (0.2, Frame(0x701, b"\x7f")), (0.3, start)]
+    _, lines, _ = watched(frames, "bench.toml", "--once")
+    assert {"valve 1 OPERATIONAL, commanded", "pressure_a 2 OPERATIONAL, commanded"} <= {*lines}
+    _, lines, _ = watched([*frames, (0.4, Frame(0x701, OPERATIONAL))], "bench.toml", "--once")
+    assert {"valve 1 OPERATIONAL", "pressure_a 2 OPERATIONAL, commanded"} <= {*lines}
 
 
 def test_a_lost_bus_is_one_line(watched):

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.abilities.common import progress
 from hil_bench.cli import main
+from hil_drivers.program import ProgramDownload, ProgramState
 
 BENCH = str(Path(__file__).parents[3] / "examples" / "program_download.toml")
 NODE = ["program", BENCH, "--virtual", "--node", "10"]
@@ -44,6 +46,30 @@ def test_a_file_is_downloaded(capsys, program, options):
 def test_what_is_wrong_is_a_line(cli, arguments, code, what):
     (line,) = cli(["program", *arguments], code).err.splitlines()
     assert what in line
+
+
+@pytest.mark.parametrize(
+    ("state", "options", "code", "what"),
+    [
+        (ProgramState(False, 1, 0), [], 1, "0x1F51 says that it is stopped"),
+        (ProgramState(False, 1, 0), ["--no-start"], 0, ""),
+        (ProgramState(None, 1, 0), [], 6, "0x1F51 does not say that the program runs"),
+        (ProgramState(True, 1, 1), [], 6, "0x1F57 says that the device flashes or clears"),
+    ],
+)
+def test_a_program_that_is_not_seen_to_run_is_no_update(
+    monkeypatch, cli, program, state, options, code, what
+):
+    monkeypatch.setattr(ProgramDownload, "update", lambda *_args, **_options: state)
+    shown = cli([*NODE, "--file", program, *options], code)
+    assert what in shown.err
+    assert bool(shown.err) is bool(what)
+
+
+def test_a_long_download_says_how_far_it_is(monkeypatch, cli, program):
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.001)
+    assert "9 of 9 bytes" in cli([*NODE, "--file", program]).err
 
 
 def test_wrong_keys_of_the_memory_are_named(capsys, tmp_path):

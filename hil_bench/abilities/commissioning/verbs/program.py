@@ -2,10 +2,12 @@
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_network_arguments
 from hil_bench.abilities.common.controller_side import open_network
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -63,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigError(f"{wrong}: a number from {low} to {high} is right")
     program = None if args.file is None else _read(args.file)
     config = load_bench_config(args)
-    with open_network(args, config) as opened:
+    work = Work("program", None if program is None else len(program), "bytes")
+    with open_network(args, config) as opened, shown_work(args, work):
         node = opened.network.add_node(args.node)
         download = ProgramDownload(opened.network, node, args.number)
         is_there = False
@@ -74,7 +77,10 @@ def run(args: argparse.Namespace) -> int:
                 state = download.read()
             else:
                 state = download.update(
-                    program, block=not args.segmented, start=not args.no_start, progress=None
+                    program,
+                    block=not args.segmented,
+                    start=not args.no_start,
+                    progress=partial(setattr, work, "done"),
                 )
             if state == ProgramState(None, None, None):
                 what = f"has no program {args.number}; a device with 0x1F50 to 0x1F57 is right"
@@ -89,9 +95,30 @@ def run(args: argparse.Namespace) -> int:
     lines = _lines(state)
     if program is not None:
         lines.insert(0, f"downloaded      {len(program)} bytes")
-    content = {"done": True, "state": state, "error": state.error or None}
+    code, problem = _verdict(state, starts=program is not None and not args.no_start)
+    content = {"done": not problem, "state": state, "error": problem or None}
     print_results(args, lines, content)
-    return ExitCode.CHECK_FAILED if state.error else ExitCode.DONE
+    if problem and problem != state.error:
+        print(f"hil-bench: error: node {args.node}: {problem}", file=sys.stderr)
+    return code
+
+
+def _verdict(state: ProgramState, *, starts: bool) -> tuple[ExitCode, str]:
+    """Return the exit code of a state, and what is wrong with it.
+
+    Args:
+        state: what the device says in the end.
+        starts: whether the program was started.
+    """
+    if state.error:
+        return ExitCode.CHECK_FAILED, state.error
+    if starts and state.is_running is False:
+        return ExitCode.CHECK_FAILED, "the program was started, and 0x1F51 says that it is stopped"
+    if starts and state.is_running is None:
+        return ExitCode.INCONCLUSIVE, "0x1F51 does not say that the program runs"
+    if state.is_busy:
+        return ExitCode.INCONCLUSIVE, "0x1F57 says that the device flashes or clears"
+    return ExitCode.DONE, ""
 
 
 def _read(path: Path) -> bytes:

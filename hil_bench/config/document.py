@@ -68,6 +68,9 @@ def read_document(path: Path, *wanted: Sort) -> Document:
     return document
 
 
+_NOT_UTF_8 = "is not UTF-8 text; save it as UTF-8"
+
+
 def _read(path: Path) -> Document:
     unread = about_file(path, what="cannot be read", right="give a TOML file")
     with unread, path.open("rb") as file:
@@ -79,7 +82,8 @@ def _read(path: Path) -> Document:
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+        wrong = "is no text; give a TOML file" if b"\0" in content else _NOT_UTF_8
+        raise ConfigError(f"{path}: {wrong}") from None
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: is not valid TOML: {error}; see https://toml.io") from None
 

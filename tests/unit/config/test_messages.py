@@ -164,6 +164,7 @@ def test_a_bus_with_all_node_ids_taken_says_so(write):
         (b"[bench]\n\ntick_us = 1 ms\n", "bench.toml: is not valid TOML: Expected newline or end of document after a statement (at line 3, column 13); see https://toml.io"),
         (b"[bench]\ntick_us =", "bench.toml: is not valid TOML: Invalid value (at end of document); see https://toml.io"),
         (b"# \xff\n", "bench.toml: is not UTF-8 text; save it as UTF-8"),
+        (b"MDF     4.10\0\xff", "bench.toml: is no text; give a TOML file"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_toml_names_the_line(write, content, message):

@@ -100,6 +100,18 @@ def test_what_has_changed_decides_the_exit_code(
     )
 
 
+def test_recordings_of_other_rows_are_not_compared(bench, recording, tmp_path, capsys):
+    """The same strokes each 2 ms: a machine that had not changed was said to have."""
+    fine = tmp_path / "fine.csv"
+    with RecordingFile(fine) as file:
+        steps = random_steps(0.4e-3, 1e-3, count=34, rows=50)
+        file.write(Machine(axis="lift", tick=2e-3, step=5e-4).record(steps))
+    line = refusal(capsys, recording, bench, "--against", fine)
+    assert line.endswith(
+        "fine.csv: has rows each 2 ms, and the recording each 4 ms; thin the finer one"
+    )
+
+
 def refusal(capsys, *arguments):
     assert main(["identify", *map(str, arguments)]) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -42,7 +42,7 @@ from hil_bench.abilities.recording.quantities import check_quantities, find_doub
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code
-from hil_bench.cli.results import add_json_argument, warn_of
+from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.config.settings import Settings
 from hil_bench.config.values import find_nearest
 from hil_bench.errors import ConfigError, about_file, require_extra
@@ -64,6 +64,7 @@ examples:
 """
 
 _LONGEST = 86_400.0  # [s]
+_ALIKE = 1.5  # rows of two recordings; beyond it, a model misses other parts of a stroke
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -206,16 +207,21 @@ def _compare(
     wish: Wish,
     recordings: Sequence[Path],
 ) -> int:
-    """Name what has changed since an earlier recording; return the exit code."""
+    """Name what has changed since an earlier recording; return the exit code.
+
+    Raises:
+        ConfigError: the rows of the one recording are much further apart than those of the other.
+    """
     with _options_of(args, wish) as options:
         before, record = (_read_records(args, each, asked) for each in (args.against, recordings))
+        rows = 1e3 * before.interval, 1e3 * record.interval
+        if max(rows) > _ALIKE * min(rows):
+            have = "rows each {:g} ms, and the recording each {:g} ms; thin the finer one"
+            raise ConfigError(f"--against {args.against[0]}: has {have.format(*rows)}")
         found = compare(before, record, asked.axis, settings, options)
     ending = Ending(args)
     ending.take(verdict_code(fails=bool(found.is_changed), passes=found.is_changed is False))
-    if args.json:
-        print(json.dumps(comparison_to_json(found), indent=2))
-    elif not args.quiet:
-        print("\n".join(describe(found)))
+    print_results(args, describe(found), comparison_to_json(found))
     return ending.code
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, NotRun
 from hil_bench.abilities.conformance.wire import (
     ANSWER,
+    LATEST,
     REQUEST,
     SdoClient,
     Wire,
@@ -105,7 +106,7 @@ class DeviceUnderTest:
         return boot_up is not None
 
     def _wait_for_answer(self, command: NmtCommand) -> None:
-        """Read 1000h until an answer comes.
+        """Read until an answer comes.
 
         Raises:
             Deviation: none came.
@@ -113,8 +114,7 @@ class DeviceUnderTest:
         self.wire.wait(self.patience)  # what still answers now may reset a moment later
         deadline = self.wire.now() + BOOT_PATIENCE
         while self.wire.now() < deadline:
-            self.sdo.send(upload_request(0x1000))
-            if self.sdo.answer() is not None:
+            if self.sdo.catches_up(self.patience):
                 return
         raise Deviation(f"no boot-up message and no answer after NMT {command.name}")
 
@@ -382,17 +382,16 @@ def absence_after(dut: DeviceUnderTest, check: str) -> str:
         check: the text of the check.
     """
     deadline = dut.wire.now() + BOOT_PATIENCE
-    while dut.wire.now() < deadline:
-        if is_there(dut, dut.patience):
+    while (remaining := deadline - dut.wire.now()) > 0.0:
+        if is_there(dut, min(LATEST, remaining)):
             return ""
     dut.absence = f'the device answers no SDO request since the check "{check}"'
     return f"the device answers no SDO request afterwards, for {BOOT_PATIENCE:g} s"
 
 
 def is_there(dut: DeviceUnderTest, timeout: float) -> bool:
-    """Return True if a device answers a read of 1000h, with whatever, within a time [s]."""
-    dut.sdo.send(upload_request(0x1000))
-    if dut.sdo.answer(timeout=timeout) is None:
+    """Return True if a device answers a read, with whatever, within a time [s]."""
+    if not dut.sdo.catches_up(timeout):
         return False
     dut.absence = ""
     dut.wire.forget()

@@ -43,6 +43,7 @@ _SILENCE = 1.1
 _ANOTHER = "does another node have this node-ID, too?"
 
 _PERIOD_MS = 100
+_PERIODS_MS = (_PERIOD_MS, 300)
 
 _INVALID = 1 << 31
 _INHIBITED = 0.2
@@ -100,16 +101,19 @@ def _expect_no_heartbeat(dut: DeviceUnderTest) -> None:
 
 @ERRORS.check("7.5.2.20", "the heartbeat has the period of 1017h")
 def heartbeat_period(dut: DeviceUnderTest) -> str:
-    """Set 100 ms and take the median of 20 periods."""
+    """Set two periods, of which one needs both bytes of 1017h, and take the median of 20 each."""
     dut.writable(*HEARTBEAT_TIME)
-    with dut.setting(*HEARTBEAT_TIME, _PERIOD_MS):
-        dut.wire.wait(_PERIOD_MS / 1000)
-        dut.wire.forget()
-        beats = [dut.wire.take(dut.is_error_control, 1.0) for _ in range(BEATS + 1)]
-    times = [beat.time for beat in beats if beat is not None]
-    if len(times) != len(beats):
-        raise Deviation(f"{len(times)} heartbeats in {BEATS + 1} s; one each {_PERIOD_MS} ms")
-    return judge_period(times, _PERIOD_MS)
+    found = []
+    for period in _PERIODS_MS:
+        with dut.setting(*HEARTBEAT_TIME, period):
+            dut.wire.wait(period / 1000)
+            dut.wire.forget()
+            beats = [dut.wire.take(dut.is_error_control, 1.0) for _ in range(BEATS + 1)]
+        times = [beat.time for beat in beats if beat is not None]
+        if len(times) != len(beats):
+            raise Deviation(f"{len(times)} heartbeats in {BEATS + 1} s; one each {period} ms")
+        found.append(judge_period(times, period))
+    return ", ".join(found)
 
 
 @ERRORS.check("7.5.2.20", "1017h = 0 ends the heartbeat")

@@ -329,8 +329,7 @@ def _command(dut: DeviceUnderTest, index: int, signature: bytes) -> None:
         Deviation: it is not confirmed.
     """
     dut.rest()
-    dut.sdo.send(download_request(index, _ALL, signature))
-    answer = dut.sdo.answer(timeout=_PATIENCE)
-    if answer is None or answer[0] != 0x60:
-        said = "no answer" if answer is None else answer.hex(" ").upper()
+    answer = dut.sdo.exchange(download_request(index, _ALL, signature), timeout=_PATIENCE)
+    if answer[0] != 0x60:
+        said = answer.hex(" ").upper()
         raise Deviation(f"{signature.decode()} to {index:04X}h.01: {said}; 60 ... is right")

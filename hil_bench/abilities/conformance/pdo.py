@@ -4,9 +4,11 @@ A PDO is disabled, changed and enabled again (CiA 301, 7.5.2.35 to 7.5.2.38).
 """
 
 import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial, wraps
 
+from hil_bench.abilities.conformance.check import Judge
 from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable
 from hil_bench.abilities.conformance.wire import is_data
@@ -115,13 +117,16 @@ class Pdo:
         for entry in self.entries:
             variable = self._dut.objects.find(*entry.key)
             if entry.bits % 8 or variable is None or not variable.access.readable:
-                raise NotApplicable(f"what PDO {self.index:04X}h carries cannot all be read")
+                raise NotApplicable("what it carries cannot all be read")
             data += self._dut.sdo.upload(*entry.key)
         return data
 
     def _write(self, values: Mapping[int, int]) -> None:
         for subindex, value in values.items():
             self._dut.write(self.index, subindex, value)
+
+
+_JudgePdo = Callable[[DeviceUnderTest, Pdo], str | None]
 
 
 def first_pdo(dut: DeviceUnderTest, among: range, *subindices: int) -> Pdo:
@@ -157,6 +162,45 @@ def sound_pdos(dut: DeviceUnderTest, among: range, *subindices: int) -> list[Pdo
     first = first_pdo(dut, among, *subindices)
     others = (pdo for pdo in _pdos(dut, among, subindices) if pdo.index != first.index)
     return [first, *(pdo for pdo in others if not pdo.cob_id & INVALID)]
+
+
+def judge_each(judge: Callable[[Pdo], str | None], pdos: Iterable[Pdo]) -> str:
+    """Judge each PDO by itself, and return their names with what was found.
+
+    Raises:
+        Deviation: of the first that deviates, with its name.
+        NotApplicable: none could be judged.
+    """
+    found, reasons = [], {}
+    for pdo in pdos:
+        name = f"{pdo.index:04X}h"
+        try:
+            found.append(f"{name} {judge(pdo) or ''}".rstrip())
+        except NotApplicable as reason:
+            reasons[name] = str(reason)
+        except Deviation as deviation:
+            raise Deviation(f"{name}: {deviation}") from deviation
+    if not found:
+        raise NotApplicable("; ".join(dict.fromkeys(reasons.values())))
+    return "; ".join([*found, *(f"{name}: {reason}" for name, reason in reasons.items())])
+
+
+def every(among: range, *subindices: int) -> Callable[[_JudgePdo], Judge]:
+    """Return a decorator that makes a check of all PDOs of one that judges one of them.
+
+    Args:
+        among: indices of communication parameters.
+        subindices: those that the check changes, beside the COB-ID.
+    """
+
+    def of_all(judge: _JudgePdo) -> Judge:
+        @wraps(judge)
+        def judge_all(dut: DeviceUnderTest) -> str:
+            return judge_each(partial(judge, dut), sound_pdos(dut, among, *subindices))
+
+        return judge_all
+
+    return of_all
 
 
 def _pdos(

@@ -24,8 +24,9 @@ from hil_bench.abilities.conformance.pdo import (
     TPDOS,
     TYPE,
     Pdo,
+    every,
     expect_length,
-    first_pdo,
+    judge_each,
     sound_pdos,
 )
 from hil_bench.abilities.conformance.verdicts import Deviation, NotApplicable, Refused
@@ -45,31 +46,30 @@ _WINDOW = 0x1007
 
 
 @TPDO.check("7.5.2.37", "type 1 is sent with every SYNC, as long as its mapping")
-def each_sync(dut: DeviceUnderTest) -> str:
-    """Send five SYNCs to each TPDO in turn."""
-    found = []
-    for pdo in sound_pdos(dut, TPDOS, TYPE):
-        with pdo.configured({TYPE: 1}), dut.operational():
-            counts = sync_counts(dut, pdo, 5)
-        if counts != [1] * 5:
-            raise Deviation(f"PDOs after each SYNC: {counts}; one each is right, {pdo.index:04X}h")
-        found.append(f"{pdo.index:04X}h, {pdo.length} bytes")
-    return "; ".join(found)
+@every(TPDOS, TYPE)
+def each_sync(dut: DeviceUnderTest, pdo: Pdo) -> str:
+    """Send five SYNCs."""
+    with pdo.configured({TYPE: 1}), dut.operational():
+        counts = sync_counts(dut, pdo, 5)
+    if counts != [1] * 5:
+        raise Deviation(f"PDOs after each SYNC: {counts}; one each is right")
+    return f"{pdo.length} bytes"
 
 
 @TPDO.check("7.5.2.37", "type 3 is sent with every third SYNC")
-def third_sync(dut: DeviceUnderTest) -> None:
+@every(TPDOS, TYPE)
+def third_sync(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send nine SYNCs."""
-    with _sending(dut, {TYPE: 3}) as pdo:
+    with pdo.configured({TYPE: 3}), dut.operational():
         counts = sync_counts(dut, pdo, 9)
     if sum(counts) != 3 or counts[:3] != counts[3:6] or counts[:3] != counts[6:]:
         raise Deviation(f"PDOs after each SYNC: {counts}; one in three is right")
 
 
 @TPDO.check("7.3.2.3", "no PDO in PRE-OPERATIONAL and STOPPED")
-def operational_only(dut: DeviceUnderTest) -> None:
+@every(TPDOS, TYPE)
+def operational_only(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send SYNCs in both states."""
-    pdo = first_pdo(dut, TPDOS, TYPE)
     with pdo.configured({TYPE: 1}):
         for command in (NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP):
             dut.command(command)
@@ -81,46 +81,29 @@ def operational_only(dut: DeviceUnderTest) -> None:
 
 
 @TPDO.check("7.5.2.38", "a PDO carries the values of its objects")
-def contents(dut: DeviceUnderTest) -> str:
-    """Compare each synchronous PDO with what SDO reads before and after it."""
-    compared, reasons = [], []
-    for pdo in sound_pdos(dut, TPDOS, TYPE):
-        try:
-            compared.append(f"{pdo.index:04X}h {shown(_compared(dut, pdo))}")
-        except NotApplicable as reason:
-            reasons.append(str(reason))
-    if not compared:
-        raise NotApplicable(reasons[0])
-    return "; ".join([*compared, *reasons])
-
-
-def _compared(dut: DeviceUnderTest, pdo: Pdo) -> bytes:
-    """Return the data of a PDO that are those of its objects.
-
-    Raises:
-        Deviation: it has others, or does not come.
-        NotApplicable: they cannot be compared.
-    """
-    name = f"{pdo.index:04X}h"
+@every(TPDOS, TYPE)
+def contents(dut: DeviceUnderTest, pdo: Pdo) -> str:
+    """Compare a synchronous PDO with what SDO reads before and after it."""
     with pdo.configured({TYPE: 1}), dut.operational():
         before = pdo.values()
         dut.wire.send(SYNC)
         arrival = dut.wire.take(pdo.matches, dut.patience)
         after = pdo.values()
     if arrival is None:
-        raise Deviation(f"{name}: no PDO after a SYNC")
+        raise Deviation("no PDO after a SYNC")
     if before != after:
-        raise NotApplicable(f"{name}: the values change too fast to be compared")
+        raise NotApplicable("the values change too fast to be compared")
     if arrival.frame.data != before:
-        raise Deviation(f"{name}: PDO {shown(arrival.frame.data)}; {shown(before)} by SDO")
-    return before
+        raise Deviation(f"PDO {shown(arrival.frame.data)}; {shown(before)} by SDO")
+    return shown(before)
 
 
 @TPDO.check("7.5.2.37", "the event timer sends a PDO of type 254 or 255")
-def event_timer(dut: DeviceUnderTest) -> str:
+@every(TPDOS, TYPE, EVENT_TIMER)
+def event_timer(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Set 50 ms and take the median of 20 periods."""
     found = []
-    for kind, times in _event_times(dut, {EVENT_TIMER: 50}):
+    for kind, times in _event_times(dut, pdo, {EVENT_TIMER: 50}):
         try:
             found.append(f"type {kind} {judge_period(times, 50)}")
         except Deviation as deviation:
@@ -129,11 +112,11 @@ def event_timer(dut: DeviceUnderTest) -> str:
 
 
 @TPDO.check("7.5.2.37", "no two event-driven PDOs within the inhibit time")
-def inhibit_time(dut: DeviceUnderTest) -> str:
+@every(TPDOS, TYPE, EVENT_TIMER, INHIBIT_TIME)
+def inhibit_time(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Set an event timer of 10 ms and an inhibit time of 50 ms."""
-    first_pdo(dut, TPDOS, TYPE, EVENT_TIMER, INHIBIT_TIME)
     found = []
-    for kind, times in _event_times(dut, {EVENT_TIMER: 10, INHIBIT_TIME: 500}):
+    for kind, times in _event_times(dut, pdo, {EVENT_TIMER: 10, INHIBIT_TIME: 500}):
         period_ms = median_period(times)
         if period_ms < 50 * (1 - TOLERANCE):
             raise Deviation(f"type {kind}: a PDO every {period_ms:.1f} ms; 50 ms or more is right")
@@ -142,9 +125,9 @@ def inhibit_time(dut: DeviceUnderTest) -> str:
 
 
 @TPDO.check("7.2.2.5", "a remote request is answered with the PDO")
-def remote_request(dut: DeviceUnderTest) -> str:
+@every(TPDOS, TYPE)
+def remote_request(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Allow remote frames, and ask by one, with types 252 (after a SYNC) and 253."""
-    pdo = first_pdo(dut, TPDOS, TYPE)
     taken = []
     for kind in (252, 253):
         try:
@@ -163,10 +146,10 @@ def remote_request(dut: DeviceUnderTest) -> str:
 
 
 @TPDO.check("7.5.2.37", "the SYNC start value is the counter of the first SYNC")
-def start_value(dut: DeviceUnderTest) -> None:
+@every(TPDOS, TYPE, _START_VALUE)
+def start_value(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Start with counter 3 of 10, send SYNCs from 1 on."""
     dut.writable(_COUNTER_OVERFLOW)
-    pdo = first_pdo(dut, TPDOS, TYPE, _START_VALUE)
     with (
         dut.setting(_COUNTER_OVERFLOW, 0, 10),
         pdo.configured({TYPE: 1, _START_VALUE: 3}),
@@ -178,9 +161,9 @@ def start_value(dut: DeviceUnderTest) -> None:
 
 
 @TPDO.check("7.5.2.37", "reserved transmission types abort with 0609 0030h")
-def reserved_types(dut: DeviceUnderTest) -> None:
+@every(TPDOS, TYPE)
+def reserved_types(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Write 241 and 251; the old type stays."""
-    pdo = first_pdo(dut, TPDOS, TYPE)
     with pdo.disabled():
         dut.expect_kept(pdo.index, TYPE, (241, 251), 0x06090030, 0x06090031)
 
@@ -194,18 +177,6 @@ def reserved_subindex(dut: DeviceUnderTest) -> str:
     for index in found:
         dut.sdo.expect_abort(upload_request(index, 4), 0x06090011)
     return f"{len(found)} TPDOs"
-
-
-@contextlib.contextmanager
-def _sending(dut: DeviceUnderTest, values: Mapping[int, int]) -> Iterator[Pdo]:
-    """Have the device send a PDO with these parameters.
-
-    Yields:
-        The PDO.
-    """
-    pdo = first_pdo(dut, TPDOS, *values)
-    with pdo.configured(values), dut.operational():
-        yield pdo
 
 
 def sync_counts(dut: DeviceUnderTest, pdo: Pdo, count: int, sync: Frame = SYNC) -> list[int]:
@@ -222,14 +193,15 @@ def sync_counts(dut: DeviceUnderTest, pdo: Pdo, count: int, sync: Frame = SYNC) 
     return counts
 
 
-def _event_times(dut: DeviceUnderTest, values: dict[int, int]) -> Iterator[tuple[int, list[float]]]:
+def _event_times(
+    dut: DeviceUnderTest, pdo: Pdo, values: dict[int, int]
+) -> Iterator[tuple[int, list[float]]]:
     """Yield types that the device takes, and the times of event-driven PDOs of each [s].
 
     Raises:
         Deviation: too few came.
         NotApplicable: the device takes neither type.
     """
-    pdo = first_pdo(dut, TPDOS, TYPE, *values)
     taken = 0
     for kind in (254, 255):
         try:
@@ -250,18 +222,21 @@ def _event_times(dut: DeviceUnderTest, values: dict[int, int]) -> Iterator[tuple
 
 
 @RPDO.check("7.5.2.35", "an asynchronous RPDO acts at once")
-def asynchronous(dut: DeviceUnderTest) -> str:
+@every(RPDOS, TYPE)
+def asynchronous(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Send one with a bit of each object changed, read the objects."""
-    with _receiving(dut) as (pdo, before):
-        dut.tell(Frame(pdo.can_id, _changed(dut, pdo, before)))
-        _expect(pdo, _changed(dut, pdo, before), "an RPDO")
-        return f"{pdo.index:04X}h, {pdo.length} bytes"
+    with _receiving(dut, pdo) as before:
+        changed = _changed(dut, pdo, before)
+        dut.tell(Frame(pdo.can_id, changed))
+        _expect(pdo, changed, "an RPDO")
+        return f"{pdo.length} bytes"
 
 
 @RPDO.check("7.5.2.35", "a synchronous RPDO acts with the next SYNC, not before")
-def synchronous(dut: DeviceUnderTest) -> None:
+@every(RPDOS, TYPE)
+def synchronous(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send one, read, send SYNC, read again."""
-    with _receiving(dut, {TYPE: 1}) as (pdo, before):
+    with _receiving(dut, pdo, {TYPE: 1}) as before:
         changed = _changed(dut, pdo, before)
         dut.tell(Frame(pdo.can_id, changed))
         _expect(pdo, before, "an RPDO, before SYNC")
@@ -270,11 +245,11 @@ def synchronous(dut: DeviceUnderTest) -> None:
 
 
 @RPDO.check("7.5.2.7", "an RPDO within the synchronous window acts, one after it may not")
-def synchronous_window(dut: DeviceUnderTest) -> str:
+@every(RPDOS, TYPE)
+def synchronous_window(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Send one 60 ms after SYNC, with a window of 20 ms; then one right after SYNC."""
     dut.writable(_WINDOW)
-    pdo = first_pdo(dut, RPDOS, TYPE)
-    with dut.setting(_WINDOW, 0, 20_000), _receiving(dut, {TYPE: 1}, pdo) as (_, before):
+    with dut.setting(_WINDOW, 0, 20_000), _receiving(dut, pdo, {TYPE: 1}) as before:
         changed = _changed(dut, pdo, before)
         dut.wire.send(SYNC)
         dut.wire.wait(0.06)
@@ -292,9 +267,9 @@ def synchronous_window(dut: DeviceUnderTest) -> str:
 
 
 @RPDO.check("7.3.2.3", "an RPDO in PRE-OPERATIONAL or STOPPED does nothing")
-def rpdo_operational_only(dut: DeviceUnderTest) -> None:
+@every(RPDOS, TYPE)
+def rpdo_operational_only(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send one in each state; read the objects in PRE-OPERATIONAL, for STOPPED has no SDO."""
-    pdo = first_pdo(dut, RPDOS, TYPE)
     with pdo.configured(_AT_ONCE):
         before = pdo.values()
         changed = Frame(pdo.can_id, _changed(dut, pdo, before))
@@ -308,21 +283,27 @@ def rpdo_operational_only(dut: DeviceUnderTest) -> None:
 
 
 @RPDO.check("7.2.7.1", "an RPDO that is too short is not processed: EMCY 8210h")
-def too_short(dut: DeviceUnderTest) -> None:
+def too_short(dut: DeviceUnderTest) -> str:
     """Send one byte less than the mapping has."""
-    with _receiving(dut) as (pdo, before):
-        dut.wire.send(Frame(pdo.can_id, _changed(dut, pdo, before)[:-1]))
-        dut.emergency(_NOT_PROCESSED, "a short RPDO")
-        _expect(pdo, before, "a short RPDO")
+    codes: list[int] = []
+
+    def judge(pdo: Pdo) -> str:
+        with _receiving(dut, pdo) as before:
+            dut.wire.send(Frame(pdo.can_id, _changed(dut, pdo, before)[:-1]))
+            found = _reported(dut, _NOT_PROCESSED, "a short RPDO", codes)
+            _expect(pdo, before, "a short RPDO")
+        return found
+
+    return judge_each(judge, sound_pdos(dut, RPDOS, TYPE))
 
 
 @RPDO.check("7.2.7.1", "an RPDO that is too long is processed; EMCY 8220h may report it")
-def too_long(dut: DeviceUnderTest) -> str:
+@every(RPDOS, TYPE)
+def too_long(dut: DeviceUnderTest, pdo: Pdo) -> str:
     """Send one byte more than the mapping has."""
-    pdo = first_pdo(dut, RPDOS, TYPE)
     if pdo.length > 7:
         raise NotApplicable("the mapping fills all 8 bytes")
-    with _receiving(dut, pdo=pdo) as (_, before):
+    with _receiving(dut, pdo) as before:
         changed = _changed(dut, pdo, before)
         dut.tell(Frame(pdo.can_id, changed + b"\0"))
         _expect(pdo, changed, "a long RPDO")
@@ -331,9 +312,10 @@ def too_long(dut: DeviceUnderTest) -> str:
 
 
 @RPDO.check("7.5.2.35", "within the event timer of an RPDO there is no EMCY")
-def in_time(dut: DeviceUnderTest) -> None:
+@every(RPDOS, TYPE, EVENT_TIMER)
+def in_time(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send one, and listen for 200 ms; the timer is 500 ms."""
-    with _receiving(dut, {**_AT_ONCE, EVENT_TIMER: 500}) as (pdo, before):
+    with _receiving(dut, pdo, {**_AT_ONCE, EVENT_TIMER: 500}) as before:
         dut.wire.send(Frame(pdo.can_id, before))
         if dut.wire.take(dut.is_error, 0.2) is not None:
             raise Deviation("EMCY within the time")
@@ -344,18 +326,24 @@ def in_time(dut: DeviceUnderTest) -> None:
     "an RPDO that stays out beyond its event timer: EMCY 8250h",
     degree=Degree.RECOMMENDED,
 )
-def deadline(dut: DeviceUnderTest) -> None:
+def deadline(dut: DeviceUnderTest) -> str:
     """Send one, then no more; the timer is 500 ms."""
-    with _receiving(dut, {**_AT_ONCE, EVENT_TIMER: 500}) as (pdo, before):
-        dut.wire.send(Frame(pdo.can_id, before))
-        dut.wire.wait(0.5)
-        dut.emergency(_TIMED_OUT, "500 ms without an RPDO")
+    codes: list[int] = []
+
+    def judge(pdo: Pdo) -> str:
+        with _receiving(dut, pdo, {**_AT_ONCE, EVENT_TIMER: 500}) as before:
+            dut.wire.send(Frame(pdo.can_id, before))
+            dut.wire.wait(0.5)
+            return _reported(dut, _TIMED_OUT, "500 ms without an RPDO", codes)
+
+    return judge_each(judge, sound_pdos(dut, RPDOS, TYPE, EVENT_TIMER))
 
 
 @RPDO.check("7.2.2.5", "remote and 29-bit frames with its identifier are no RPDO")
-def strange_frames(dut: DeviceUnderTest) -> None:
+@every(RPDOS, TYPE)
+def strange_frames(dut: DeviceUnderTest, pdo: Pdo) -> None:
     """Send both, read the objects."""
-    with _receiving(dut) as (pdo, before):
+    with _receiving(dut, pdo) as before:
         dut.wire.send(
             Frame(pdo.can_id, is_remote=True),
             Frame(pdo.can_id, _changed(dut, pdo, before), is_extended=True),
@@ -366,21 +354,33 @@ def strange_frames(dut: DeviceUnderTest) -> None:
 
 @contextlib.contextmanager
 def _receiving(
-    dut: DeviceUnderTest, values: Mapping[int, int] = _AT_ONCE, pdo: Pdo | None = None
-) -> Iterator[tuple[Pdo, bytes]]:
+    dut: DeviceUnderTest, pdo: Pdo, values: Mapping[int, int] = _AT_ONCE
+) -> Iterator[bytes]:
     """Have the device receive a PDO with these parameters, and restore its objects.
 
     Yields:
-        The PDO, and what its objects held.
+        What its objects held.
     """
-    pdo = pdo or first_pdo(dut, RPDOS, *values)
     with pdo.configured(values, clear=INVALID), dut.operational():
         before = pdo.values()
         try:
-            yield pdo, before
+            yield before
         finally:
             dut.tell(Frame(pdo.can_id, before))
             dut.tell(SYNC)
+
+
+def _reported(dut: DeviceUnderTest, code: int, cause: str, codes: list[int]) -> str:
+    """Return the EMCY that reports an error, in words, and add its code to those that came.
+
+    One that came already need not come again: a device may keep the error until a reset (7.2.7.1).
+    """
+    if not codes:
+        dut.emergency(code, cause)
+        codes.append(code)
+    elif dut.wire.take(lambda frame: dut.reports(frame, code), dut.patience) is None:
+        return f"no further EMCY {code:04X}h"
+    return f"EMCY {code:04X}h"
 
 
 def _changed(dut: DeviceUnderTest, pdo: Pdo, before: bytes) -> bytes:

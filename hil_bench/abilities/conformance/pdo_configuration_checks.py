@@ -1,7 +1,7 @@
 """PDO parameters, the mapping procedure and what may be mapped (CiA 301, 7.5.2.35 to 7.5.2.38)."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from hil_bench.abilities.conformance.check import Chapter
 from hil_bench.abilities.conformance.device import DeviceUnderTest
@@ -41,23 +41,23 @@ _LONGEST = 64
 def identifier_of_valid(dut: DeviceUnderTest) -> str:
     """Write another identifier while the PDO exists: any abort is right."""
     codes: set[int] = set()
-    for pdo in _each_kind(dut):
+    for pdo in (pdos := _each_kind(dut)):
         with pdo.configured({}):
             other = pdo.cob_id & ~INVALID ^ 0x400
             codes |= dut.expect_kept(pdo.index, COB_ID, [other])
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @PARAMETERS.check("7.3.5", "restricted identifiers abort")
 def restricted(dut: DeviceUnderTest) -> str:
     """Give a PDO the identifiers of NMT, SDO, error control and so on."""
     codes: set[int] = set()
-    for pdo in _each_kind(dut):
+    for pdo in (pdos := _each_kind(dut)):
         with pdo.disabled():
             for can_id in _RESTRICTED:
                 cob_id = pdo.cob_id & ~INVALID & ~0x7FF | can_id
                 codes |= dut.expect_kept(pdo.index, COB_ID, [cob_id])
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @PARAMETERS.check("7.5.2.37", "the inhibit time of a valid TPDO cannot be changed")
@@ -66,7 +66,7 @@ def inhibit_time_of_valid(dut: DeviceUnderTest) -> str:
     pdo = first_pdo(dut, TPDOS, INHIBIT_TIME)
     with pdo.configured({}):
         before = dut.number(pdo.index, INHIBIT_TIME)
-        return _codes_text(dut.expect_kept(pdo.index, INHIBIT_TIME, [before + 1]))
+        return _codes_text(dut.expect_kept(pdo.index, INHIBIT_TIME, [before + 1]), [pdo])
 
 
 def _each_kind(dut: DeviceUnderTest) -> list[Pdo]:
@@ -86,8 +86,12 @@ def _each_kind(dut: DeviceUnderTest) -> list[Pdo]:
     return pdos
 
 
-def _codes_text(codes: set[int]) -> str:
-    return ", ".join(map(code_text, sorted(codes)))
+def _codes_text(codes: set[int], pdos: Iterable[Pdo]) -> str:
+    return f"{', '.join(map(code_text, sorted(codes)))} ({_names(pdos)})"
+
+
+def _names(pdos: Iterable[Pdo]) -> str:
+    return ", ".join(f"{pdo.index:04X}h" for pdo in pdos)
 
 
 # The mapping procedure, and what may be mapped.
@@ -110,35 +114,36 @@ def procedure(dut: DeviceUnderTest) -> str:
 def entry_of_complete(dut: DeviceUnderTest) -> str:
     """Write the first entry of a complete mapping: any abort is right."""
     codes: set[int] = set()
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with pdo.disabled():
             codes |= dut.expect_kept(pdo.mapping, 1, [pdo.entries[0].raw ^ 0x100])
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @MAPPING.check("7.5.2.36", "the mapping of a valid PDO cannot be changed")
 def mapping_of_valid(dut: DeviceUnderTest) -> str:
     """Write 0 to sub-index 0 while the PDO exists: any abort is right."""
     codes: set[int] = set()
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with pdo.configured({}):
             codes |= dut.expect_kept(pdo.mapping, 0, [0])
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @MAPPING.check(
     "7.5.2.36", "mapping an object that is not there aborts with 0602 0000h or 0604 0041h"
 )
-def no_object(dut: DeviceUnderTest) -> None:
+def no_object(dut: DeviceUnderTest) -> str:
     """Map C0DEh, and a sub-index that is not there."""
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with _opened(dut, pdo) as mapping:
             mapping.expect_abort(0xC0DE0008, _NO_OBJECT, _NOT_MAPPABLE)
             mapping.expect_abort(0x1018FE20, _NO_OBJECT, _NO_SUBINDEX, _NOT_MAPPABLE)
+    return _names(pdos)
 
 
 @MAPPING.check("7.2.4.3.17", "mapping what cannot be mapped aborts with 0604 0041h")
-def not_mappable(dut: DeviceUnderTest) -> None:
+def not_mappable(dut: DeviceUnderTest) -> str:
     """Map an object that the EDS excludes."""
     variable = next(
         (
@@ -150,19 +155,20 @@ def not_mappable(dut: DeviceUnderTest) -> None:
     )
     if variable is None:
         raise NotApplicable("every object can be mapped")
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with _opened(dut, pdo) as mapping:
             mapping.expect_abort(_entry(variable), _NOT_MAPPABLE)
+    return _names(pdos)
 
 
 @MAPPING.check("7.2.4.3.17", "mapping with a wrong length aborts")
 def wrong_length(dut: DeviceUnderTest) -> str:
     """Map the first object with eight bits more than it has: any abort is right."""
     codes: set[int] = set()
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with _opened(dut, pdo) as mapping:
             codes.add(mapping.expect_abort(pdo.entries[0].raw + 8))
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @MAPPING.check("7.2.4.3.17", "more than 64 bits abort with 0604 0042h")
@@ -186,10 +192,10 @@ def too_many_bits(dut: DeviceUnderTest) -> str:
 def count_beyond(dut: DeviceUnderTest) -> str:
     """Write 65: any abort is right."""
     codes: set[int] = set()
-    for pdo in _each_mappable(dut):
+    for pdo in (pdos := _each_mappable(dut)):
         with _opened(dut, pdo) as mapping:
             codes.add(mapping.expect_count_abort(65))
-    return _codes_text(codes)
+    return _codes_text(codes, pdos)
 
 
 @MAPPING.check("7.5.2.36", "a dummy entry takes bits of an RPDO and nothing else")

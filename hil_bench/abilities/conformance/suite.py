@@ -103,7 +103,7 @@ def run_suite(
 
 
 def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -> Result:
-    dut.was_started = False
+    dut.was_started, dut.sdo.delay = False, 0.0
     if dut.absence and not is_there(dut, dut.settling):
         return Result(chapter, check, Outcome.NOT_RUN, dut.absence)
     try:
@@ -117,7 +117,9 @@ def _result(dut: DeviceUnderTest, chapter: str, check: Check, allowed: Impact) -
         fall = absence_after(dut, check.text)
         if dut.was_started and not fall:
             fall = fall_after(dut)
-        detail = f"{fall}; {deviation}" if fall else str(deviation)
+        delay = dut.sdo.delay
+        late = f"an answer came {delay:.2f} s after its request: see --patience" if delay else ""
+        detail = "; ".join(filter(None, (fall, str(deviation), late)))
         is_advice = check.degree is Degree.RECOMMENDED and not fall
         outcome = Outcome.NOT_FOLLOWED if is_advice else Outcome.FAILED
         result = Result(chapter, check, outcome, detail)

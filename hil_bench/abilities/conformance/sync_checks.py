@@ -32,7 +32,7 @@ def identifier(dut: DeviceUnderTest) -> None:
 
 
 @SYNC.check("7.5.2.5", "the device follows the identifier of 1005h")
-def other_identifier(dut: DeviceUnderTest) -> None:
+def other_identifier(dut: DeviceUnderTest) -> str:
     """Give SYNC another identifier: it counts, and the old one does not."""
     dut.writable(_COB_ID_SYNC)
     pdo = first_pdo(dut, TPDOS, TYPE)
@@ -40,6 +40,7 @@ def other_identifier(dut: DeviceUnderTest) -> None:
         counts = sync_counts(dut, pdo, 3, Frame(_OTHER)), sync_counts(dut, pdo, 3)
     if counts != ([1] * 3, [0] * 3):
         raise Deviation(f"PDOs after SYNC by the new and the old identifier: {counts}")
+    return f"by {pdo.index:04X}h"
 
 
 @SYNC.check("7.5.2.22", "1019h takes 0 and 2 to 240 only")

@@ -16,7 +16,7 @@ from hil_bench.abilities.conformance.device import DeviceUnderTest
 from hil_bench.abilities.conformance.eds_check import check_eds
 from hil_bench.abilities.conformance.suite import Outcome, Result, planned, run_suite
 from hil_bench.abilities.conformance.verdicts import Deviation, Silence
-from hil_bench.abilities.conformance.wire import Wire
+from hil_bench.abilities.conformance.wire import LATEST, Wire
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.nodes_section import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
@@ -204,12 +204,17 @@ def _hear(dut: DeviceUnderTest, opened: OpenNetwork) -> ExitCode:
     try:
         dut.sdo.upload(0x1000)
     except Deviation as deviation:
+        is_silent = isinstance(deviation, Silence)
+        advice = (
+            "is it powered, not STOPPED, and the bit rate right? hil-bench scan shows who is there"
+        )
+        if is_silent and dut.sdo.catches_up(LATEST):
+            advice = f"one came after {dut.sdo.delay:.2f} s: give a longer --patience"
         print(
             f"node {dut.node_id} on {opened.description}: 0x1000.00 cannot be read: {deviation}; "
-            "is it powered, not STOPPED, and the bit rate right? hil-bench scan shows who is there",
+            f"{advice}",
             file=sys.stderr,
         )
-        is_silent = isinstance(deviation, Silence)
         return ExitCode.INCONCLUSIVE if is_silent else ExitCode.CHECK_FAILED
     if dut.sdo.answers_twice():
         print(

@@ -176,6 +176,10 @@ class Bounds:
             raise Deviation(f"no last segment within {LONGEST_TRANSFER:g} s")
 
 
+LATEST = 2.0
+"""Time that an answer may be late, after which it is not waited for any more [s]."""
+
+
 class SdoClient:
     """The client side of one channel.
 
@@ -184,6 +188,9 @@ class SdoClient:
         request_id: identifier from client to server.
         answer_id: identifier from server to client.
         patience: longest wait for an answer, and how long silence is waited for [s].
+
+    Attributes:
+        delay: time from a request to its answer that came too late [s]; 0 while none did.
     """
 
     def __init__(self, wire: Wire, request_id: int, answer_id: int, patience: float) -> None:
@@ -192,6 +199,8 @@ class SdoClient:
         self._wire = wire
         self._patience = patience
         self._object = bytes(3)
+        self._unanswered: float | None = None
+        self.delay = 0.0
 
     def send(self, request: bytes) -> None:
         """Send a frame."""
@@ -223,17 +232,41 @@ class SdoClient:
                 return True
         return False
 
-    def exchange(self, request: bytes) -> bytes:
+    def catches_up(self, timeout: float) -> bool:
+        """Return True if the device answers a read within a time [s], with whatever.
+
+        The read names another object than the last request, and answers keep the order of their
+        requests: those that came too late are no longer taken for answers to what comes next.
+        """
+        request = upload_request(0x1001 if self._object[:2] == b"\x00\x10" else 0x1000)
+        self.send(request)
+        deadline = self._wire.now() + timeout
+        while (answer := self.answer(timeout=deadline - self._wire.now())) is not None:
+            if answer[:1] and answer[0] >> 5 in {2, 4} and answer[1:4] == request[1:4]:
+                self._unanswered = None
+                return True
+            if self._unanswered is not None:
+                self.delay = self._wire.now() - self._unanswered
+            if self._wire.now() > deadline:
+                break
+        return False
+
+    def exchange(self, request: bytes, *, timeout: float | None = None) -> bytes:
         """Send a request and return its answer.
 
         Raises:
             Silence: none came.
             Deviation: it has not 8 bytes.
         """
+        if self._unanswered is not None:
+            self.catches_up(LATEST)
+        timeout = self._patience if timeout is None else timeout
+        begin = self._wire.now()
         self.send(request)
-        answer = self.answer()
+        answer = self.answer(timeout=timeout)
         if answer is None:
-            raise Silence(f"{shown(request)}: no answer within {self._patience:g} s")
+            self._unanswered = begin
+            raise Silence(f"{shown(request)}: no answer within {timeout:g} s")
         if len(answer) != 8:
             raise Deviation(wrong(request, answer, "8 bytes are right"))
         return answer

@@ -126,7 +126,7 @@ def test_a_fall_within_a_check_is_named_by_it_and_ends_with_a_reset(laboratory):
     (failed,) = those(results, Outcome.FAILED)
     assert failed.check.text.startswith("type 1 is sent with every SYNC")
     assert failed.detail.startswith(
-        "the device does not become OPERATIONAL: it reports no error, until its reset; PDOs after"
+        "the device does not become OPERATIONAL: it reports no error, until its reset; 1800h: PDOs "
     )
     assert those(results, Outcome.NOT_RUN) == []
 

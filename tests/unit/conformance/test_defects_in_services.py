@@ -214,3 +214,73 @@ def test_what_a_reset_of_communication_does_not_restore(laboratory, key):
     assert failed.check.clause == "7.3.2.2.1"
     assert failed.detail.startswith(f"0x{key[0]:04X}.{key[1]:02X} is ")
     assert variable.value == variable.default
+
+
+@pytest.fixture
+def two_rpdos(make_laboratory, eds_path, tmp_path):
+    """A device whose RPDOs 0x205 and 0x305 both carry 0x2000 and 0x2001."""
+    text = eds_path.read_text(encoding="utf-8")
+    for own, of_the_first in (("0x20020018", "0x20000010"), ("0x20030001", "0x20010010")):
+        text = text.replace(f"DefaultValue={own}", f"DefaultValue={of_the_first}")
+    path = tmp_path / "two.eds"
+    path.write_text(text, encoding="utf-8")
+    return make_laboratory(path)
+
+
+def test_each_rpdo_is_judged(two_rpdos):
+    """The device does not hear the second."""
+    laboratory = two_rpdos
+    assert laboratory.result("RPDO", "an asynchronous RPDO acts at once") == (
+        Outcome.PASSED,
+        "1400h 4 bytes; 1401h 4 bytes",
+    )
+    _, short = laboratory.result("RPDO", "an RPDO that is too short")
+    assert short == "1400h EMCY 8210h; 1401h EMCY 8210h"
+    laboratory.hears = lost(0x305)
+    outcome, detail = laboratory.result("RPDO", "an asynchronous RPDO acts at once")
+    assert outcome is Outcome.FAILED
+    assert detail.startswith("1401h: after an RPDO its objects hold 00 00 00 00")
+
+
+def test_an_emcy_that_came_need_not_come_again(two_rpdos):
+    """A device may keep a communication error until a reset (7.2.7.1)."""
+    laboratory, seen = two_rpdos, []
+
+    def says(frame):
+        if frame.can_id != 0x085 or frame.data[:2] != b"\x10\x82":
+            return [frame]
+        seen.append(frame)
+        return [frame] if len(seen) == 1 else []
+
+    laboratory.says = says
+    assert laboratory.result("RPDO", "an RPDO that is too short") == (
+        Outcome.PASSED,
+        "1400h EMCY 8210h; 1401h no further EMCY 8210h",
+    )
+
+
+def test_a_heartbeat_time_of_which_one_byte_counts(laboratory):
+    """300 ms is 012Ch, of which 2Ch are 44 ms."""
+    laboratory.hears = begun_otherwise(REQUEST, "2b171000 2c01", "2b171000 2c00")
+    outcome, detail = laboratory.result("Error control", "the heartbeat has the period of 1017h")
+    assert (outcome, detail) == (Outcome.FAILED, "period 44.0 ms; 300 ms is right")
+
+
+def test_answers_that_come_late_are_no_answers_to_later_requests(laboratory):
+    """Each comes 0.7 s after its request; 0.5 s is the patience."""
+    waiting = []
+
+    def beside(frames):
+        now = laboratory.bus.now()
+        waiting.extend((now + 0.7, frame) for frame in frames if frame.can_id == 0x585)
+        due = [frame for time, frame in waiting if time <= now]
+        del waiting[: len(due)]
+        return [*(frame for frame in frames if frame.can_id != 0x585), *due]
+
+    laboratory.beside = beside
+    results = laboratory.run("Object dictionary", "Error control")
+    failed = [result.detail for result in results if result.outcome is Outcome.FAILED]
+    assert len(failed) > 5
+    for detail in failed:
+        assert ": no answer within 0.5 s; an answer came 0.7" in detail
+        assert detail.endswith(" s after its request: see --patience")

@@ -46,6 +46,14 @@ def asked(laboratory, title):
     return lists
 
 
+def of_the_first(frames):
+    """The frames of a check until it begins anew with the second PDO, 0x1401 or 0x1801."""
+    ends = [place for place, each in enumerate(frames) if each[:7] in {"1401.01", "1801.01"}]
+    if not ends:
+        return frames
+    return frames[: ends[0] - (frames[ends[0] - 1] == frames[0])]
+
+
 def rpdo(kind, *frames, timer=""):
     """A check of an RPDO: it is configured while it is not valid, and restored likewise."""
     configured = ["1400.01=80000205", f"1400.02={kind}"]
@@ -57,13 +65,16 @@ def rpdo(kind, *frames, timer=""):
     return [*configured, "1400.01=00000205", *frames, *restored]
 
 
+UNREAD = "1401h: what it carries cannot all be read"
+"""Its RPDO 0x1401 carries 24 bits and one bit."""
+
 CHANGED, BEFORE = "205 01000100", "205 00000000"
 
 
 def test_rpdos_are_sent_as_their_clauses_say(laboratory):
     end = [BEFORE, "SYNC", PREPARE]
     window = ["SYNC", CHANGED, "SYNC", BEFORE, "SYNC", CHANGED, "SYNC"]
-    found = asked(laboratory, "RPDO")
+    found = [of_the_first(check) for check in asked(laboratory, "RPDO")]
     assert found[:3] == [
         rpdo("ff", START, CHANGED, *end),
         rpdo("01", START, CHANGED, "SYNC", *end),
@@ -93,16 +104,16 @@ def tpdo(kind, *frames, cob_id="40000185", more=(), undo=()):
 
 
 def test_tpdos_are_asked_for_as_their_clauses_say(laboratory):
-    found = asked(laboratory, "TPDO")
+    checks = asked(laboratory, "TPDO")
+    found = [of_the_first(check) for check in checks]
     syncs = ["SYNC"] * 9
     counted = [f"SYNC {number:02x}" for number in range(1, 6)]
     remote = {"cob_id": "00000185"}
     timer, off = "1800.05=0032", "1800.05=0000"
     inhibit = {"more": ("1800.05=000a", "1800.03=01f4"), "undo": (off, "1800.03=0000")}
-    for place, more in ((0, 10), (3, 1)):  # two more TPDOs, of which one can all be read
-        end = found[place].index("1801.01=c0000285")
-        assert found[place][end:].count("SYNC") == more
-        del found[place][end:]
+    others = [check[len(first) :] for check, first in zip(checks, found, strict=True)]
+    # There are two more TPDOs; the values of one of them cannot all be read.
+    assert [other.count("SYNC") for other in others[:4]] == [10, 18, 8, 1]
     assert found[:8] == [
         tpdo("01", START, *syncs[:5], PREPARE),
         tpdo("03", START, *syncs, PREPARE),
@@ -438,7 +449,7 @@ def test_error_control_is_asked_as_its_clauses_say(laboratory):
     found = [[each for each, _ in groupby(e)] for e in asked(laboratory, "Error control")]
     none, reset, missed = "1017.00=0000", ["NMT 8205", PREPARE], "1016.01=007f01f4"
     assert found[1:6] == [
-        ["1017.00=0064", none],
+        ["1017.00=0064", none, "1017.00=012c", none],
         ["1017.00=0064", none],
         [*reset, "705 remote"],
         ["1017.00=2710", "705 remote", none],
@@ -469,20 +480,40 @@ def test_error_control_is_asked_as_its_clauses_say(laboratory):
         (
             "TPDO",
             {
-                0: "1800h, 4 bytes; 1801h, 4 bytes; 1802h, 4 bytes",
+                0: "1800h 4 bytes; 1801h 4 bytes; 1802h 4 bytes",
+                1: "1800h; 1801h; 1802h",
                 3: "1800h 00 00 00 00; 1801h 00 00 00 00; "
-                "what PDO 1802h carries cannot all be read",
-                4: "type 254 50.0 ms, type 255 50.0 ms",
-                6: "type 252, type 253",
+                "1802h: what it carries cannot all be read",
+                4: "; ".join(
+                    f"{pdo}h type 254 50.0 ms, type 255 50.0 ms" for pdo in (1800, 1801, 1802)
+                ),
+                6: "; ".join(f"{pdo}h type 252, type 253" for pdo in (1800, 1801, 1802)),
                 9: "4 TPDOs",
             },
         ),
-        ("RPDO", {0: "1400h, 4 bytes", 2: "discarded after the window", 5: "EMCY 8220h"}),
-        ("PDO mapping", {0: "1600h, 1A00h", 1: "0601 0000h", 5: "0604 0041h", 8: "1600h"}),
-        ("SYNC and TIME", {4: "20.0 ms", 6: "0609 0030h"}),
+        (
+            "RPDO",
+            {
+                0: f"1400h 4 bytes; {UNREAD}",
+                2: f"1400h discarded after the window; {UNREAD}",
+                5: f"1400h EMCY 8220h; {UNREAD}",
+            },
+        ),
+        ("PDO parameters", {0: "0609 0030h (1400h, 1800h)", 2: "0609 0030h (1800h)"}),
+        (
+            "PDO mapping",
+            {
+                0: "1600h, 1A00h",
+                1: "0601 0000h (1400h, 1800h)",
+                3: "1400h, 1800h",
+                5: "0604 0041h (1400h, 1800h)",
+                8: "1600h",
+            },
+        ),
+        ("SYNC and TIME", {1: "by 1800h", 4: "20.0 ms", 6: "0609 0030h"}),
         ("EMCY", {2: "30 81 11 7F 00 00 00 00", 7: "200 ms"}),
         ("Store and restore", {0: "1h", 1: "1h"}),
-        ("Error control", {1: "100.0 ms", 9: "3 choices"}),
+        ("Error control", {1: "100.0 ms, 300.0 ms", 9: "3 choices"}),
     ],
 )
 def test_a_check_says_what_it_has_seen(laboratory, title, details):

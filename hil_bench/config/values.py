@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from hil_bench.errors import ConfigError
-from hil_bench.units import ONE, Unit
+from hil_bench.units import ONE, UNIT_OF, Unit
 
 Value = Any  # of a type that its reader has checked
 Reader = Callable[[object], Value]
@@ -43,9 +43,21 @@ def describe(value: object) -> str:
 
 
 def find_nearest(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is most like `name`, whatever its case."""
+    """Return the known name that is most like `name`, whatever its case.
+
+    One that differs in its unit alone is the nearest: `offset_bar` for `offset_psi`.
+    """
     names = {known_name.lower(): known_name for known_name in known}
+    if (wanted := _without_unit(name.lower()))[1]:
+        names = {each: names[each] for each in names if _without_unit(each) == wanted} or names
     return names[close_names(name.lower(), sorted(names), cutoff=0.0)[0]]
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """Return a name without the unit at its end, and the SI unit of that; both may be empty."""
+    units = [each for each in UNIT_OF.values() if each.suffix and name.endswith(each.suffix)]
+    unit = max(units, key=lambda each: len(each.suffix), default=ONE)
+    return name.removesuffix(unit.suffix), unit.si
 
 
 def close_names(

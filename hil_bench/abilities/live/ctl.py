@@ -172,7 +172,12 @@ def get_values(client: FeedClient, args: argparse.Namespace) -> None:
     for word in args.objects:
         node, _, name = word.partition(".")
         values[word] = client.request("get_object", node=node, name=name)
-    lines = [printable(f"{word} = {_object_text(value)}") for word, value in values.items()]
+    lines = [
+        printable(
+            f"{word} = {_object_text(value)} {_unit_text(word, value, client.hello)}".rstrip()
+        )
+        for word, value in values.items()
+    ]
     print_results(args, lines, {"values": values})
 
 
@@ -196,8 +201,9 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         yield f"value  {name:{width}}  {shown.text(values.get(name)):>10} {shown.symbol}"
     if work := state.get("work"):
         yield from map(printable, _work_lines(work))
+    is_bench = hello.get("work", {"is_bench": True}).get("is_bench")
     for module in given_to("ctl"):
-        yield from module.state_lines(state) or filter(None, [module.NOTHING])
+        yield from module.state_lines(state) or filter(None, [module.NOTHING] * bool(is_bench))
     if health := health_text(status["health"]):  # work without a bench has no loop
         yield f"loop   {health}"
 
@@ -240,6 +246,15 @@ def _bench_line(bench: Mapping[str, Any]) -> str:
     return printable(f"bench  {bench['name']}  process {bench['pid']}, {bench['bench']}")
 
 
+def _unit_text(word: str, value: object, hello: Mapping[str, Any]) -> str:
+    """Return the unit of a J1939 signal; of an object's number, that it is as the bus has it."""
+    place, _, name = word.partition(".")
+    if place in (ecus := hello.get("ecus", {})):
+        unit = ecus[place]["signals"].get(name, {}).get("unit", "")
+        return "" if unit == "-" else str(unit)
+    return "(raw)" if type(value) in {int, float} else ""
+
+
 def _object_text(value: object) -> str:
     return f"hex:{value['hex']}" if isinstance(value, dict) else str(value)
 
@@ -279,13 +294,16 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
     if not (sign and dot and name):
         raise ConfigError(f"set {word}: {_RIGHT_SET}")
     if place in hello["axes"]:
-        quantity, unit = _influence(place, name, hello["axes"][place])
+        influence, unit = _influence(place, name, hello["axes"][place])
         value = parse_value(text)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             wrong = f"{quote(text)} is not a number" if text else "the value is missing"
             raise ConfigError(f"set {word}: {wrong}; {_RIGHT_SET}")
         _check_finite(word, value)
-        fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
+        low, high = (unit.from_si(influence[end]) for end in ("low", "high"))
+        if not low <= value <= high:
+            raise ConfigError(f"set {word}: give {low:g} to {high:g} {unit.symbol}")
+        fields = {"axis": place, "quantity": influence["name"], "value": unit.to_si(value)}
         return LiveSetting("set_plant", fields)
     if place in {*hello["nodes"], *hello.get("ecus", {})}:
         held = _object_value(text)
@@ -295,11 +313,13 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
     raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
 
 
-def _influence(axis: str, name: str, influences: Sequence[Mapping[str, Any]]) -> tuple[str, Unit]:
+def _influence(
+    axis: str, name: str, influences: Sequence[Mapping[str, Any]]
+) -> tuple[Mapping[str, Any], Unit]:
     known = {}
     for influence in influences:
         for unit in _UNITS.get(influence["unit"], (Unit(influence["unit"], ""),)):
-            known[influence["name"] + unit.suffix] = (influence["name"], unit)
+            known[influence["name"] + unit.suffix] = (influence, unit)
     if name not in known:
         right = f"give {', '.join(known)}" if known else "nothing of its plant can be set"
         raise ConfigError(f"set {axis}.{name}: cannot be set; {right}")

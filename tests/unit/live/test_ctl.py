@@ -133,6 +133,17 @@ def test_objects_are_set_and_read(ask, loop):
     }
 
 
+def test_a_number_that_is_read_has_its_unit_or_is_said_to_be_raw(ask, cli):
+    """An EDS has no units; a signal of a J1939 device has one."""
+    ask("set", "valve.0x1017=500")
+    assert cli("ctl get valve.0x1017").out == "valve.0x1017 = 500 (raw)\n"
+    signals = {"x": {"unit": "%"}, "n": {"unit": "-"}}
+    hello = {"ecus": {"joystick": {"signals": signals}}}
+    texts = [ctl._unit_text(f"joystick.{name}", 5.0, hello) for name in signals]
+    assert texts == ["%", ""]
+    assert ctl._unit_text("valve.0x1008", "name", hello) == ""
+
+
 @from_text("words", "text")
 @pytest.mark.usefixtures("loop")
 def test_a_wrong_word_is_one_line(cli, words, text):

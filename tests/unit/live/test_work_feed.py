@@ -141,11 +141,10 @@ def test_the_status_in_the_shell_has_a_line_for_it(loop):
     with loop.connect() as client:
         hello = {**client.hello, "pid": 1, "bench": "commission plan.toml"}
         lines = [*status_lines(hello, client.request("status"))]
-    assert lines == [  # and none of a loop, which this work has not
+    assert lines == [  # and none of a loop, nor of faults, which this work has not
         "bench  commission  process 1, commission plan.toml, at 0.200 s",
         "value  axis1.position      500.00 mm",
         "work   13.84 of 23.0944 s  ramp\\x1b[2J",
-        "fault  none",
     ]
 
 

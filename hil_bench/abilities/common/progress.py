@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from select import select
 from time import monotonic_ns
 from typing import TypeVar
 
@@ -37,12 +38,14 @@ class Work:
         done: parts that are done; to be counted up by who works.
         stage: the part that is being done, in words; likewise.
         remark: of what was done, such as "2 failed"; likewise.
+        is_waiting: whether somebody is asked, and the terminal is theirs; likewise.
     """
 
     def __init__(self, title: str, total: int | None = None, unit: str = "parts") -> None:
         self.title, self.total, self.unit = title, total, unit
         self.done = 0
         self.stage = self.remark = ""
+        self.is_waiting = False
 
     def begin(self, stage: str) -> None:
         """Name what is done next, and count it when the next one begins."""
@@ -90,7 +93,9 @@ class WorkLines:
     def look(self) -> None:
         """Say how far it is, where it is time; to be called often."""
         present = self._clock()
-        if self._pauses and self._work.done != self._seen:
+        if self._pauses and (
+            self._work.done != self._seen or self._work.is_waiting or not _takes_more()
+        ):
             self._seen, self._due = self._work.done, present + WORK_PERIOD
         if present >= self._due:
             self._due += WORK_PERIOD
@@ -98,6 +103,14 @@ class WorkLines:
 
     def close(self) -> None:
         """End."""
+
+
+def _takes_more() -> bool:
+    """Return False while who reads the results, such as a pager, has all that a pipe holds."""
+    try:
+        return bool(select([], [sys.stdout], [], 0.0)[1])
+    except (OSError, TypeError, ValueError):  # no file, or none that can be asked
+        return True
 
 
 class WorkBar:
@@ -121,21 +134,18 @@ class WorkBar:
 
 
 @contextmanager
-def shown_work(
-    args: argparse.Namespace, work: Work, *, prints: bool = False, pauses: bool = False
-) -> Iterator[Work]:
+def shown_work(args: argparse.Namespace, work: Work, *, pauses: bool = False) -> Iterator[Work]:
     """Show on standard error how far work is, in the block; nothing under --quiet.
 
     Args:
         args: the command line, with `quiet`.
         work: which.
-        prints: whether the verb prints each part when it is done, and needs no more.
-        pauses: whether it prints each part, and one may take long: lines only where it does.
+        pauses: whether the verb prints each part when it is done: lines only where one takes long.
 
     Yields:
         The work, to be counted up.
     """
-    if args.quiet or prints:
+    if args.quiet:
         yield work
         return
     has_bar = not pauses and sys.stderr.isatty() and find_spec("tqdm") is not None

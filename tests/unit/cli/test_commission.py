@@ -11,6 +11,7 @@ from support.tables import from_text
 from hil_bench import load_config, read_frames
 from hil_bench.abilities.commissioning.plan import load_plan
 from hil_bench.abilities.commissioning.verbs import commission
+from hil_bench.abilities.common.progress import Work
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli import main
 
@@ -211,9 +212,16 @@ def test_arguments_that_cannot_be_meant(arguments, message, cli):
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(("said", "moves"), [("yes", 1), (" YES ", 1), ("y", 0), ("", 0)])
 def test_who_is_asked_sees_the_limits_of_each_motion(said, moves, capsys, monkeypatch):
-    monkeypatch.setattr("builtins.input", lambda _text: said)
-    plan = load_plan(Path("plan.toml"))
-    assert commission._confirmed(SimpleNamespace(description="can0"), plan) == moves
+    """Meanwhile no line of progress comes between the question and the answer."""
+    plan, work, waiting = load_plan(Path("plan.toml")), Work("commission"), []
+
+    def answer(_text):
+        waiting.append(work.is_waiting)
+        return said
+
+    monkeypatch.setattr("builtins.input", answer)
+    assert commission._confirmed(SimpleNamespace(description="can0"), plan, work) == moves
+    assert (waiting, work.is_waiting) == ([True], False)
     assert capsys.readouterr().err == (
         "The axis on can0 is going to move:\n"
         "  direction: position -150 to 150 mm, speed to 400 mm/s, pressure -1 to 110 bar, "

@@ -6,11 +6,16 @@ import io
 import logging
 import os
 import threading
+from types import SimpleNamespace
 
 import pytest
 
+from hil_bench import ConfigError
+from hil_bench.abilities.commissioning.verbs import commission
 from hil_bench.abilities.common import progress
 from hil_bench.abilities.common.progress import Work, WorkLines, shown_work
+from hil_bench.abilities.eyes.verbs import decode
+from hil_bench.abilities.scenario.verbs import test
 from hil_bench.cli import main
 from hil_bench.cli.process import PatientHandler
 from hil_bench.cli.status_line import PERIOD, Progress
@@ -62,6 +67,74 @@ def test_work_that_prints_its_parts_has_a_line_where_one_takes_long():
     assert said == ["conformance: 20 of 64 checks, 30 s"]
 
 
+def test_nothing_is_said_while_somebody_is_asked_or_reads(monkeypatch):
+    """A pager that shows a page takes no more; then the pipe is full, and the work stands still."""
+    said, clock = [], [0]
+    work = Work("commission", 5, "steps")
+    lines = WorkLines(work, said.append, lambda: clock[0], pauses=True)
+
+    def look_at(second):
+        clock[0] = second * 1_000_000_000
+        lines.look()
+
+    work.is_waiting = True
+    look_at(30)
+    work.is_waiting = False
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(fileno=lambda: writing))
+    try:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(writing, bytes(1 << 12))
+        look_at(60)
+        assert said == []
+        os.read(reading, 1 << 16)
+        look_at(69)
+        look_at(70)
+    finally:
+        os.close(reading)
+        os.close(writing)
+    assert said == ["commission: 0 of 5 steps, 70 s"]
+
+
+@pytest.mark.parametrize(
+    ("words", "title"),
+    [
+        ("decode b.log", "decode"),
+        ("test s.toml", "test"),
+        ("commission p.toml --virtual", "commission"),
+    ],
+)
+def test_verbs_that_print_their_parts_say_it_where_one_takes_long(
+    words, title, tmp_path, monkeypatch, cli
+):
+    """Each is looked at while it is at work, as late as a line is due."""
+    own, looked, said = WorkLines.look, threading.Event(), []
+
+    def look(lines):
+        lines._say, lines._clock = said.append, lambda: lines._due
+        own(lines)
+        if said:
+            looked.set()
+
+    def wait(*_args, **_options):
+        assert looked.wait(60.0)
+        raise ConfigError("over")
+
+    monkeypatch.setattr(progress, "_LOOK_S", 0.0)
+    monkeypatch.setattr(WorkLines, "look", look)
+    monkeypatch.setattr(decode, "_print", wait)
+    monkeypatch.setattr(test, "_one_by_one", wait)
+    monkeypatch.setattr(commission, "commission", wait)
+    monkeypatch.chdir(tmp_path)
+    files = {"b.log": LOG, "s.toml": SCENARIO, "p.toml": PLAN}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    cli(words, 2)
+    assert said[0].startswith(f"{title}: ")
+
+
 def test_a_stage_counts_when_the_next_one_begins():
     work = Work("evidence", 3)
     assert work.line(0) == "evidence: 0 of 3 parts, 0 s"
@@ -107,6 +180,11 @@ def test_a_log_gets_lines_a_terminal_a_bar_and_quiet_nothing(stream, quiet, said
 LOG = "(0.5) can0 000#0102\n"  # NMT: start node 2
 LOG += "".join(f"({second}.0) can0 182#00004842{second:02X}\n" for second in range(1, 8))  # 50 bar
 TABLE = "time,axis1.P_A\ns,Pa\n0,5e6\n1,5e6\n"
+SCENARIO = (
+    'title = "T"\nduration_s = 0.01\n\n[[expect]]\nid = "p"\nthat = "always axis1.P_A < 60 bar"\n'
+)
+PLAN = "[plan]\n[limits]\nposition_mm = [-1, 1]\nspeed_mm_s = 1\npressure_bar = [0, 1]\n"
+PLAN += "[communication]\n"
 EXPECT = '[[expect]]\nid = "p"\nthat = "always axis1.P_A < 60 bar"\n'
 
 

@@ -235,7 +235,7 @@ def _commission(
             _print_end(result)
 
     console = Console(
-        confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
+        confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan, work),
         begin=begin,
         end=end,
         returned=lambda returned: print_returned(
@@ -247,7 +247,7 @@ def _commission(
             _recording_path(args), opened, _channels(plan, config), f"commissioning by {args.plan}"
         ) as (recording, origin),
         interrupted_once(),
-        shown_work(args, work, prints=not (args.json and (args.virtual or args.yes))),
+        shown_work(args, work, pauses=not (args.json and (args.virtual or args.yes))),
     ):
         found = commission(
             opened.network,
@@ -271,13 +271,17 @@ def _recording_path(args: argparse.Namespace) -> Path:
     return path
 
 
-def _confirmed(opened: OpenNetwork, plan: CommissioningPlan) -> bool:
+def _confirmed(opened: OpenNetwork, plan: CommissioningPlan, work: Work) -> bool:
     """Ask before the first motion."""
+    work.is_waiting = True
     print(f"The axis on {opened.description} is going to move:", file=sys.stderr)
     for step in plan.steps:
         if step.kind.moves:
             print(f"  {step.kind}: {limits_text(step.limits)}", file=sys.stderr)
-    return agrees(CLEARANCE, "yes")
+    try:
+        return agrees(CLEARANCE, "yes")
+    finally:
+        work.is_waiting = False
 
 
 def _print_begin(step: Step) -> None:

@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     buses = len(load_bench_config(args).buses)
     frames = read_frames(args.log, left_out, errors=True, is_one_channel=True, buses=buses)
     frames = from_first(frames, dates_alone=is_writing)
-    with shown_work(args, Work("decode", unit="frames"), prints=not is_writing) as work:
+    with shown_work(args, Work("decode", unit="frames"), pauses=not is_writing) as work:
         frames = counted(work, frames)
         if is_writing:
             work.stage = "read"

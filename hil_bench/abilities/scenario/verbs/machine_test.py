@@ -25,6 +25,7 @@ from hil_bench.abilities.common.arguments import seen_from_bus
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.abilities.common.files import make_directory
 from hil_bench.abilities.common.members import Members, find_members
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.abilities.common.work import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.abilities.recording.options import recording_code, report_lines
@@ -301,8 +302,12 @@ def play_on_machine(
         title, axis = f"{', '.join(map(str, paths))} on {opened.description}", machine.axis.name
         results: list[ScenarioResult] = []
         channels = recorded_channels(axis)
+        stages = (str(each.scenario.path) for each in chosen)
+        work = Work("test", len(chosen), "scenarios")
+        work.stage = next(stages)
         with (
             watched_work(args, "test", title, channels) as view,
+            shown_work(args, work),
             _recorded(args, opened, channels, ending) as (recording, origin),
         ):
             samples = Samples(view, ShownRows(recording, view), origin, ending)
@@ -311,6 +316,7 @@ def play_on_machine(
             show_results(view, results, len(chosen))
             for result in play_all(args, opened, machine, chosen, journal, samples):
                 results.append(result)
+                work.done, work.stage = len(results), next(stages, "")
                 show_results(view, results, len(chosen))
         return results
 

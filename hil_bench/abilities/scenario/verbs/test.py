@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.abilities.common.files import check_place
+from hil_bench.abilities.common.progress import Work, shown_work
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.controllers.kinds import CONTROLLERS
 from hil_bench.abilities.controllers.section import ControllersConfig
@@ -186,8 +187,14 @@ def _test_virtually(
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     results: list[ScenarioResult] = []
     chapters: list[Chapter] = []
-    with interrupted_once(), watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
-        show_results(view, results, len(chosen), str(chosen[0].scenario.path))
+    work = Work("test", len(chosen), "scenarios")
+    work.stage = str(chosen[0].scenario.path)
+    with (
+        interrupted_once(),
+        watched_work(args, "test", ", ".join(map(str, args.paths))) as view,
+        shown_work(args, work, pauses=not args.json),
+    ):
+        show_results(view, results, len(chosen), work.stage)
         is_apart = args.jobs > 1 or any(map(_may_end_its_process, chosen))
         for played in (_side_by_side if is_apart else _one_by_one)(args, chosen):
             for name, level, text in played.messages:
@@ -199,9 +206,10 @@ def _test_virtually(
                 with ending.going_on():
                     print_lines(args, *scenario_report.result_lines([played.result]))
             following = chosen[played.number + 1 :]
-            show_results(
-                view, results, len(chosen), str(following[0].scenario.path) if following else ""
-            )
+            work.done, work.stage = len(results), ""
+            if following:
+                work.stage = str(following[0].scenario.path)
+            show_results(view, results, len(chosen), work.stage)
         show_results(view, results, len(chosen))
     return results, chapters
 

@@ -37,6 +37,7 @@ RAW_UNITS = frozenset((*_SIGNALS, "sequence", "sample", "samples"))
 _ONE_TIME = "write it with a column of time, X_Columns One"
 _RIGOL_CLOCK = ["Start", "Increment"]
 _RIGOL_NUMBERS = "Sequence"
+_NUMBER = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
 _TEKTRONIX = "Record Length"
 _TWINCAT = "SampleTime[ms]"
 
@@ -101,9 +102,9 @@ def read_head(above: Rows, first: Sequence[str]) -> Head:
     ends = [number for number, row in enumerate(above) if row[0] == END_OF_HEAD]
     if ends and above[ends[-1] + 1 :]:
         return _read_labview(above[: ends[-1]], above[ends[-1] + 1])
-    for names, units in pairwise(above):
-        if _without_end(names)[-2:] == _RIGOL_CLOCK and len(_without_end(units)) > 2:
-            return _read_rigol(_without_end(names)[:-2], _without_end(units))
+    for names, units in pairwise(map(_without_end, above)):
+        if names[-2:] == _RIGOL_CLOCK and all(map(_NUMBER.fullmatch, units[-2:])):
+            return _read_rigol(names[:-2], units)
     if {"Name", _TWINCAT} <= {row[0] for row in above}:
         return _read_twincat(above)
     return _read_rows(above, first)

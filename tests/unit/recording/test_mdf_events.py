@@ -1,6 +1,7 @@
 """The faults in an MF4 file: they come back, and a damaged or foreign file costs nothing else."""
 
 import shutil
+import struct
 
 import pytest
 
@@ -33,6 +34,33 @@ def test_a_recording_carries_its_faults(recording):
     assert freeze.end - freeze.begin == pytest.approx(0.05)
     assert wire.end == pytest.approx(0.2)  # it lasts until the recording ends
     assert len(read_recording(recording)) == 200
+
+
+def test_other_tools_find_them_by_the_standard(recording):
+    """ASAM MDF 4.1: blocks of identifier, reserved, length and links, each at a multiple of 8.
+
+    The links of an event are the next, its parent, the begin of its range, name and comment; its
+    third byte is 1 where a range begins, 2 where it ends; 0 is no link.
+    """
+    content = recording.read_bytes()
+    events, address = {}, 64
+    while address < len(content):
+        kind, reserved, length, links = struct.unpack_from("<4sIQQ", content, address)
+        assert (kind[:2], reserved, address % 8) == (b"##", 0, 0)
+        if kind == b"##EV":
+            assert (length, links) == (24 + 5 * 8 + 32, 5)
+            events[address] = struct.unpack_from("<5Q2xB", content, address + 24)
+        address += length + -length % 8
+    assert address == len(content)
+    first, second, third, fourth = events
+    (begun,) = struct.unpack_from("<Q", content, 64 + 24 + 4 * 8)
+    assert begun == first
+    assert [(event[0], *event[1:3], *event[4:]) for event in events.values()] == [
+        (second, 0, 0, 0, 1),
+        (third, 0, first, 0, 2),
+        (fourth, 0, 0, 0, 1),
+        (0, 0, third, 0, 2),
+    ]
 
 
 @pytest.mark.parametrize("words", [[], ["--signals", "axis1.P_*"]])

@@ -218,10 +218,20 @@ def test_stored_parameters_are_not_overwritten(monkeypatch, tmp_path, storage, a
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path):
+def test_a_run_that_differs_is_shown_as_failed(monkeypatch, tmp_path, cli):
     digests = iter("123")
     monkeypatch.setattr(pack, "run_once", lambda _path, _seed: pack.Trace(next(digests), 1, 1))
-    assert main(["-q", "evidence", str(tmp_path / "pack"), "--seconds", "0"]) == 1
+    folder = str(tmp_path / "pack")
+    cli(["-q", "evidence", folder, "--seconds", "0"], 1)
+    whole = f"{folder}: every file is as the manifest has it\n"
+    assert cli(["evidence", "--verify", folder]).out == whole
+
+
+def test_without_jinja2_it_is_one_line(monkeypatch, tmp_path, cli):
+    monkeypatch.setattr("hil_bench.abilities.evidence.verbs.find_spec", lambda _name: None)
+    said = cli(["evidence", str(tmp_path / "pack")], 2).err
+    assert said == "hil-bench: error: evidence needs Jinja2: pip install 'hil-bench[report]'\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.usefixtures("quick")

@@ -6,10 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.evidence.pack import MANIFEST, check_folder, verify_pack, write_pack
+import hil_bench
+from hil_bench.abilities.evidence.content import summarise
+from hil_bench.abilities.evidence.pack import (
+    MANIFEST,
+    check_folder,
+    examine_software,
+    verify_pack,
+    write_pack,
+)
 from hil_bench.errors import ConfigError
 
 FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}
+DIGEST = (
+    "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"  # printf '{}' | sha256sum
+)
 
 
 @pytest.fixture
@@ -22,10 +33,7 @@ def test_a_pack_as_it_was_written_is_whole(pack, tmp_path):
     assert verify_pack(pack) == []
     assert [path.name for path in tmp_path.iterdir()] == ["pack"]  # nothing beside it
     files = json.loads((pack / MANIFEST).read_text())["files"]
-    # printf '{}' | sha256sum
-    assert files["evidence.json"] == (
-        "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
-    )
+    assert files["evidence.json"] == DIGEST
 
 
 def test_each_file_that_was_touched_is_named(pack):
@@ -144,3 +152,57 @@ def test_a_disk_that_fails_leaves_nothing(tmp_path, monkeypatch, call):
     with pytest.raises(ConfigError, match="No space left"):
         write_pack(tmp_path / "pack", FILES)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_code_of_a_pack_is_its_files_with_their_names_and_without_caches(tmp_path, monkeypatch):
+    config = hil_bench.load_config()
+    monkeypatch.setattr(hil_bench, "__file__", str(tmp_path / "__init__.py"))
+    for name, content in (("b/keys.tsv", b"{}"), ("a.py", b"{}"), ("b/__pycache__/c.pyc", b"")):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    lines = f"a.py\n{DIGEST}\nb/keys.tsv\n{DIGEST}\n"
+    code = examine_software(config)["code"]
+    assert code["hil_bench"] == hashlib.sha256(lines.encode()).hexdigest()
+
+
+CHECKS = [{"verdict": "passed"}, {"verdict": "failed"}, {"verdict": "passed"}]
+DEVICES = [
+    {"verdict": "passed", "counts": {"passed": 3, "failed": 0, "not applicable": 0, "skipped": 0}},
+    {"verdict": "failed", "counts": {"passed": 1, "failed": 2, "not exercised": 1}},
+]
+FOUND = [{"outcome": "passed"}, {"outcome": "inconclusive"}]
+
+
+@pytest.mark.parametrize(
+    ("plant", "devices", "digests", "traced", "lines"),
+    [
+        (
+            CHECKS,
+            DEVICES,
+            ["0123456789abcdef", "f", "0123456789abcdef"],
+            {"verdict": "inconclusive", "files": ["r"], "requirements": FOUND},
+            [
+                ("failed", "2 passed, 1 failed of 3 checks"),
+                ("failed", "2 devices: 4 passed, 2 failed, 0 not applicable, 1 not exercised"),
+                ("failed", "3 runs, 2 digests"),
+                ("inconclusive", "1 passed, 1 inconclusive of 2 requirements"),
+            ],
+        ),
+        (
+            CHECKS[:1],
+            DEVICES[:1],
+            ["0123456789abcdef", "0123456789abcdef"],
+            {"verdict": "not exercised", "files": ["r"], "requirements": []},
+            [
+                ("passed", "1 passed of 1 checks"),
+                ("passed", "1 device: 3 passed, 0 failed, 0 not applicable"),
+                ("passed", "2 runs, one digest, 0123456789ab"),
+                ("not exercised", "no requirement in the results"),
+            ],
+        ),
+    ],
+)
+def test_the_summary_counts_what_each_section_found(plant, devices, digests, traced, lines):
+    runs = {"verdict": lines[2][0], "runs": [{"digest": digest} for digest in digests]}
+    pack = {"plant": plant, "conformance": devices, "determinism": runs, "traceability": traced}
+    assert [(line["verdict"], line["text"]) for line in summarise(pack)] == lines

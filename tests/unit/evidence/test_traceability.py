@@ -130,11 +130,13 @@ ENTITIES = '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><testsuites>&b;
         "[]",
         "3",
         '{"a": 1}',
+        '{"a": {}}',
         '{"a": {"findings": 1, "problem": "", "requirement_ids": []}}',
         '{"a": {"findings": [1], "problem": "", "requirement_ids": []}}',
         "[" * 100_000,
         "<html/>",
         "<testsuites>",
+        '<?xml version="1.0" encoding="klingon"?><testsuites/>',
         ENTITIES,
     ],
 )
@@ -165,3 +167,11 @@ def test_a_run_that_broke_off_is_failed_whatever_it_found(traced):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="No such file"):
         read_results([tmp_path / "none.json"])
+
+
+def test_a_file_that_is_too_large_is_not_read(make_file, monkeypatch):
+    monkeypatch.setattr("hil_bench.abilities.evidence.content.MOST_BYTES", 3)
+    (file,) = read_results([make_file("most", b"123")])
+    assert file.content == b"123"
+    with pytest.raises(ConfigError, match="larger than"):
+        read_results([make_file("more", b"1234")])

@@ -1,5 +1,6 @@
 """`hil-bench run --lockstep` with a controller whose frames are all there already."""
 
+import contextlib
 import re
 
 import pytest
@@ -100,6 +101,19 @@ def test_a_status_line_is_looked_after_and_without_one_the_log_says_how_far_it_i
     assert run(Controller(*[SYNC] * 20), "--duration", "0.02") == 0
     assert watched == [line] * is_shown
     assert ("hil-bench: 0.020 s: " in capsys.readouterr().err) != is_shown
+
+
+def test_a_feed_looks_at_each_frame_and_knows_how_many_there_were(run, monkeypatch):
+    seen = []
+
+    @contextlib.contextmanager
+    def watched(*_, health):
+        yield lambda: seen.append(health())
+
+    monkeypatch.setattr("hil_bench.abilities.lockstep.run.watched_run", watched)
+    assert run(Controller(*[SYNC] * 3), "--duration", "0.003") == 0
+    assert [each["syncs"] for each in seen] == [0, 1, 2, 3]
+    assert seen[-1] == {"received": 0, "sent": 4, "syncs": 3}  # the boot-up of four nodes
 
 
 def test_a_command_acts_with_a_sync(run, monkeypatch, capsys, tmp_path):

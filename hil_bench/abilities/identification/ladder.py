@@ -96,6 +96,8 @@ SWIFT = (
 PLATEAUS, THE_PAPERS = "plateaus alone", "the paper's model"
 WHOLE, SUPPLY = "whole strokes", "and a supply that yields"
 
+_AREAS = "masses, forces and flows hold for the areas given, which no pressure or motion shows"
+
 ALIASES = {
     "piston_side_volume_cm3": "dead_a",
     "rod_side_volume_cm3": "dead_b",
@@ -153,8 +155,8 @@ class Rung:
 
     @property
     def gains_by_rows(self) -> bool:
-        """Return True if finer rows show more: plateaus bend to what the rest of a stroke lacks."""
-        return self.is_good and self.title != PLATEAUS
+        """Return True if finer rows show more: other models bend to what they lack."""
+        return self.is_good and self.title == THE_PAPERS
 
 
 class Ladder(NamedTuple):
@@ -235,7 +237,7 @@ def climb(
         fit = search(few, unknowns, _scan(few, unknowns, variables, more), _ROUNDS)
         if math.isfinite(fit.cost):
             rungs.append(judge(few, title, fit, folds))
-    return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, notes)
+    return Ladder(few, tuple(rungs), choose_rung(rungs), not few.clock.is_over, (*notes, _AREAS))
 
 
 def choose_rung(rungs: Sequence[Rung]) -> int:

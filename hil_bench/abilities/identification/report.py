@@ -74,11 +74,9 @@ def error_lines(found: Identification) -> list[str]:
         return ["errors of prediction: not known, because no stroke could be left out"]
     lines = [f"nine of ten strokes that were left out of the fit are predicted within {within}"]
     if found.largest_opening < _FULL:
-        beyond = (
-            f"beyond {100.0 * found.largest_opening:.0f} % opening, the largest recorded, count on"
-        )
+        largest = f"{100.0 * found.largest_opening:.0f} % opening, the largest recorded"
         sets_in = "and on more where something sets in only there, such as a pump at its limit"
-        lines += [f"{beyond} {BEYOND:g} times as much,", sets_in]
+        lines += [f"beyond {largest}, count on {BEYOND:g} times as much,", sets_in]
     return [*lines, *found.ladder.notes]
 
 

@@ -30,7 +30,7 @@ _BLUR = 0.012  # [s]
 _ROUNDS, _EXACT = 10, 3e-4  # of a search at most; share of the cost that its last step lowers
 _LIKE, _STEADY = 0.03, 0.01  # of the full opening: among like strokes, of a set-point at rest
 _LOOKED_AT = 5  # causes that fit best, roughly
-_NEAR = 0.85  # of the best: as likely
+_NEAR, _MOSTLY = 0.85, 0.5  # of the best: as likely; of the difference, which a cause explains
 _DAILY = 0.25  # of the least change that is named: standard deviation from day to day
 _SEEN = 12.0  # by which a cause lowers twice the negative log likelihood, or it is chance
 _OPEN, _WORSE = 1.5, 3.0  # times the residual before: undecided, a change, although none is found
@@ -363,6 +363,8 @@ def describe(found: Comparison) -> list[str]:
     ]
     if not found.changes:
         lines.append("  no single cause that is known explains it")
+    elif max(one.explains for one in found.changes) < _MOSTLY:
+        lines.append("  most of it stays: more has changed than that, or the machine is another")
     return lines
 
 

@@ -300,8 +300,7 @@ class Template:
         return self._get({}, base) if base in self.settings else 0.0
 
     def _is_number(self, name: str) -> bool:
-        setting = self.settings.get(name)
-        value = None if setting is None else setting.value
+        value = self.settings[name].value if name in self.settings else None
         return isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0
 
     def _get(self, own: Mapping[str, float | str], key: str) -> float:

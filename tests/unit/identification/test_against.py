@@ -212,3 +212,15 @@ def test_nothing_is_named_where_like_strokes_differ_as_much_among_themselves():
 
     assert find_likely([(80.0, leakage)], -1.0) == ()
     assert find_likely([(80.0, leakage)], 0.1) == (leakage,)
+
+
+def test_a_cause_that_explains_little_is_not_the_whole_story():
+    name = "supply_pressure_bar"
+    less = Change("lower supply pressure", name, before=100.0, after=90.0, explains=0.05)
+    few = Comparison(9.0, (less,), (less,))
+    whole = Comparison(9.0, (less._replace(explains=0.5), less), ())
+
+    assert describe(few)[2:] == [
+        "  most of it stays: more has changed than that, or the machine is another"
+    ]
+    assert len(describe(whole)) == 3  # both causes, and no more

@@ -208,7 +208,7 @@ def _hear(dut: DeviceUnderTest, opened: OpenNetwork) -> ExitCode:
         advice = (
             "is it powered, not STOPPED, and the bit rate right? hil-bench scan shows who is there"
         )
-        if is_silent and dut.sdo.catches_up(LATEST):
+        if is_silent and dut.sdo.catches_up(LATEST) and dut.sdo.delay:
             advice = f"one came after {dut.sdo.delay:.2f} s: give a longer --patience"
         print(
             f"node {dut.node_id} on {opened.description}: 0x1000.00 cannot be read: {deviation}; "

@@ -233,15 +233,16 @@ class SdoClient:
         return False
 
     def catches_up(self, timeout: float) -> bool:
-        """Return True if the device answers a read within a time [s], with whatever.
+        """Return True if the device answers within a time [s], with whatever; ask it to by a read.
 
         The read names another object than the last request, and answers keep the order of their
         requests: those that came too late are no longer taken for answers to what comes next.
         """
         request = upload_request(0x1001 if self._object[:2] == b"\x00\x10" else 0x1000)
         self.send(request)
-        deadline = self._wire.now() + timeout
+        deadline, is_there = self._wire.now() + timeout, False
         while (answer := self.answer(timeout=deadline - self._wire.now())) is not None:
+            is_there = True
             if answer[:1] and answer[0] >> 5 in {2, 4} and answer[1:4] == request[1:4]:
                 self._unanswered = None
                 return True
@@ -249,7 +250,7 @@ class SdoClient:
                 self.delay = self._wire.now() - self._unanswered
             if self._wire.now() > deadline:
                 break
-        return False
+        return is_there  # one that answers by other objects is there, too
 
     def exchange(self, request: bytes, *, timeout: float | None = None) -> bytes:
         """Send a request and return its answer.

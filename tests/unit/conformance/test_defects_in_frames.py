@@ -221,7 +221,10 @@ SAYS = {
             every_second(TPDO),
         ),
         "PDO with wrong values": ("contents", altered(TPDO, flips(0, 1))),
-        "second PDO too short": ("each_sync contents", altered(0x285, lambda d: d[:-1])),
+        "second PDO too short": (
+            "each_sync third_sync contents remote_request start_value",
+            altered(0x285, lambda d: d[:-1]),
+        ),
         "second PDO with wrong values": ("contents", altered(0x285, flips(0, 1))),
     },
     "PDO parameters": {

@@ -277,7 +277,7 @@ def test_an_rpdo_that_is_kept_after_the_synchronous_window(laboratory):
     found = check_all(laboratory)
     assert found["an RPDO within the synchronous window acts, one after it may not"] == (
         Outcome.PASSED,
-        "kept after the window",
+        "1400h kept after the window; 1401h: what it carries cannot all be read",
     )
 
 

@@ -177,7 +177,7 @@ def _parser(verb: str) -> argparse.ArgumentParser:
 
 def fixtures() -> str:
     """Return the fixtures of the pytest plugin with their docstrings."""
-    source = ROOT / "hil_bench" / "pytest_plugin" / "__init__.py"
+    source = ROOT / "hil_bench" / "abilities" / "bench_fixtures" / "fixtures.py"
     parts = [
         "# Fixtures\n",
         "What a test may name as its parameters; see [Tests in pytest](../pytest.md).\n",

@@ -53,6 +53,9 @@ PLUGIN_IMPORT = """
 import time, pytest
 started = time.process_time()
 import hil_bench.pytest_plugin
+from hil_bench.ability import own_abilities
+for place in filter(None, (ability.fixtures for ability in own_abilities())):
+    __import__(place)
 print(time.process_time() - started)
 """
 

@@ -16,6 +16,7 @@ from hil_bench.registry import Registry
 
 OWN = (
     "analysis",
+    "bench_fixtures",
     "campaign",
     "commissioning",
     "conformance",

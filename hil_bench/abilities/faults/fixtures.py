@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil_bench.pytest_plugin import BENCH
+from hil_bench.abilities.common.pytest_options import BENCH
 
 if TYPE_CHECKING:
     from hil_bench.abilities.faults.faults import Faults

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil_bench.pytest_plugin.options import add_options, option, positive_option, worker
+from hil_bench.abilities.common.pytest_options import add_options, option, positive_option, worker
 
 if TYPE_CHECKING:
     from hil_bench.abilities.lockstep.firmware import Firmware, FirmwareBus

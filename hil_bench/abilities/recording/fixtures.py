@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil_bench.pytest_plugin.options import add_options, path_option
+from hil_bench.abilities.common.pytest_options import add_options, path_option
 
 if TYPE_CHECKING:
     from hil_bench.abilities.recording.report import RecordingReport

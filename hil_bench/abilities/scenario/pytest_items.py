@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import hil_bench
+from hil_bench.abilities.common.pytest_options import option, seed_option
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.abilities.scenario.recorded import Finding
@@ -22,7 +23,6 @@ from hil_bench.abilities.scenario.results import (
 )
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.errors import HilBenchError
-from hil_bench.pytest_plugin.options import option, seed_option
 
 
 class ScenarioFailedError(Exception):

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from device_profiles import IMITATIONS
+from hil_bench.abilities.bench_fixtures import failure_report
+from hil_bench.abilities.common.pytest_options import is_on
 from hil_bench.abilities.faults.registry import FAULT_KINDS
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
-from hil_bench.pytest_plugin import failure_report
-from hil_bench.pytest_plugin.options import is_on
 
 pytest_plugins = ["pytester"]
 __all__ = ["failure_report", "matplotlib"]
@@ -470,13 +470,16 @@ def test_it_can_be_left_out(pytester):
 def test_loading_it_imports_nothing_of_weight():
     script = (
         "import sys, pytest\nbefore = set(sys.modules)\nimport hil_bench.pytest_plugin\n"
+        "import hil_bench.abilities.bench_fixtures.fixtures\n"
         "print(sorted(set(sys.modules) - before))"
     )
     done = subprocess.run(  # noqa: S603 - a script of our own
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
-    names = ["hil_bench", "hil_bench.pytest_plugin", "hil_bench.pytest_plugin.options"]
-    assert done.stdout == f"{names}\n"
+    inner = "abilities abilities.bench_fixtures abilities.bench_fixtures.fixtures abilities.common"
+    inner += " abilities.common.pytest_options ability canopen_device canopen_device.errors errors"
+    names = [f"hil_bench.{name}" for name in f"{inner} pytest_plugin registry".split()]
+    assert done.stdout == f"{['hil_bench', *names]}\n"
 
 
 @pytest.mark.long

@@ -20,33 +20,39 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from hil_bench.pytest_plugin import options
+from hil_bench.abilities.common import pytest_options as options
+from hil_bench.abilities.common.pytest_options import BENCH
 
 if TYPE_CHECKING:
     import can
 
+    from hil_bench.abilities.bench_fixtures.devices import Devices, Networks, PhysicalBench
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.bench.virtual_bench import VirtualBench
-    from hil_bench.pytest_plugin.devices import Devices, Networks, PhysicalBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
+_OPTIONS = {
+    "config": ("FILE", "the bench.toml of the bench; without it the built-in bench of one axis"),
+    "interface": (
+        "NAME",
+        "python-can interface of a physical bench, which takes the virtual one's place",
+    ),
+    "channel": ("NAME", "channel of that interface"),
+    "seed": ("N", "seed of all random generators of the bench"),
+    "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
+}
+
+_SWITCHES = {
+    "realtime": "let bench time pass with the clock, as with hardware",
+}
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
-BENCH: "pytest.StashKey[VirtualBench]" = pytest.StashKey()
-"""The key of the virtual bench of a test, by whichever fixture the test has got it."""
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
 _CONFIG: "pytest.StashKey[BenchConfig]" = pytest.StashKey()
 
 
-def pytest_addoption(parser: pytest.Parser, pluginmanager: pytest.PytestPluginManager) -> None:
-    """Add the options, each with an ini key of its name, and what abilities bring."""
-    from importlib import import_module
-
-    from hil_bench.ability import own_abilities
-
-    options.add_options(parser, options.OPTIONS, options.SWITCHES)
-    for ability in own_abilities():
-        if ability.fixtures:
-            pluginmanager.register(import_module(ability.fixtures), ability.fixtures)
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options, each with an ini key of its name."""
+    options.add_options(parser, _OPTIONS, _SWITCHES)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -144,7 +150,7 @@ def pytest_runtest_makereport(
     report = yield
     bench = item.stash.get(BENCH, None)
     if bench is not None and call.when == "call" and report.failed:
-        from hil_bench.pytest_plugin.failure_report import attach_files, describe_bench
+        from hil_bench.abilities.bench_fixtures.failure_report import attach_files, describe_bench
 
         report.sections += describe_bench(bench)
         attach_files(item, bench, item.stash[_ARTIFACTS], report)
@@ -193,7 +199,7 @@ def bench(
     """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
     request.node.user_properties.extend(_properties(request.config, _bench_config))
     if options.option(request.config, "interface"):
-        from hil_bench.pytest_plugin.devices import PhysicalBench
+        from hil_bench.abilities.bench_fixtures.devices import PhysicalBench
 
         yield PhysicalBench(_bench_config)
         return
@@ -255,8 +261,8 @@ def network(
     """The drivers' network on that bus, which sends a heartbeat; virtual devices have booted."""
     from contextlib import ExitStack
 
+    from hil_bench.abilities.bench_fixtures.devices import hide_drivers_from_tracebacks
     from hil_bench.ability import given_to
-    from hil_bench.pytest_plugin.devices import hide_drivers_from_tracebacks
     from hil_drivers import Network
 
     hide_drivers_from_tracebacks()
@@ -281,8 +287,8 @@ def _networks(
     """The networks of all buses, that of the first among them, pumped together."""
     from contextlib import ExitStack
 
+    from hil_bench.abilities.bench_fixtures.devices import Networks
     from hil_bench.outside.transports.opening import open_can_bus
-    from hil_bench.pytest_plugin.devices import Networks
     from hil_drivers import Network
 
     bench = request.getfixturevalue("bench")
@@ -310,7 +316,7 @@ def device(_networks: "Networks", _bench_config: "BenchConfig") -> "Iterator[Dev
     """The driver of any node by its name, set up and sending: ``device("pressure_b")``."""
     from contextlib import ExitStack
 
-    from hil_bench.pytest_plugin.devices import Devices
+    from hil_bench.abilities.bench_fixtures.devices import Devices
 
     with ExitStack() as stack:
         yield Devices(_bench_config, _networks, stack)

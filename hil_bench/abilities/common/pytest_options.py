@@ -1,28 +1,19 @@
-"""Options of the plugin: each on the command line, or as an ini key of its name."""
+"""Options of pytest, each on the command line or as an ini key of its name, and a test's bench."""
 
 import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-OPTIONS = {
-    "config": ("FILE", "the bench.toml of the bench; without it the built-in bench of one axis"),
-    "interface": (
-        "NAME",
-        "python-can interface of a physical bench, which takes the virtual one's place",
-    ),
-    "channel": ("NAME", "channel of that interface"),
-    "seed": ("N", "seed of all random generators of the bench"),
-    "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
-}
+if TYPE_CHECKING:
+    from hil_bench.bench.virtual_bench import VirtualBench
 
-SWITCHES = {
-    "realtime": "let bench time pass with the clock, as with hardware",
-}
+BENCH: "pytest.StashKey[VirtualBench]" = pytest.StashKey()
+"""The key of the virtual bench of a test, by whichever fixture the test has got it."""
 
 
 def add_options(

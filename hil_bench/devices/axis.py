@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import NamedTuple, Protocol
 
-from hil_bench.devices.quantities import RegisterValue
 from hil_bench.plants.plant import Influence, Plant, Quantity
 
 # The path of a signal through stages that come and go.
@@ -163,6 +162,20 @@ class Drive(NamedTuple):
     axis: str
     device: CommandSource
     enable: Enabled | None = None
+
+
+class RegisterValue(NamedTuple):
+    """A quantity of a device for a bus other than CANopen, to read and write, in SI.
+
+    Attributes:
+        unit: symbol of its SI unit, ``-`` for a number, a truth value or an object.
+        read: returns its present value; NaN where there is none.
+        write: sets it at a bench time [ns], or raises `SdoAbort`; None where nobody may.
+    """
+
+    unit: str
+    read: Callable[[], float]
+    write: Callable[[float, int], None] | None = None
 
 
 def _no_registers() -> Mapping[str, RegisterValue]:

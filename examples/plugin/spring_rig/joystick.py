@@ -12,11 +12,10 @@ from pathlib import Path
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Settings
 from hil_bench.config.values import points
-from hil_bench.devices.axis import Fitting, Measurement
+from hil_bench.devices.axis import Fitting, Measurement, RegisterValue
 from hil_bench.devices.bound_objects import QuantitySource
 from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
-from hil_bench.devices.quantities import RegisterValue
 from hil_bench.plants.plant import Quantity
 from hil_bench.units import Unit
 

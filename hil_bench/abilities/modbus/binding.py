@@ -14,6 +14,7 @@ from hil_bench.abilities.modbus.map_files import ModbusConfig, ModbusUnitConfig
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox
 from hil_bench.abilities.modbus.protocol.register_map import Register, RegisterAccess, ServerConfig
 from hil_bench.abilities.modbus.protocol.unit_image import UnitImage
+from hil_bench.abilities.modbus.quantities import quantities_of
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device import abort_codes
@@ -21,7 +22,7 @@ from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerTyp
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.config.objects import parse_object
-from hil_bench.devices.quantities import RegisterValue
+from hil_bench.devices.axis import RegisterValue
 from hil_bench.errors import ConfigError, SdoAbort
 from hil_bench.outside.helper_process import Snapshot
 from hil_bench.units import UNITS_OF
@@ -109,16 +110,15 @@ class ModbusBinding:
         if modbus is None:
             raise ConfigError("modbus: the file has no table [modbus]; add one")
         self._sample = 0
-        names = [node.name for node in config.nodes]
-        nodes = dict(zip(names, bench.nodes, strict=True))
-        fittings = dict(zip(names, bench.fittings, strict=True))
+        devices = zip(config.nodes, bench.nodes, bench.fittings, strict=True)
+        by_name = {config.name: (config.kind, node, fitting) for config, node, fitting in devices}
         entries: list[BoundRegister] = []
         units: dict[int, UnitImage] = {}
         parts: list[slice] = []
         for unit in modbus.units:
             registers, first = unit.register_map, len(entries)
-            node = nodes[unit.node]
-            known = dict(fittings[unit.node].registers())
+            kind, node, fitting = by_name[unit.node]
+            known = dict(quantities_of(kind, node, fitting))
             watchdog = known.get(_WATCHDOG)
             if watchdog is not None and watchdog.write is not None:
                 watchdog.write(unit.watchdog, 0)

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -15,7 +14,6 @@ from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig, require_quantities
 from hil_bench.devices.measurement.low_pass import ChainParameters
-from hil_bench.devices.quantities import encoder_quantities, redundant_quantities, rotary_quantities
 from hil_bench.devices.rotary_encoder_406 import RedundantEncoder, RotaryEncoderDevice
 from hil_bench.plants.plant import AxisSettings
 
@@ -100,22 +98,13 @@ class EncoderKind(MotionKind[EncoderConfig]):
     def fit(self, config: EncoderConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the sensor, behind its chain if any."""
         device = EncoderDevice(node, self.stroke(config, surroundings))
-        return self.dress(config, device, surroundings)
+        measurement = self.measure(config, config.name, device.publish, surroundings)
+        return Fitting(sensors=((str(config.axis), measurement),))
 
     def stroke(self, config: EncoderConfig, surroundings: Surroundings) -> tuple[float, float]:
         """Return the positions at the ends of the axis [m]; (0, 0) where it has none."""
         ends = surroundings.axes[str(config.axis)].limits(self.quantity)
         return ends if all(map(math.isfinite, ends)) else (0.0, 0.0)
-
-    def dress(
-        self, config: EncoderConfig, device: EncoderDevice, surroundings: Surroundings
-    ) -> Fitting:
-        """Return the fitting of a built sensor: its measurement and its registers."""
-        measurement = self.measure(config, config.name, device.publish, surroundings)
-        return Fitting(
-            sensors=((str(config.axis), measurement),),
-            registers=partial(encoder_quantities, device.node.object_dictionary),
-        )
 
 
 ENCODER: Final = EncoderKind()
@@ -144,10 +133,7 @@ class RotaryEncoderKind(MotionKind[RotaryEncoderConfig]):
         """Build the sensor, behind its chain if any."""
         publish = RotaryEncoderDevice(node).publish
         measurement = self.measure(config, config.name, publish, surroundings)
-        return Fitting(
-            sensors=((str(config.axis), measurement),),
-            registers=partial(rotary_quantities, node.object_dictionary),
-        )
+        return Fitting(sensors=((str(config.axis), measurement),))
 
 
 ROTARY_ENCODER: Final = RotaryEncoderKind()
@@ -171,14 +157,10 @@ class RedundantEncoderKind(EncoderKind):
         """Build the sensor, each system behind a chain of its own if any."""
         axis = str(config.axis)
         device = RedundantEncoder(node, self.stroke(config, surroundings))
-        fitting = self.dress(config, device, surroundings)
+        first = self.measure(config, config.name, device.publish, surroundings)
         name = f"{config.name}.2"
         second = self.measure(config, name, device.publish_second, surroundings)
-        return replace(
-            fitting,
-            sensors=(*fitting.sensors, (axis, second)),
-            registers=partial(redundant_quantities, node.object_dictionary),
-        )
+        return Fitting(sensors=((axis, first), (axis, second)))
 
 
 REDUNDANT_ENCODER: Final = RedundantEncoderKind()

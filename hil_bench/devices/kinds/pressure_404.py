@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 from device_profiles import PRESSURE_404, REGISTERS, TRANSDUCER_404
@@ -14,7 +13,6 @@ from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.measurement.low_pass import ChainParameters
 from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, PressureDevice, Span, TransducerDevice
-from hil_bench.devices.quantities import pressure_quantities, transducer_quantities
 from hil_bench.plants.hydraulic_cylinder.quantities import T_OIL
 from hil_bench.plants.plant import AxisSettings
 from hil_bench.plants.registry import DEFAULT_PLANT
@@ -73,10 +71,7 @@ class PressureKind(DeviceKind[PressureConfig]):
         quantity = surroundings.axes[str(config.axis)].kind.by_name[config.source]
         stages = () if chain is None else (chain.measure,)
         measurement = Measurement(device.publish, quantity, stages, name=config.name)
-        return Fitting(
-            sensors=((str(config.axis), measurement),),
-            registers=partial(pressure_quantities, node.object_dictionary),
-        )
+        return Fitting(sensors=((str(config.axis), measurement),))
 
 
 def check_pressure(
@@ -189,11 +184,7 @@ class TransducerKind(DeviceKind[TransducerConfig]):
             def advance(_now: int) -> None:
                 device.publish(3, config.temperature)
 
-        return Fitting(
-            sensors=tuple(sensors),
-            advance=advance,
-            registers=partial(transducer_quantities, node.object_dictionary),
-        )
+        return Fitting(sensors=tuple(sensors), advance=advance)
 
 
 TRANSDUCER: Final = TransducerKind()

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Final, TypeVar
 
 from device_profiles import REGISTERS, VALVE_408
@@ -13,7 +12,6 @@ from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.kinds.bindings import Surroundings
 from hil_bench.devices.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.devices.kinds.pressure_404 import check_pressure
-from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.plants.plant import AxisSettings
 from hil_bench.units import BAR, MILLIMETRE, UNITS_OF
@@ -162,7 +160,6 @@ class ValveKind(SpoolKind[ValveConfig]):
         return Fitting(
             drives=(Drive(config.name, axis, device, device),),
             sensors=tuple(sensors),
-            registers=partial(valve_quantities, device),
             state=lambda: device.state.value,
         )
 

@@ -6,7 +6,7 @@ import pytest
 from support.encoders import move
 
 from device_profiles import ROTARY_ENCODER_406
-from hil_bench.devices.quantities import rotary_quantities
+from hil_bench.abilities.modbus.quantities import rotary_quantities
 from hil_bench.devices.rotary_encoder_406 import RotaryEncoderDevice
 
 TURN = math.tau

@@ -1,4 +1,4 @@
-"""Quantities of a device for buses other than CANopen, to read and write, by name, in SI.
+"""Quantities of our kinds of devices for Modbus, to read and write, by name, in SI.
 
 They are computed from the device's objects as they stand, so that two buses never tell two values:
 what CANopen sends as steps or in bar, is metres, radians and pascal here. Any object can be had
@@ -8,11 +8,17 @@ too, as its own number.
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, cast
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.devices.axis import Fitting, RegisterValue
 from hil_bench.devices.encoder_406 import POSITION_UNITS, SPEED_UNITS
+from hil_bench.devices.kinds.encoder_406 import EncoderKind, RedundantEncoderKind, RotaryEncoderKind
+from hil_bench.devices.kinds.kind import DeviceKind
+from hil_bench.devices.kinds.pressure_404 import PressureKind, TransducerKind
+from hil_bench.devices.kinds.valve_408 import ValveKind
 from hil_bench.devices.pressure_404 import (
     NEGATIVE_OVERLOAD,
     NOT_VALID,
@@ -27,20 +33,6 @@ from hil_bench.errors import SdoAbort
 
 _ACTIVATE: Final = 0b0111
 _DISABLE: Final = 0b0001
-
-
-class RegisterValue(NamedTuple):
-    """One quantity of a device.
-
-    Attributes:
-        unit: symbol of its SI unit, ``-`` for a number, a truth value or an object.
-        read: returns its present value; NaN where there is none.
-        write: sets it at a bench time [ns], or raises `SdoAbort`; None where nobody may.
-    """
-
-    unit: str
-    read: Callable[[], float]
-    write: Callable[[float, int], None] | None = None
 
 
 def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
@@ -176,6 +168,28 @@ def valve_quantities(valve: ValveDevice) -> Mapping[str, RegisterValue]:
             "s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)
         ),
     }
+
+
+_OF_SENSORS: Final = (
+    (PressureKind, pressure_quantities),
+    (TransducerKind, transducer_quantities),
+    (RedundantEncoderKind, redundant_quantities),  # an `EncoderKind`, too
+    (EncoderKind, encoder_quantities),
+    (RotaryEncoderKind, rotary_quantities),
+)
+
+
+def quantities_of(
+    kind: DeviceKind[Any], node: Node, fitting: Fitting
+) -> Mapping[str, RegisterValue]:
+    """Return the quantities of a device: what its kind fits it with, or those of our kinds."""
+    if fitted := fitting.registers():
+        return fitted
+    if isinstance(kind, ValveKind):
+        return valve_quantities(cast("ValveDevice", fitting.drives[0].device))
+    makers = (make for ours, make in _OF_SENSORS if isinstance(kind, ours))
+    make = next(makers, None)
+    return {} if make is None else make(node.object_dictionary)
 
 
 def _position(object_dictionary: ObjectDictionary) -> Variable:

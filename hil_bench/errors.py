@@ -138,6 +138,23 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
         raise ConfigError(text) from None
 
 
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Have an `OSError` of the block name the file: one of a full disk does not by itself.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        OSError: that of the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
 _LONGEST_HEAD = 1 << 20
 _MDF_BY_US = rb"(?s)(MDF     |UnFinMF ).{8}hilbench"
 _OURS = {

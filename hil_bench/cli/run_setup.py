@@ -23,10 +23,9 @@ from hil_bench.cli.devices import device_table
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.process import collection_put_off
 from hil_bench.cli.results import print_results, warn_of
-from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable
+from hil_bench.errors import ConfigError, HilBenchError, about_file, check_replaceable, naming
 from hil_bench.outside.bits import USUAL_BITRATE, load_of
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics, TickSummary
-from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.opening import JoinedTransport, open_transport
 from hil_bench.outside.transports.socketcan import SocketCanTransport, bitrate_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters

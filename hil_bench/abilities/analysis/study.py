@@ -36,8 +36,8 @@ from hil_bench.abilities.analysis.simulation import (
     without_input_nonlinearities,
 )
 from hil_bench.abilities.analysis.steady_motion import OperatingPoint
+from hil_bench.abilities.common.block_file import RecordingFile
 from hil_bench.abilities.common.figure_style import BLUE, RED, write_figure
-from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.plants.hydraulic_cylinder.model import Model, PlantOptions, PlantParameters
 

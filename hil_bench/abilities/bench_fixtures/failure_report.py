@@ -7,12 +7,12 @@ from typing import cast
 
 import pytest
 
+from hil_bench.abilities.common.block_file import CandumpFile, RecordingFile
 from hil_bench.abilities.common.pytest_options import shown_path
 from hil_bench.ability import given_to, load, own_abilities
 from hil_bench.bench.bench import Event
 from hil_bench.bench.events import event_spans, event_text
 from hil_bench.bench.virtual_bench import FrameReader, VirtualBench
-from hil_bench.outside.recording.block_file import CandumpFile, RecordingFile
 from hil_bench.outside.recording.channels import LoggedFrame
 
 # Artifacts of a failed test: its bus trace, its signals and their plot.

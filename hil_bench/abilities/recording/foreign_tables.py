@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.block_file import READ_LOGS
 from hil_bench.abilities.recording.mat_reader import read_vectors
 from hil_bench.abilities.recording.mdf_reader import read_mdf
 from hil_bench.abilities.recording.table_heads import (
@@ -21,7 +22,6 @@ from hil_bench.abilities.recording.table_heads import (
 from hil_bench.canopen_device.eds_document import decode_text
 from hil_bench.config.values import quote
 from hil_bench.errors import ConfigError, about_file, printable
-from hil_bench.outside.recording.block_file import READ_LOGS
 from hil_bench.outside.recording.channels import (
     TIME,
     Channel,

@@ -7,8 +7,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.common.block_file import BUS_LOGS, BlockFile, opening
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile, opening
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 
 # Signals as CSV, written block by block: names in the first row, SI units in the second.

@@ -25,6 +25,7 @@ from can.io.blf import (
     BLFWriter,
 )
 
+from hil_bench.abilities.common.block_file import BUS_LOGS, READ_LOGS, BlockFile, CandumpFile
 from hil_bench.abilities.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.abilities.recording.mdf_reader import ForeignMdfError, read_mdf
 from hil_bench.abilities.recording.text_readers import TEXT_READERS, CompleteLines, Reader
@@ -32,7 +33,6 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside import messages as can_messages
-from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile, CandumpFile
 from hil_bench.outside.recording.channels import LoggedFrame
 
 _ERROR_CLASSES = 0x1FFF_FFFF

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 import hil_bench
+from hil_bench.abilities.common.block_file import BlockFile
 from hil_bench.abilities.recording import mdf_blocks as mdf
 from hil_bench.canopen_device.frame import BRS, ESI, Frame
 from hil_bench.frame import ERROR_FLAG, FD_LENGTHS, is_error_frame
-from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import TIME, Channel, LoggedFrame, Recording
 
 _LINK = struct.Struct("<Q")

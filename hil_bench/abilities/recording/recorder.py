@@ -24,7 +24,7 @@ from hil_bench.outside.recording.channels import (
 from hil_bench.units import quantity
 
 if TYPE_CHECKING:
-    from hil_bench.outside.recording.block_file import BlockFile
+    from hil_bench.abilities.common.block_file import BlockFile
 
 
 # The trigger of a recording: a signal that crosses a level.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hil_bench.abilities.common.block_file import READ_LOGS
 from hil_bench.abilities.common.identifiers import function_of
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
@@ -15,7 +16,6 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import READ_LOGS
 from hil_bench.outside.recording.channels import TIME, Recording, Span, recording_channels
 
 _EXAMPLES = """\

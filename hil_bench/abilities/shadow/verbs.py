@@ -12,6 +12,7 @@ from typing import NamedTuple
 import can
 
 from hil_bench.abilities.common.arguments import check_one_bus
+from hil_bench.abilities.common.block_file import RecordingFile
 from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.recording.frames import LeftOut, message_of, read_frames
@@ -23,7 +24,6 @@ from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
 from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import BusError, ConfigError, first_line
-from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit

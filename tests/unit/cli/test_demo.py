@@ -10,6 +10,7 @@ import can
 import numpy as np
 import pytest
 
+from hil_bench.abilities.common import block_file
 from hil_bench.abilities.demo.sensors import Shaft
 from hil_bench.abilities.demo.session import (
     DemoAxis,
@@ -25,7 +26,6 @@ from hil_bench.cli import main
 from hil_bench.cli.exit_codes import Interruption
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
-from hil_bench.outside.recording import block_file
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_drivers import DriverError

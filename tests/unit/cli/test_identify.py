@@ -8,11 +8,11 @@ from support.machine_record import Machine, random_steps
 
 from hil_bench import errors, load_config
 from hil_bench.abilities.common.arguments import find_cylinder
+from hil_bench.abilities.common.block_file import RecordingFile
 from hil_bench.abilities.identification.against import Change, Comparison
 from hil_bench.abilities.identification.verbs import identify
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.cli import main
-from hil_bench.outside.recording.block_file import RecordingFile
 
 # A coarse step, which makes this quick; the machine is the built-in bench's.
 BENCH = """

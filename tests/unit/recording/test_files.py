@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.tables import from_text
 
+from hil_bench.abilities.common.block_file import RecordingFile
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import RecordingFile
 from hil_bench.outside.recording.channels import (
     Channel,
     ChannelRecorder,

@@ -8,10 +8,10 @@ import can
 import pytest
 from support.dissection import dissect, require_tool, require_tshark
 
+from hil_bench.abilities.common.block_file import BUS_LOGS
 from hil_bench.abilities.recording.frames import LeftOut, open_frame_file, read_frames
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import BUS_LOGS
 from hil_bench.outside.recording.channels import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]

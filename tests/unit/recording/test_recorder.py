@@ -9,6 +9,7 @@ import pytest
 from support.tables import from_text
 
 from hil_bench import ConfigError, read_frames
+from hil_bench.abilities.common import block_file
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.abilities.recording.recorder import (
@@ -18,7 +19,6 @@ from hil_bench.abilities.recording.recorder import (
     RecordingPlan,
 )
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.recording import block_file
 from hil_bench.outside.recording.channels import Channel, LoggedFrame
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)

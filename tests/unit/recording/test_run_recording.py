@@ -6,12 +6,12 @@ import shlex
 import pytest
 from support.tables import from_text
 
+from hil_bench.abilities.common import block_file
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.outside.recording import block_file
 from hil_bench.outside.transports.transport import TransportCounters
 
 RUN = ["run", "-i", "virtual", "-c", "test_recording", "--duration", "0.1"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Self
 
 from hil_bench.canopen_device.frame import BRS, ESI
-from hil_bench.errors import ConfigError, RecordingError, about_file, check_replaceable
+from hil_bench.errors import ConfigError, RecordingError, about_file, check_replaceable, naming
 from hil_bench.outside.recording.channels import LoggedFrame, Recording, recording_channels
 
 BUS_LOGS = (".asc", ".blf", ".log")
@@ -157,23 +157,6 @@ class OutputFile:
             return os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
         except (FileNotFoundError, NotADirectoryError):
             return False
-
-
-@contextlib.contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Have an `OSError` of the block name the file: one of a full disk does not by itself.
-
-    Yields:
-        Nothing.
-
-    Raises:
-        OSError: that of the block.
-    """
-    try:
-        yield
-    except OSError as error:
-        error.filename = error.filename or str(path)
-        raise
 
 
 @contextlib.contextmanager

@@ -1,7 +1,6 @@
 """The command line: its verbs, its parser and its help, and arguments that are numbers or units."""
 
 import argparse
-import math
 import sys
 import textwrap
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -195,46 +194,6 @@ class _Checked(argparse.Action):
         except ConfigError as error:
             raise argparse.ArgumentError(self, str(error)) from None
         setattr(namespace, self.dest, str(values))
-
-
-# Numbers on the command line.
-
-
-def count(text: str) -> int:
-    """Return a positive integer.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text}: give an integer from 1 up")
-    return int(text)
-
-
-def count_from_zero(text: str) -> int:
-    """Return an integer that is not negative.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text}: give an integer from 0 up")
-    return int(text)
-
-
-def positive(text: str) -> float:
-    """Return a positive number.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: give a positive number")
-    return number
 
 
 # The verbs of the command line, of the core and of abilities, and options that abilities add.

@@ -5,8 +5,7 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
@@ -87,39 +86,6 @@ def warn_of(doubts: Sequence[str]) -> None:
     """Say doubts on standard error, a line each; -q leaves them out."""
     for doubt in doubts:
         logger.warning("warning: %s", doubt)
-
-
-@contextmanager
-def kept_warnings() -> Iterator[list[str]]:
-    """Keep the warnings of this package within the block, in place of saying them.
-
-    Yields:
-        Their texts, as they come.
-    """
-    ours = logging.getLogger("hil_bench")
-    keeper = _Keeper()
-    ours.addHandler(keeper)
-    ours.propagate = False
-    try:
-        yield keeper.texts
-    finally:
-        ours.propagate = True
-        ours.removeHandler(keeper)
-
-
-class _Keeper(logging.Handler):
-    """Keeps warnings, and hands on what is none."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.texts: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Take a record."""
-        if record.levelno < logging.WARNING:
-            logging.getLogger().handle(record)
-        else:
-            self.texts.append(record.getMessage())
 
 
 def ecu_text(ecu: Mapping[str, Any]) -> str:

@@ -4,6 +4,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -22,7 +23,7 @@ from hil_bench.abilities.scenario.records import Controller, Parameter, Scenario
 from hil_bench.abilities.scenario.resolve import parameter_values
 from hil_bench.abilities.scenario.run import prepare
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.results import kept_warnings, warn_of
+from hil_bench.cli.results import warn_of
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 
@@ -134,7 +135,7 @@ class Plan:
         times = Counter[str]()
         try:
             while True:
-                with kept_warnings() as texts:
+                with _kept_warnings() as texts:
                     try:
                         group = next(groups, None)
                     finally:
@@ -346,3 +347,36 @@ def _check_storage(config: BenchConfig) -> None:
 
 def _absolute(path: Path | None) -> str | None:
     return str(path.resolve()) if path else None
+
+
+@contextmanager
+def _kept_warnings() -> Iterator[list[str]]:
+    """Keep the warnings of this package within the block, in place of saying them.
+
+    Yields:
+        Their texts, as they come.
+    """
+    ours = logging.getLogger("hil_bench")
+    keeper = _Keeper()
+    ours.addHandler(keeper)
+    ours.propagate = False
+    try:
+        yield keeper.texts
+    finally:
+        ours.propagate = True
+        ours.removeHandler(keeper)
+
+
+class _Keeper(logging.Handler):
+    """Keeps warnings, and hands on what is none."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Take a record."""
+        if record.levelno < logging.WARNING:
+            logging.getLogger().handle(record)
+        else:
+            self.texts.append(record.getMessage())

@@ -1,7 +1,8 @@
-"""Arguments of verbs that abilities have in common: of networks, foreign tables and output."""
+"""Arguments that verbs of abilities share: networks, foreign tables, output, numbers."""
 
 import argparse
 import contextlib
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -140,3 +141,43 @@ def check_one_bus(config: BenchConfig, verb: str) -> None:
         names = ", ".join(config.buses)
         right = f"give {verb} a bench.toml with all nodes on one"
         raise ConfigError(f"{config.path}: has several buses ({names}); {right}")
+
+
+# Numbers on the command line.
+
+
+def count(text: str) -> int:
+    """Return a positive integer.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: give an integer from 1 up")
+    return int(text)
+
+
+def count_from_zero(text: str) -> int:
+    """Return an integer that is not negative.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text}: give an integer from 0 up")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """Return a positive number.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a positive number")
+    return number

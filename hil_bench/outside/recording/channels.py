@@ -1,8 +1,8 @@
 """The content of recordings: channels with a row a tick, frames, and named times."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from struct import Struct
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
@@ -140,29 +140,6 @@ class LoggedFrame(NamedTuple):
     frame: Frame
     now: int
     is_received: bool | None
-
-
-_DATES: Final = 1_000_000_000_000_000_000
-"""Times from here on are dates: those since 1970 passed it in 2001 [ns]."""
-
-
-def from_first(
-    frames: Iterable[LoggedFrame], *, dates_alone: bool = False
-) -> Iterator[LoggedFrame]:
-    """Count times from the first frame: logs of real buses have the date.
-
-    Args:
-        frames: in the order of the log.
-        dates_alone: whether to keep the times of a log that has no date but a time 0 of its own.
-
-    Yields:
-        The frames.
-    """
-    first: int | None = None
-    for logged in frames:
-        if first is None:
-            first = 0 if dates_alone and logged.now < _DATES else logged.now
-        yield logged._replace(now=logged.now - first)
 
 
 # Times of a recording with a name, such as those of its faults.

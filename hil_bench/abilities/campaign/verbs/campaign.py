@@ -31,6 +31,7 @@ from hil_bench.abilities.campaign.verbs.campaign_view import (
     add_jobs_argument,
     count_runs,
 )
+from hil_bench.abilities.common.arguments import count, count_from_zero
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.common.progress import (
     Work,
@@ -43,7 +44,7 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argument
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
-from hil_bench.cli.parser import add_units_argument, count, count_from_zero
+from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import (
     ConfigError,

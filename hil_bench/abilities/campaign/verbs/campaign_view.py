@@ -9,7 +9,7 @@ from hil_bench.abilities.campaign.records import RunResult, Verdict
 from hil_bench.abilities.campaign.reports import bin_margins
 from hil_bench.abilities.campaign.summary import show_point, size_of, smallest_margin
 from hil_bench.abilities.campaign.table import Note
-from hil_bench.abilities.common.arguments import count_processors
+from hil_bench.abilities.common.arguments import count_from_zero, count_processors
 from hil_bench.abilities.common.progress import Work
 from hil_bench.abilities.common.work import (
     MOST_ITEMS,
@@ -20,7 +20,6 @@ from hil_bench.abilities.common.work import (
     WorkView,
 )
 from hil_bench.abilities.scenario.judgement import WORST_FIRST, RequirementOutcome
-from hil_bench.cli.parser import count_from_zero
 
 _PERIOD = 0.5  # between two pictures [s]
 

@@ -3,8 +3,9 @@
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from hil_bench.abilities.common.arguments import positive
 from hil_bench.abilities.common.progress import (
     Work,
     counted,
@@ -24,10 +25,9 @@ from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.parser import positive
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import ConfigError, NothingSeenError
-from hil_bench.outside.recording.channels import LoggedFrame, from_first
+from hil_bench.outside.recording.channels import LoggedFrame
 
 if TYPE_CHECKING:
     from hil_bench.abilities.eyes.known_node import PdoOwner
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     is_writing = _is_writing(args)
     buses = len(load_bench_config(args).buses)
     frames = read_frames(args.log, left_out, errors=True, is_one_channel=True, buses=buses)
-    frames = from_first(frames, dates_alone=is_writing)
+    frames = _from_first(frames, dates_alone=is_writing)
     with shown_work(args, Work("decode", unit="frames"), pauses=not is_writing) as work:
         frames = counted(work, frames)
         if is_writing:
@@ -262,3 +262,26 @@ def _take_ticks(
         append(row)
     if ticks.late > 0:
         warn_of([f"{args.log}: values stand up to {ticks.late / 1e6:.3g} ms late"])
+
+
+_DATES: Final = 1_000_000_000_000_000_000
+"""Times from here on are dates: those since 1970 passed it in 2001 [ns]."""
+
+
+def _from_first(
+    frames: Iterable[LoggedFrame], *, dates_alone: bool = False
+) -> Iterator[LoggedFrame]:
+    """Count times from the first frame: logs of real buses have the date.
+
+    Args:
+        frames: in the order of the log.
+        dates_alone: whether to keep the times of a log that has no date but a time 0 of its own.
+
+    Yields:
+        The frames.
+    """
+    first: int | None = None
+    for logged in frames:
+        if first is None:
+            first = 0 if dates_alone and logged.now < _DATES else logged.now
+        yield logged._replace(now=logged.now - first)

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.common.arguments import positive
 from hil_bench.abilities.eyes.decoder import Decoder
 from hil_bench.abilities.eyes.explain.bus import Language
 from hil_bench.abilities.eyes.known_ecu import KnownEcu, ecus_of
@@ -15,7 +16,6 @@ from hil_bench.abilities.recording.frames import LeftOut
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
-from hil_bench.cli.parser import positive
 from hil_bench.cli.results import warn_of
 from hil_bench.errors import ConfigError
 

@@ -1,7 +1,7 @@
 """Units: the one place where a data-sheet unit meets SI.
 
 Values inside the bench are SI. A `Unit` converts where a person reads or writes: `bench.toml`, the
-status line, plots. In which units people are shown values: `hil_bench.shown_units`.
+status line, plots; in which units people are shown values, they choose.
 """
 
 import math

@@ -17,18 +17,18 @@ from typing import Any, cast
 import hil_bench
 from hil_bench.ability import GROUPS, Verb
 from hil_bench.cli.exit_codes import ExitCode, interrupted_once, report_error, worst
-from hil_bench.cli.parser import Parser, all_verbs, apply_units, own_verbs
+from hil_bench.cli.parser import Parser, all_verbs, own_verbs
 from hil_bench.cli.process import (
     PatientHandler,
     add_verbosity_arguments,
     add_verbosity_below,
     collection_put_off,
     discard_output,
+    environment_of_a_call,
     flush_output,
     keep_output,
     prepare_streams,
 )
-from hil_bench.shown_units import choice_of_a_call
 
 _EXAMPLES = """\
 exit codes, the most severe first (docs/exit-codes.md):
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     prepare_streams()  # before anything is opened, which would get the number of a closed one
-    with choice_of_a_call(), interrupted_once() if argv is None else nullcontext():
+    with environment_of_a_call(), interrupted_once() if argv is None else nullcontext():
         return _main(arguments, freezes=argv is None)
 
 
@@ -69,7 +69,6 @@ def _main(arguments: Sequence[str], *, freezes: bool) -> int:
             args = _parse(arguments)
         if freezes and getattr(args, "json", False):
             keep_output()
-        apply_units(args)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
         code = ExitCode(args.run(args))

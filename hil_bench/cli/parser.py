@@ -1,4 +1,4 @@
-"""The command line: its verbs, its parser and its help, and arguments that are numbers or units."""
+"""The command line: its verbs, its parser and its help."""
 
 import argparse
 import sys
@@ -12,11 +12,6 @@ from typing import Any, NoReturn
 from hil_bench.ability import GROUPS, Verb, other_abilities, own_abilities
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config.values import close_names
-from hil_bench.errors import ConfigError
-from hil_bench.shown_units import SETS, VARIABLE, choose, parse_choice
-
-# The parser of the command line, its help, and arguments that are numbers or units.
-
 
 # The help of a verb on a narrow terminal: descriptions and examples as written, where they fit.
 
@@ -153,47 +148,6 @@ class Parser(argparse.ArgumentParser):
         while has_more and counts and counts[-1] == 0:
             counts.pop()
         return counts
-
-
-# The option of the units in which a verb shows values.
-
-
-def add_units_argument(parser: "argparse._ActionsContainer") -> None:
-    """Add --units, which overrides the environment variable for this run and its helpers."""
-    parser.add_argument(
-        "--units",
-        action=_Checked,
-        metavar="WORDS",
-        help="show values in these units, as in psi,in,gpm or MPa; sets of them are "
-        f"{' and '.join(SETS)} (default: {VARIABLE} of the environment, else metric)",
-    )
-
-
-def apply_units(args: argparse.Namespace) -> None:
-    """Choose the units of a parsed command line, where it gives any."""
-    given = getattr(args, "units", None)
-    if given is not None:
-        choose(given)
-
-
-class _Checked(argparse.Action):
-    def __call__(
-        self,
-        _parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[object] | None,
-        _option: str | None = None,
-    ) -> None:
-        """Store words that are known.
-
-        Raises:
-            argparse.ArgumentError: a word is wrong.
-        """
-        try:
-            parse_choice(str(values))
-        except ConfigError as error:
-            raise argparse.ArgumentError(self, str(error)) from None
-        setattr(namespace, self.dest, str(values))
 
 
 # The verbs of the command line, of the core and of abilities, and options that abilities add.

@@ -11,7 +11,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import add_loss_argument
-from hil_bench.cli.parser import add_options, add_units_argument, check_options, take_over
+from hil_bench.cli.parser import add_options, check_options, take_over
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
 from hil_bench.errors import ConfigError
@@ -45,7 +45,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     _add_timing(add_loop_arguments(parser))
     seldom = parser.add_argument_group("seldom used")
     _add_seldom(seldom)
-    add_units_argument(seldom)
+    add_options("run seldom", parser, seldom)
     parser.set_defaults(run=run)
 
 

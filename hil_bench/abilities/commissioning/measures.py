@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
-from hil_bench.shown_units import display_unit
 from hil_bench.units import MILLISECOND, SECOND, Unit
 
 # The findings of a commissioning step: measures with limits, named faults, a verdict.

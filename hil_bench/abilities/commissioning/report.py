@@ -14,11 +14,11 @@ from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.abilities.common.figure_style import BLUE, GREEN, GREY, ORANGE, RED
 from hil_bench.abilities.common.files import whole_file
 from hil_bench.abilities.common.page import POLICY, cell, plain
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.recording.plot import save_figure
 from hil_bench.errors import about_file
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
-from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,11 +9,11 @@ from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
 from hil_bench.abilities.commissioning.rig import REST, Procedure
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
-from hil_bench.shown_units import display_unit
 
 # Steps and sweeps in frequency: how fast valve and piston answer.
 

@@ -10,11 +10,11 @@ from hil_bench.abilities.commissioning import measures
 from hil_bench.abilities.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.abilities.commissioning.plan import Step, expected_speed, expected_travel
 from hil_bench.abilities.commissioning.rig import REST, Procedure
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadSeries
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
-from hil_bench.shown_units import display_unit
 
 # Slow sweeps of the spool: dead band, speed against spool, friction against speed.
 

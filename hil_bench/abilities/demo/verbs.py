@@ -9,6 +9,7 @@ from pathlib import Path
 from hil_bench.abilities.common.arguments import add_output_argument, check_one_bus
 from hil_bench.abilities.common.block_file import CandumpFile, RecordingFile
 from hil_bench.abilities.common.files import make_directory
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.demo.sensors import SensorBus
 from hil_bench.abilities.demo.session import (
     CYCLE,
@@ -28,7 +29,6 @@ from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.shown_units import display_unit
 
 _LONGEST = 3600.0
 

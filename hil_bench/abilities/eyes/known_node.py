@@ -5,6 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.eyes.manager_objects import object_of
 from hil_bench.abilities.eyes.pdos import Pdo, find_pdos
 from hil_bench.abilities.eyes.values import Reader, Scale, decides_scale, number_in
@@ -27,7 +28,6 @@ from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variabl
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.errors import ConfigError, printable
 from hil_bench.frame import address_of
-from hil_bench.shown_units import display_unit
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.nmt import NmtState

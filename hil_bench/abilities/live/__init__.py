@@ -12,7 +12,7 @@ ABILITY = Ability(
             "run", 30, "watch a running bench or any bus, in the terminal", f"{_HERE}.watch"
         ),
     },
-    options={"run": f"{_HERE}.places"},
+    options={"run": f"{_HERE}.places", "run seldom": "hil_bench.abilities.common.shown_units"},
     gives={"view": f"{_HERE}.view"},
     exports={"AttachedBench": f"{_HERE}.attached", "attach": f"{_HERE}.attached"},
 )

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.common.shown_units import add_units_argument, shown_unit
 from hil_bench.abilities.common.terminal import (
     health_text,
     node_text,
@@ -16,7 +17,7 @@ from hil_bench.abilities.live.places import HAS_SOCKETS, find_names, where_looke
 from hil_bench.ability import given_to
 from hil_bench.cli.arguments import parse_value
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.parser import Parser, add_units_argument
+from hil_bench.cli.parser import Parser
 from hil_bench.cli.results import (
     add_json_argument,
     ecu_text,
@@ -31,7 +32,6 @@ from hil_bench.errors import (
     WaitTimeoutError,
     printable,
 )
-from hil_bench.shown_units import shown_unit
 from hil_bench.units import BAR, MEGAPASCAL, NEWTON, NEWTON_METRE, PASCAL, Unit
 
 _EXAMPLES = """\

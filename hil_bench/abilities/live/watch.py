@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hil_bench.abilities.common import terminal
+from hil_bench.abilities.common.shown_units import add_units_argument, shown_unit
 from hil_bench.abilities.live.client import FeedClient, connect
 from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors, progress_text
 from hil_bench.ability import given_to
 from hil_bench.cli import results
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.parser import add_options, add_units_argument, take_over
+from hil_bench.cli.parser import add_options, take_over
 from hil_bench.errors import BusError, printable
-from hil_bench.shown_units import shown_unit
 
 if TYPE_CHECKING:
     from rich.console import Console, Group, RenderableType

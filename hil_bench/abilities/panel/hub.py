@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from hil_bench.abilities.common.shown_units import units_content
 from hil_bench.abilities.eyes.explain.explain import Explainer, LiveFindings
 from hil_bench.abilities.eyes.explain.finding import Finding
 from hil_bench.abilities.eyes.known_node import KnownNode
@@ -19,7 +20,6 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ConfigError, HilBenchError
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.shown_units import units_content
 
 # A browser that looks at a panel: what waits for it, and what it has lost.
 

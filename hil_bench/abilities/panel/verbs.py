@@ -5,11 +5,11 @@ import ipaddress
 import os
 from pathlib import Path
 
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.live.ctl import add_bench_argument
 from hil_bench.abilities.panel import DEFAULT_PORT
 from hil_bench.abilities.panel.layouts import read_layout
 from hil_bench.cli.exit_codes import ExitCode, interruption
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError
 

@@ -23,6 +23,7 @@ from hil_bench.abilities.common.figure_style import (
     STYLE,
 )
 from hil_bench.abilities.common.files import whole_file
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.recording.reading import given_units
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.outside.recording.channels import (
@@ -34,7 +35,6 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
 )
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
-from hil_bench.shown_units import display_unit
 from hil_bench.units import COUNT, Unit
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.recording.reading import given_units
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
-from hil_bench.shown_units import display_unit
 
 # The units and the usual sizes of the quantities of a recording.
 

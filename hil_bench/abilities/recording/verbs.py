@@ -7,13 +7,13 @@ import numpy as np
 
 from hil_bench.abilities.common.block_file import READ_LOGS
 from hil_bench.abilities.common.identifiers import function_of
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.recording.formats import FRAME_SUFFIXES
 from hil_bench.abilities.recording.frames import read_frames
 from hil_bench.abilities.recording.mdf_blocks import read_events
 from hil_bench.abilities.recording.plot import has_axis, plot_frames, plot_result, plot_signals
 from hil_bench.abilities.recording.reading import read_recording
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, Span, recording_channels

@@ -16,6 +16,7 @@ from hil_bench.abilities.common.progress import (
     Work,
     shown_work,
 )
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_mapped
 from hil_bench.abilities.recording.frames import LeftOut, message_of, read_frames
 from hil_bench.abilities.recording.quantities import check_quantities, find_doubts, make_even
@@ -30,7 +31,6 @@ from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.channels import LoggedFrame, Recording
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.shown_units import display_unit
 from hil_bench.units import quantity
 
 _EXAMPLES = """\

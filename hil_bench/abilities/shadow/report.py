@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hil_bench.abilities.common.shown_units import display_unit
 from hil_bench.abilities.common.work import WorkItem, WorkView
 from hil_bench.abilities.shadow.axis_twin import Correction, Residual, Window
 from hil_bench.abilities.shadow.twin import Sample, Shadow, widening
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.shown_units import display_unit
 
 Limits = Mapping[str, Mapping[str, float]]
 """By axis and quantity, in SI units."""

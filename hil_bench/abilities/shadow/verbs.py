@@ -13,6 +13,7 @@ import can
 
 from hil_bench.abilities.common.arguments import check_one_bus
 from hil_bench.abilities.common.block_file import RecordingFile
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.recording.frames import LeftOut, message_of, read_frames
@@ -21,7 +22,6 @@ from hil_bench.abilities.shadow.twin import Shadow, fit_limits
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import Ending, ExitCode, interruption
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, warn_of
 from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.outside.transports.opening import open_can_bus

@@ -13,6 +13,7 @@ from support.tables import from_text
 
 from hil_bench import __version__, cli
 from hil_bench.__main__ import main as command
+from hil_bench.abilities.common.shown_units import VARIABLE
 from hil_bench.ability import Verb
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
@@ -28,7 +29,6 @@ from hil_bench.errors import (
     TimingError,
     WaitTimeoutError,
 )
-from hil_bench.shown_units import VARIABLE
 
 
 class ActModule:

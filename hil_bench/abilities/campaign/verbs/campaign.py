@@ -37,6 +37,7 @@ from hil_bench.abilities.common.progress import (
     Work,
     shown_work,
 )
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     add_parameter_argument,
@@ -44,7 +45,6 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argument
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import (
     ConfigError,

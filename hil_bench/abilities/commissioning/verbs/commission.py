@@ -39,6 +39,7 @@ from hil_bench.abilities.common import arguments as common
 from hil_bench.abilities.common.controller_side import OpenNetwork, open_network
 from hil_bench.abilities.common.files import make_directory
 from hil_bench.abilities.common.progress import Work, shown_work
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.common.terminal import CLEARANCE, agrees
 from hil_bench.abilities.common.work import (
     ShownRows,
@@ -52,7 +53,7 @@ from hil_bench.abilities.recording.work import recorded_work
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli import arguments
 from hil_bench.cli.exit_codes import Ending, ExitCode, interrupted_once, verdict_code, worst
-from hil_bench.cli.parser import add_options, add_units_argument, check_options
+from hil_bench.cli.parser import add_options, check_options
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.recording.channels import Channel

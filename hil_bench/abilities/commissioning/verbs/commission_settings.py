@@ -14,11 +14,11 @@ from hil_bench.abilities.commissioning.plan import CommissioningPlan, Limits, St
 from hil_bench.abilities.commissioning.session import Commissioning
 from hil_bench.abilities.common.arguments import bus_words
 from hil_bench.abilities.common.controller_side import OpenNetwork
+from hil_bench.abilities.common.shown_units import shown_unit
 from hil_bench.abilities.common.work import WorkItem, WorkView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
-from hil_bench.shown_units import shown_unit
 from hil_drivers import NmtState
 
 # The lines of `hil-bench commission` on the settings that it changed, and `--restore`.

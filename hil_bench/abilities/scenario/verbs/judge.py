@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.abilities.common.arguments import add_column_arguments
 from hil_bench.abilities.common.progress import Work, shown_work
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.recording.column_map import check_polarities, read_column_map, read_named
 from hil_bench.abilities.recording.mdf_blocks import holds_faults, read_events
 from hil_bench.abilities.recording.quantities import find_doubts
@@ -23,7 +24,6 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
     read_parameter,
 )
 from hil_bench.cli.exit_codes import Ending
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_results, warn_of
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.recording.channels import Recording

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from hil_bench.abilities.common.arguments import count
 from hil_bench.abilities.common.files import check_place
 from hil_bench.abilities.common.progress import Work, shown_work
+from hil_bench.abilities.common.shown_units import add_units_argument
 from hil_bench.abilities.common.work import add_work_arguments, watched_work
 from hil_bench.abilities.controllers.kinds import CONTROLLERS
 from hil_bench.abilities.controllers.section import ControllersConfig
@@ -38,7 +39,6 @@ from hil_bench.abilities.scenario.verbs.scenario_arguments import (
 )
 from hil_bench.abilities.scenario.verbs.scenario_view import show_results
 from hil_bench.cli.exit_codes import Ending, interrupted_once
-from hil_bench.cli.parser import add_units_argument
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.errors import ConfigError
 

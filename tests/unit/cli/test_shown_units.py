@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from hil_bench.errors import ConfigError
-from hil_bench.shown_units import (
+from hil_bench.abilities.common.shown_units import (
     QUANTITIES,
     USUAL,
     VARIABLE,
@@ -14,6 +13,7 @@ from hil_bench.shown_units import (
     shown_unit,
     units_content,
 )
+from hil_bench.errors import ConfigError
 
 
 # By definition: 1 in = 25.4 mm, 1 lbf = 4.4482216152605 N, 1 US gal = 3.785411784 l.

@@ -4,10 +4,10 @@ The choice is the environment variable ``HIL_BENCH_UNITS``, which ``hil-bench --
 such as ``psi`` or ``MPa,in``, or the name of a set. Files that programs read stay in SI.
 """
 
+import argparse
 import math
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -184,22 +184,6 @@ def choose(text: str) -> None:
     os.environ[VARIABLE] = text
 
 
-@contextmanager
-def choice_of_a_call() -> Iterator[None]:
-    """Forget at the end of the block what was chosen in it.
-
-    Yields:
-        Nothing.
-    """
-    before = os.environ.get(VARIABLE)
-    try:
-        yield
-    finally:
-        os.environ.pop(VARIABLE, None)
-        if before is not None:
-            os.environ[VARIABLE] = before
-
-
 def shown_unit(symbol: str, choice: Choice | None = None) -> ShownUnit:
     """Return the way to show people a quantity of an SI unit; most as they are.
 
@@ -241,3 +225,42 @@ def units_content() -> dict[str, object]:
 def _content(shown: ShownUnit) -> dict[str, object]:
     unit, digits, least = shown
     return {"symbol": unit.symbol, "factor": unit.factor, "digits": digits, "least": least}
+
+
+# The option of the units in which a verb shows values.
+
+
+def add_units_argument(parser: "argparse._ActionsContainer") -> None:
+    """Add --units, which overrides the environment variable for this run and its helpers."""
+    parser.add_argument(
+        "--units",
+        action=_Checked,
+        metavar="WORDS",
+        help="show values in these units, as in psi,in,gpm or MPa; sets of them are "
+        f"{' and '.join(SETS)} (default: {VARIABLE} of the environment, else metric)",
+    )
+
+
+class _Checked(argparse.Action):
+    def __call__(
+        self,
+        _parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[object] | None,
+        _option: str | None = None,
+    ) -> None:
+        """Choose by words that are known.
+
+        Raises:
+            argparse.ArgumentError: a word is wrong.
+        """
+        try:
+            choose(str(values))
+        except ConfigError as error:
+            raise argparse.ArgumentError(self, str(error)) from None
+        setattr(namespace, self.dest, str(values))
+
+
+def add_options(_parser: argparse.ArgumentParser, seldom: "argparse._ActionsContainer") -> None:
+    """Add --units to `hil-bench run`, for those who watch it."""
+    add_units_argument(seldom)

@@ -15,7 +15,7 @@ from hil_bench.cli.parser import add_options, check_options, take_over
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.run_setup import HUB_CHANNEL
 from hil_bench.errors import ConfigError
-from hil_bench.outside.transports.socketcand_protocol import DEFAULT_PORT
+from hil_bench.outside.transports.transport import HUB_PORT
 
 _EXAMPLES = f"""\
 examples:
@@ -24,7 +24,7 @@ examples:
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
-                                       --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
+                                       --bus-kwargs host=127.0.0.1 port={HUB_PORT}
   hil-bench run -i socketcan -c vcan0 --duration 60 --json > summary.json
                                        the summary for a program; all else on standard error
 """
@@ -67,9 +67,9 @@ def _add_often(group: "argparse._ActionsContainer") -> None:
         "--hub",
         nargs="?",
         type=int,
-        const=DEFAULT_PORT,
+        const=HUB_PORT,
         metavar="PORT",
-        help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port: {DEFAULT_PORT})",
+        help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port: {HUB_PORT})",
     )
 
 

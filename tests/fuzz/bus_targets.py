@@ -10,10 +10,10 @@ import can
 from fuzz.script import Script
 
 from hil_bench.abilities.commissioning.discovery import Method, discover, listen
+from hil_bench.abilities.common.socketcand_protocol import MAX_COMMAND
 from hil_bench.abilities.hub.server import Hub, _Client
 from hil_bench.abilities.shadow.sample_clock import OverheardDrivers
 from hil_bench.bench.configuration import load_config
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_drivers import Network, ProportionalValve
 from hil_drivers.errors import DriverError
 from hil_drivers.modbus import ModbusClient

@@ -17,7 +17,7 @@ from support.modbus_traffic import BLOCK, INPUTS, OTHER_UNIT, UNIT, Conversation
 from support.registers import register
 from support.virtual_loop import VirtualLoop
 
-from hil_bench.abilities.common.socketcand_hub import JOIN_DELAY
+from hil_bench.abilities.common.socketcand_protocol import JOIN_DELAY
 from hil_bench.abilities.hub import server as socketcand_hub
 from hil_bench.abilities.hub.server import Hub
 from hil_bench.abilities.modbus.protocol.mailbox import BoundRegister, Exchange, Mailbox

@@ -8,12 +8,12 @@ from typing import Final
 
 import can
 
+from hil_bench.abilities.common.socketcand_bus import CONNECTION
 from hil_bench.abilities.common.stamps import SteadyStamps
 from hil_bench.abilities.recording.frames import logged_frame_of
 from hil_bench.errors import BusError, first_line
 from hil_bench.outside.messages import has_bad_length
 from hil_bench.outside.recording.channels import LoggedFrame
-from hil_bench.outside.transports.socketcand_bus import CONNECTION
 
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")  # the ninth counts what the kernel dropped

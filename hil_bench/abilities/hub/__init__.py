@@ -2,4 +2,10 @@
 
 from hil_bench.ability import Ability
 
-ABILITY = Ability("hub", gives={"hub": "hil_bench.abilities.hub.hosting"})
+ABILITY = Ability(
+    "hub",
+    gives={
+        "hub": "hil_bench.abilities.hub.hosting",
+        "socketcand": "hil_bench.abilities.common.socketcand_bus",
+    },
+)

@@ -11,14 +11,19 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Self
 
+from hil_bench.abilities.common import socketcand_protocol as protocol
 from hil_bench.abilities.common.child_process import ChildProcess
 from hil_bench.abilities.hub.server import HOST, HubLimits, run_hub
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
-from hil_bench.outside.transports import socketcand_protocol as protocol
-from hil_bench.outside.transports.transport import TransportCounters, has_exact_wait, is_readable
+from hil_bench.outside.transports.transport import (
+    HUB_PORT,
+    TransportCounters,
+    has_exact_wait,
+    is_readable,
+)
 
 # The bench's end of a bus on its own hub.
 #
@@ -299,7 +304,7 @@ class HubProcess:
 
     def __init__(
         self,
-        port: int = protocol.DEFAULT_PORT,
+        port: int = HUB_PORT,
         channels: Sequence[str] = ("can0",),
         *,
         bitrate: float | None = USUAL_BITRATE,

@@ -22,11 +22,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, cast
 
 from hil_bench.abilities.common import reception
-from hil_bench.abilities.common import socketcand_hub as protocol
+from hil_bench.abilities.common import socketcand_protocol as protocol
+from hil_bench.abilities.common.socketcand_protocol import MAX_COMMAND
 from hil_bench.errors import BusError
 from hil_bench.frame import bits_of, frame_bits
 from hil_bench.outside.bits import bitrate_text
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
 HOST = "127.0.0.1"
 """The address of each hub."""

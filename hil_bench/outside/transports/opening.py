@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import can
 
+from hil_bench.ability import given_to
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config.values import close_names
 from hil_bench.errors import BusError, first_line
@@ -20,7 +21,6 @@ from hil_bench.frame import BUS_SHIFT, bits_of
 from hil_bench.outside.bits import USUAL_BITRATE
 from hil_bench.outside.messages import frame_of, message_of
 from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport, has_fd
-from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
 from hil_bench.outside.transports.transport import Transport, TransportCounters
 
 # Several buses as one transport: each frame says by its number on which of them it is.
@@ -400,7 +400,8 @@ def _open(settings: dict[str, Any], what: str) -> can.BusABC:
     try:
         if settings["interface"] == "socketcand" and settings.get("fd"):
             rest = {key: value for key, value in settings.items() if key != "interface"}
-            return SocketcandFdBus(**rest)
+            for module in given_to("socketcand"):
+                return cast("can.BusABC", module.SocketcandFdBus(**rest))
         return can.Bus(**settings, ignore_config=True)
     except Exception as error:  # backends raise what they like, NameError included
         raise BusError(f"{what}: {_why(settings, error)}") from error

@@ -11,6 +11,9 @@ from hil_bench.errors import BusError
 
 # The interface of a bus to the bench.
 
+HUB_PORT: Final = 29536
+"""The port of a hub, socketcand's own."""
+
 PATIENCE: Final = 0.1
 """Longest wait for a frame of who has nothing else to do, before it looks at its own end [s]."""
 

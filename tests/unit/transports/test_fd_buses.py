@@ -12,7 +12,14 @@ import pytest
 from support.hub_client import receive
 from support.patience import GUARD
 
-from hil_bench.abilities.common.socketcand_hub import format_frame, parse_send
+from hil_bench.abilities.common.socketcand_bus import SocketcandFdBus
+from hil_bench.abilities.common.socketcand_protocol import (
+    MAX_COMMAND,
+    format_frame,
+    format_send,
+    parse_frame,
+    parse_send,
+)
 from hil_bench.abilities.controllers.process.hosted_bus import HostedBus
 from hil_bench.abilities.hub.process import HubProcess
 from hil_bench.canopen_device.frame import BRS, ESI, FDF, Frame
@@ -20,8 +27,6 @@ from hil_bench.errors import BusError
 from hil_bench.frame import FD_LENGTHS, bits_of
 from hil_bench.outside.transports import opening, socketcan
 from hil_bench.outside.transports.opening import open_can_bus, open_transport
-from hil_bench.outside.transports.socketcand_bus import SocketcandFdBus
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, format_send, parse_frame
 
 SPEEDUP = 4.0
 FRAMES = [

@@ -8,7 +8,7 @@ import pytest
 from support import virtual_loop
 from support.virtual_loop import Pace, VirtualLoop
 
-from hil_bench.abilities.common.socketcand_hub import BURST, RateLimit
+from hil_bench.abilities.common.socketcand_protocol import BURST, RateLimit
 from hil_bench.abilities.hub.server import Hub, HubLimits
 
 MBIT = 1e6

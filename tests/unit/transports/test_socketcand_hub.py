@@ -12,14 +12,13 @@ import socket
 import pytest
 from support import hub_client
 
-from hil_bench.abilities.common import socketcand_hub
+from hil_bench.abilities.common import socketcand_protocol
 from hil_bench.abilities.common.reception import ROOM
-from hil_bench.abilities.common.socketcand_hub import MOST_BAD
+from hil_bench.abilities.common.socketcand_protocol import MAX_COMMAND, MOST_BAD
 from hil_bench.abilities.controllers.process import hosted_bus
 from hil_bench.abilities.hub import server as hub_server
 from hil_bench.abilities.hub.server import Hub
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 
 TIME_STAMP = re.compile(rb"(< (?:fd)?frame [0-9A-F]+ )\d+\.\d{6} ")
 
@@ -55,7 +54,7 @@ class HostedServer:
 class HubServer:
     """The hub, in an event loop that goes round once at a time."""
 
-    delays, most_clients = socketcand_hub, hub_server.MAX_CLIENTS
+    delays, most_clients = socketcand_protocol, hub_server.MAX_CLIENTS
     now = 0
 
     def __init__(self, channels):

@@ -17,9 +17,10 @@ from dataclasses import replace
 from typing import Final
 
 from hil_bench.abilities.common.reception import QUEUE, WaitingRoom, capacity
-from hil_bench.abilities.common.socketcand_hub import (
+from hil_bench.abilities.common.socketcand_protocol import (
     CLASSICAL,
     JOIN_DELAY,
+    MAX_COMMAND,
     MOST_BAD,
     check_channel,
     format_frame,
@@ -30,7 +31,6 @@ from hil_bench.abilities.common.socketcand_hub import (
 )
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.outside.transports.transport import TransportCounters
 
 MAX_CLIENTS: Final = 64

@@ -10,13 +10,13 @@ from can.interfaces.socketcand.socketcand import (
     convert_ascii_message_to_can_message,
 )
 
-from hil_bench.outside.messages import frame_of, message_of
-from hil_bench.outside.transports.socketcand_protocol import (
+from hil_bench.abilities.common.socketcand_protocol import (
     MAX_COMMAND,
     format_send,
     is_fd_frame,
     parse_frame,
 )
+from hil_bench.outside.messages import frame_of, message_of
 
 if TYPE_CHECKING:
     import socket

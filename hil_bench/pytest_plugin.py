@@ -1,4 +1,4 @@
-"""What abilities bring to pytest: fixtures, options, hooks.
+"""The plugin of pytest: fixtures, options and hooks that abilities bring.
 
 The module loads in every pytest run of its environment, so it imports nothing of weight.
 """

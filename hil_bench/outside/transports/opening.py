@@ -332,7 +332,8 @@ def _check(settings: dict[str, Any], what: str) -> None:
     """Refuse what python-can would open silently or try for ten seconds.
 
     Raises:
-        BusError: there is no channel for SocketCAN, or no socketcand at the address.
+        BusError: there is no channel for SocketCAN, or no socketcand at the address, or nobody who
+            carries CAN FD over it.
     """
     if settings["interface"] == "socketcan" and not settings["channel"]:
         raise BusError("socketcan: no channel; '-c vcan0' names one")
@@ -342,6 +343,8 @@ def _check(settings: dict[str, Any], what: str) -> None:
         # Small writes must not wait for the acknowledgement of the one before (Nagle's algorithm).
         settings.setdefault("tcp_tune", True)
         _check_socketcand(settings, what)
+        if settings.get("fd") and not given_to("socketcand"):
+            raise BusError(f"{what}: nothing here carries CAN FD over socketcand")
 
 
 def _check_fd(channel: str, what: str) -> None:
@@ -400,8 +403,8 @@ def _open(settings: dict[str, Any], what: str) -> can.BusABC:
     try:
         if settings["interface"] == "socketcand" and settings.get("fd"):
             rest = {key: value for key, value in settings.items() if key != "interface"}
-            for module in given_to("socketcand"):
-                return cast("can.BusABC", module.SocketcandFdBus(**rest))
+            (module,) = given_to("socketcand")
+            return cast("can.BusABC", module.SocketcandFdBus(**rest))
         return can.Bus(**settings, ignore_config=True)
     except Exception as error:  # backends raise what they like, NameError included
         raise BusError(f"{what}: {_why(settings, error)}") from error

@@ -118,6 +118,16 @@ def test_a_hub_of_can_fd_carries_both_kinds_between_its_clients(hub):
     transport.close()
 
 
+def test_without_who_carries_it_can_fd_over_socketcand_is_refused(hub, monkeypatch):
+    monkeypatch.setattr(opening, "given_to", lambda _taker: [])
+    address = {"host": "127.0.0.1", "port": hub.port}
+    refused = "socketcand can0: nothing here carries CAN FD over socketcand"
+    with pytest.raises(BusError, match=f"^{refused}$"):
+        open_can_bus("socketcand", "can0", None, {**address, "fd": True})
+    bus, _ = open_can_bus("socketcand", "can0", None, address)
+    bus.shutdown()
+
+
 def test_a_remote_frame_is_not_sent_as_a_data_frame(hub, monkeypatch):
     """A real socketcand would put it on its bus as a heartbeat without a state."""
     said = []

@@ -24,7 +24,6 @@ from hil_bench.cli.process import (
     add_verbosity_below,
     collection_put_off,
     discard_output,
-    environment_of_a_call,
     flush_output,
     keep_output,
     prepare_streams,
@@ -58,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     prepare_streams()  # before anything is opened, which would get the number of a closed one
-    with environment_of_a_call(), interrupted_once() if argv is None else nullcontext():
+    with interrupted_once() if argv is None else nullcontext():
         return _main(arguments, freezes=argv is None)
 
 
@@ -71,8 +70,9 @@ def _main(arguments: Sequence[str], *, freezes: bool) -> int:
             keep_output()
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
-        code = ExitCode(args.run(args))
-        flush_output()  # here, where a closed pipe can still be told from an error
+        with getattr(args, "around", nullcontext)():  # an option's own, such as --units
+            code = ExitCode(args.run(args))
+            flush_output()  # here, where a closed pipe can still be told from an error
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
         discard_output()

@@ -1,4 +1,4 @@
-"""The process around a verb: its streams, log, environment, collection of garbage."""
+"""The process around a verb: its streams, its log, its collection of garbage."""
 
 import argparse
 import contextlib
@@ -149,22 +149,6 @@ def add_verbosity_below(parser: argparse.ArgumentParser) -> None:
 
 
 # Garbage collection, put off while a verb is imported and its bench is built.
-
-
-@contextlib.contextmanager
-def environment_of_a_call() -> Iterator[None]:
-    """Forget at the end of the block what its options have put into the environment.
-
-    Yields:
-        Nothing.
-    """
-    before = dict(os.environ)
-    try:
-        yield
-    finally:
-        for name in os.environ.keys() - before.keys():
-            del os.environ[name]
-        os.environ.update(before)
 
 
 @contextlib.contextmanager

@@ -7,8 +7,9 @@ such as ``psi`` or ``MPa,in``, or the name of a set. Files that programs read st
 import argparse
 import math
 import os
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 from hil_bench import units
@@ -178,10 +179,21 @@ def chosen() -> Choice:
         raise ConfigError(f"{VARIABLE}: {error}") from None
 
 
-def choose(text: str) -> None:
-    """Choose for this process and those that it starts; `ConfigError` where a word is wrong."""
-    parse_choice(text)
+@contextmanager
+def choice_of_a_call(text: str) -> Iterator[None]:
+    """Choose for the block, and the processes that it starts.
+
+    Yields:
+        Nothing.
+    """
+    before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = text
+    try:
+        yield
+    finally:
+        os.environ.pop(VARIABLE, None)
+        if before is not None:
+            os.environ[VARIABLE] = before
 
 
 def shown_unit(symbol: str, choice: Choice | None = None) -> ShownUnit:
@@ -249,16 +261,17 @@ class _Checked(argparse.Action):
         values: str | Sequence[object] | None,
         _option: str | None = None,
     ) -> None:
-        """Choose by words that are known.
+        """Choose around the verb, by words that are known.
 
         Raises:
             argparse.ArgumentError: a word is wrong.
         """
         try:
-            choose(str(values))
+            parse_choice(str(values))
         except ConfigError as error:
             raise argparse.ArgumentError(self, str(error)) from None
         setattr(namespace, self.dest, str(values))
+        namespace.around = partial(choice_of_a_call, str(values))
 
 
 def add_options(_parser: argparse.ArgumentParser, seldom: "argparse._ActionsContainer") -> None:

@@ -15,7 +15,7 @@ from hil_bench import __version__, cli
 from hil_bench.__main__ import main as command
 from hil_bench.abilities.common.shown_units import VARIABLE
 from hil_bench.ability import Verb
-from hil_bench.cli import main
+from hil_bench.cli import build_parser, main
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.cli.parser import own_verbs
 from hil_bench.errors import (
@@ -303,6 +303,15 @@ def test_the_units_of_a_call_are_not_those_of_the_next(monkeypatch, before):
         monkeypatch.setenv(VARIABLE, before)
     assert main(["plot", "no.csv", "--units", "MPa"]) == ExitCode.USAGE
     assert os.environ.get(VARIABLE) == before
+
+
+def test_a_command_line_that_is_only_read_chooses_no_units(monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    args = build_parser(("plot",), own_verbs()).parse_args(["plot", "x.csv", "--units", "MPa"])
+    assert VARIABLE not in os.environ
+    with args.around():
+        assert os.environ[VARIABLE] == "MPa"
+    assert VARIABLE not in os.environ
 
 
 def test_the_help_of_run_ends_with_the_examples_of_its_abilities(cli):

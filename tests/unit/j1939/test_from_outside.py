@@ -42,7 +42,7 @@ def test_ctl_moves_the_lever_breaks_it_and_shows_it(loop, capsys):
     assert run("status") == 0
 
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["joystick.x", "=", "40.0"] in lines
+    assert ["joystick.x", "=", "40.0", "%"] in lines
     assert ["joystick.x_right", "=", "1.0"] in lines
     claimed = ["claimed,", "address", "19,", "SPN", "2660", "FMI", "2"]
     assert ["J1939", "joystick", *claimed] in lines

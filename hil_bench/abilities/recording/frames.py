@@ -214,8 +214,7 @@ def read_frames(
     left_out: LeftOut | None = None,
     *,
     errors: bool = False,
-    is_one_channel: bool = False,
-    buses: int = 1,
+    buses: int | None = None,
 ) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
@@ -227,9 +226,9 @@ def read_frames(
         path: the log.
         left_out: counts what is left out.
         errors: whether to yield error frames, too; see `hil_bench.frame.ERROR_FLAG`.
-        is_one_channel: whether to leave out the frames of other channels than that of the first.
-        buses: number of buses of a bench; of several, the number in which a channel's name ends
-            is that of its bus, as a bench writes it, and other channels are left out.
+        buses: number of buses whose frames are read, None for all channels as one bus. Of one it
+            is the channel of the first frame, of several the number in which a channel's name ends
+            is that of its bus, as a bench writes it; other channels are left out.
 
     Yields:
         The frames, in the order of the file.
@@ -245,12 +244,14 @@ def read_frames(
     if suffix not in READ_LOGS:
         right = f"give a file that ends in one of {' '.join(READ_LOGS)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
-    is_one_channel = is_one_channel and buses == 1
-    frames = _read_log(path, left_out, errors=errors, is_one_channel=is_one_channel)
+    frames = _read_log(path, left_out, errors=errors, is_one_channel=buses == 1)
+    if buses is None or buses == 1:
+        yield from (logged for _, logged in frames)
+        return
     for channel, logged in frames:
-        bus = _bus_number(channel) if buses > 1 else 0
+        bus = _bus_number(channel)
         if bus < buses:
-            yield logged._replace(frame=logged.frame._replace(bus=bus)) if bus else logged
+            yield logged._replace(frame=logged.frame._replace(bus=bus))
         else:
             left_out.channels[channel] += 1
 

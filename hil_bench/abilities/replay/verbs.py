@@ -115,8 +115,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     """
     direction = drives.FrameDirection(args.frames)
     left_out = LeftOut()
-    buses = len(config.buses)
-    found = list(read_frames(args.recording, left_out, is_one_channel=True, buses=buses))
+    found = list(read_frames(args.recording, left_out, buses=len(config.buses)))
     recorded = [logged for logged in found if not logged.frame.bus]
     left_out.channels.update(f"can{logged.frame.bus}" for logged in found if logged.frame.bus)
     warn_of([f"{args.recording}: {what}" for what in left_out.words()])

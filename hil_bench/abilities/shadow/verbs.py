@@ -221,7 +221,7 @@ def _log(path: Path) -> Source:
     """
     first: float | None = None
     left_out = LeftOut()
-    for logged in read_frames(path, left_out, is_one_channel=True):
+    for logged in read_frames(path, left_out, buses=1):
         message = message_of(logged)
         first = message.timestamp if first is None else first
         yield message, message.timestamp - first

@@ -53,7 +53,7 @@ def test_frames_of_several_buses_come_back_on_their_own(tmp_path, suffix):
     sent = [LoggedFrame(Frame(0x701, b"\0", bus=bus), bus * MILLISECOND, True) for bus in (1, 0, 1)]
     with open_frame_file(path) as file:
         file.write_frames(sent)
-    found = list(read_frames(path, left_out, is_one_channel=True, buses=2))
+    found = list(read_frames(path, left_out, buses=2))
     assert [logged.frame.bus for logged in found] == [1, 0, 1]
     assert left_out == LeftOut()
 

@@ -23,6 +23,7 @@ from hil_bench.abilities.recording.frames import LeftOut, read_frames
 from hil_bench.abilities.recording.options import recording_code
 from hil_bench.abilities.recording.recorder import InlineRecorder, RecordingPlan
 from hil_bench.abilities.recording.report import RecordingReport
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.results import add_json_argument, warn_of
@@ -92,12 +93,12 @@ def run(args: argparse.Namespace) -> int:
     """
     _check_outputs(args)
     left_out, ending = LeftOut(), Ending(args)
-    decoder = _decoder(args)
+    config = load_bench_config(args)
+    decoder = _decoder(args, config)
     eyes_arguments.check_nodes(args.node, decoder)
     language: Language | None = None
     is_writing = _is_writing(args)
-    buses = len(load_bench_config(args).buses)
-    frames = read_frames(args.log, left_out, errors=True, is_one_channel=True, buses=buses)
+    frames = read_frames(args.log, left_out, errors=True, buses=len(config.buses))
     frames = _from_first(frames, dates_alone=is_writing)
     with shown_work(args, Work("decode", unit="frames"), pauses=not is_writing) as work:
         frames = counted(work, frames)
@@ -105,14 +106,14 @@ def run(args: argparse.Namespace) -> int:
             work.stage = "read"
             read = list(frames)
             work.stage = "their values"
-            count = _write(args, decoder, read, ending)
+            count = _write(args, config, decoder, read, ending)
         else:
             count, language = _print(args, decoder, frames)
     eyes_arguments.print_losses(args, left_out)
     if not count:
         raise NothingSeenError(f"{args.log}: has no frames to decode")
     if language is not None:
-        eyes_arguments.say_language(args, load_bench_config(args), language, count)
+        eyes_arguments.say_language(args, config, language, count)
     return ending.code
 
 
@@ -152,7 +153,11 @@ def _print(
 
 
 def _write(
-    args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame], ending: Ending
+    args: argparse.Namespace,
+    config: BenchConfig,
+    decoder: Decoder,
+    frames: list[LoggedFrame],
+    ending: Ending,
 ) -> int:
     """Write what is asked for, and return how many frames there were.
 
@@ -169,7 +174,7 @@ def _write(
             dbc.note(sight)
         for owner in decoder.owners(logged.frame):
             owners.setdefault(id(owner.pdo), owner)
-    ecus = eyes_arguments.known_ecus(args, load_bench_config(args))
+    ecus = eyes_arguments.known_ecus(args, config)
     written = []
     if args.write_dbc is not None:
         from hil_bench.abilities.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
@@ -185,7 +190,7 @@ def _write(
                 what += f", and no message of {args.dbc} with signals"
             right = dbc.hint or "give the bench.toml, --eds N=FILE or --dbc FILE.dbc of this bus"
             raise ConfigError(f"{args.log}: {what}; {right}")
-        report = _record(args, channels, _decoder(args), frames)
+        report = _record(args, channels, _decoder(args, config), frames)
         ending.take(recording_code(report))
         written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")
     if not args.quiet:
@@ -193,9 +198,8 @@ def _write(
     return len(frames)
 
 
-def _decoder(args: argparse.Namespace) -> Decoder:
+def _decoder(args: argparse.Namespace, config: BenchConfig) -> Decoder:
     """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
-    config = load_bench_config(args)
     nodes = eyes_arguments.known_nodes(args, config, assumes=not _is_writing(args))
     ecus = eyes_arguments.known_ecus(args, config)
     return Decoder(nodes, ecus, DbcMessages(args.dbc).identifiers)

@@ -61,9 +61,7 @@ def run(args: argparse.Namespace) -> int:
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
     nodes, ecus = eyes_arguments.known_nodes(args, config), eyes_arguments.known_ecus(args, config)
-    frames = read_frames(
-        args.log, left_out, errors=True, is_one_channel=True, buses=len(config.buses)
-    )
+    frames = read_frames(args.log, left_out, errors=True, buses=len(config.buses))
     with shown_work(args, Work("explain", unit="frames")) as work:
         found = explain(counted(work, frames), nodes, bitrate, ecus, config.bus.speedup)
     if not found.frames:

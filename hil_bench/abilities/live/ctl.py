@@ -201,9 +201,9 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         yield f"value  {name:{width}}  {shown.text(values.get(name)):>10} {shown.symbol}"
     if work := state.get("work"):
         yield from map(printable, _work_lines(work))
-    is_bench = hello.get("work", {"is_bench": True}).get("is_bench")
+    is_bench = has_bench(hello)
     for module in given_to("ctl"):
-        yield from module.state_lines(state) or filter(None, [module.NOTHING] * bool(is_bench))
+        yield from module.state_lines(state) or filter(None, [module.NOTHING] * is_bench)
     if health := health_text(status["health"]):  # work without a bench has no loop
         yield f"loop   {health}"
 
@@ -238,6 +238,11 @@ def _add(
     add_json_argument(parser, default=argparse.SUPPRESS)
     parser.set_defaults(run=run)
     return parser
+
+
+def has_bench(hello: Mapping[str, Any]) -> bool:
+    """Return True if a bench runs, and no work without one, such as a campaign."""
+    return bool(hello.get("work", {"is_bench": True}).get("is_bench"))
 
 
 def _bench_line(bench: Mapping[str, Any]) -> str:

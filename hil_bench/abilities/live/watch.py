@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 from hil_bench.abilities.common import terminal
 from hil_bench.abilities.common.shown_units import add_units_argument, shown_unit
 from hil_bench.abilities.live.client import FeedClient, connect
-from hil_bench.abilities.live.ctl import add_bench_argument, bench_errors, progress_text
+from hil_bench.abilities.live.ctl import (
+    add_bench_argument,
+    bench_errors,
+    has_bench,
+    progress_text,
+)
 from hil_bench.ability import given_to
 from hil_bench.cli import results
 from hil_bench.cli.exit_codes import ExitCode
@@ -190,7 +195,7 @@ class WatchView:
         parts += self._values.tables(
             list(self._hello["axes"]), limits_of(work or {}, self._values.time)
         )
-        if self._is_bench:
+        if has_bench(self._hello):
             parts += [self._node_table(), *self._added_parts()]
             parts.append(f"loop   {terminal.health_text(self._health)}")
         parts += [f"event  {event}" for event in self._events]
@@ -209,10 +214,6 @@ class WatchView:
         elif not self.is_moving:
             text.append("   its time stands still", style="bold yellow")
         return text
-
-    @property
-    def _is_bench(self) -> bool:
-        return bool(self._hello.get("work", {"is_bench": True}).get("is_bench"))
 
     def _node_table(self) -> "Table":
         from rich.text import Text  # noqa: PLC0415 - it is an extra

@@ -58,8 +58,9 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
             bench, name = stack.enter_context(VirtualBench(config)), args.on or FIRST_BUS
             network = stack.enter_context(Network(bench.buses[name], clock=bench.now))
             bench.pump = network.pump
-            which = f", --on {name} (its buses: {', '.join(config.buses)})"
-            what = "virtual bench" + which * bool(config.further_buses)
+            what = "virtual bench"
+            if config.further_buses:
+                what += f", --on {name} (its buses: {', '.join(config.buses)})"
             opened = OpenNetwork(network, what, bench)
         elif (other := _open_otherwise(args, seen)) is not None:
             opened = stack.enter_context(other)

@@ -32,7 +32,7 @@ _FD_FRAME: Final = re.compile(
 
 
 def is_fd_frame(text: bytes) -> bool:
-    """Return True if what a hub tells is a frame of CAN FD."""
+    """Return True if what a hub sends is a frame of CAN FD."""
     return text.startswith(b"< fdframe ")
 
 
@@ -47,7 +47,7 @@ def format_send(frame: Frame) -> bytes:
 
 
 def parse_frame(text: bytes) -> Frame | None:
-    """Return the frame that a hub tells, given without its ">"; None where it is another word."""
+    """Return the frame that a hub sends, given without its ">"; None where it is another word."""
     match, fd = _FRAME.fullmatch(text), 0
     if match is not None:
         can_id, payload = match.groups()

@@ -132,7 +132,7 @@ class BusState:
         self._meter = BusLoad(bitrate)
         self._bits = 0.0
         self._speedup = speedup
-        self._told: dict[int, NmtState | None] = {}
+        self._reported: dict[int, NmtState | None] = {}
         self._last = self._taken = 0
 
     def take(self, logged: LoggedFrame) -> None:
@@ -183,9 +183,9 @@ class BusState:
         """Return True if a node has sent something."""
         return node_id in self._heard
 
-    def has_told(self, node: KnownNode) -> bool:
+    def has_reported(self, node: KnownNode) -> bool:
         """Return True if a node itself has reported its state, which else a master commanded."""
-        return self._told.get(node.node_id) is node.state
+        return self._reported.get(node.node_id) is node.state
 
     def heartbeat_of(self, node_id: int) -> float:
         """Return the time between two heartbeats of a node [s]; NaN where it is not known."""
@@ -235,7 +235,7 @@ class BusState:
             self._keep(sight)
         if sight.node_id is not None:
             if sight.service is Service.HEARTBEAT and not (sight.problem or sight.frame.is_remote):
-                self._told[sight.node_id] = self.decoder.nodes[0, sight.node_id].state
+                self._reported[sight.node_id] = self.decoder.nodes[0, sight.node_id].state
             if sight.name == "EMCY":
                 self._hear_emcy(sight.node_id, sight)
             elif sight.name == "boot-up":

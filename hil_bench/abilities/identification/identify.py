@@ -124,9 +124,9 @@ def identify(
     coarse = make_coarse(record, axis, settings, chosen.jobs, clock)
     ladder = climb(coarse, chosen.wish, chosen.say)
     best = ladder.best
-    chosen.say(f"{best.title}: refined")
     fit, bench = best.fit, ladder.bench.rescaled(best.fit.values)
     if best.gains_by_rows:
+        chosen.say(f"{best.title}: refined")
         course, step = make_course(record, _FINE), max(step, _FINE_STEP)
         fine = replace(bench, course=course, step=step, blur=0.0, has_middles=False)
         # First averaged, as swings have many valleys, then as it is.

@@ -15,7 +15,7 @@ from hil_bench.plants.hydraulic_cylinder.model.machine_code import MachineCode
 
 
 def reader(**files):
-    """Return what reads files of these names, of each folder that ends as a name with / does."""
+    """Return a reader of files of these names, of each folder that ends as a name with / does."""
     return lambda path: next((files[end] for end in files if path.endswith(f"/{end}")), "")
 
 

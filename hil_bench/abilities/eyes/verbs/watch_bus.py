@@ -101,7 +101,7 @@ class BusView:
         if not self._state.has_heard(node.node_id):
             return Text("not heard", style="dim")
         name = "not known" if node.state is None else node.state.name.replace("_", "-")
-        commanded = "" if node.state is None or self._state.has_told(node) else ", commanded"
+        commanded = "" if node.state is None or self._state.has_reported(node) else ", commanded"
         return Text(f"{name}{commanded}", style=STATE_STYLES.get(name, ""))
 
     def _heartbeat(self, node_id: int) -> "Text":

@@ -206,10 +206,8 @@ def _test_virtually(
             if not args.json:
                 with ending.going_on():
                     print_lines(args, *scenario_report.result_lines([played.result]))
-            following = chosen[played.number + 1 :]
-            work.done, work.stage = len(results), ""
-            if following:
-                work.stage = str(following[0].scenario.path)
+            following = (str(each.scenario.path) for each in chosen[played.number + 1 :])
+            work.done, work.stage = len(results), next(following, "")
             show_results(view, results, len(chosen), work.stage)
         show_results(view, results, len(chosen))
     return results, chapters
